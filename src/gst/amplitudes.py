@@ -18,6 +18,7 @@ from skimage.transform import resize_local_mean
 
 from gstlib.coupling.placement import WAVE_PER_EDGE
 from gstlib.errors import NOTE, FaultError
+from gstlib.io.scans import unit_remedy
 from gstlib.surfaces.footprints import Place, on_patch, spline_of
 from gstlib.surfaces.grid import MM_TO_UM, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -47,6 +48,7 @@ class Amplitude(NamedTuple):
     # R.m.s. heights (mm) of the scan and of the mesh under it, in waves that the mesh's edges
     # resolve; None if these are longer than the scan.
     waves: tuple[float, float] | None = None
+    states_unit: bool = False  # the file, so that the config has no effect on it
 
     @classmethod
     def of(
@@ -56,9 +58,10 @@ class Amplitude(NamedTuple):
         apart = max(1, scan.shape[1] // 8)
         steps = scan.values[:, apart:] - scan.values[:, :-apart]
         spread = float(np.subtract(*np.nanpercentile(steps, [75, 25])))
-        if square is None or place is None:
-            return cls(path, spread)
-        return cls(path, spread, _common_waves(scan, square, place))
+        waves = None
+        if square is not None and place is not None:
+            waves = _common_waves(scan, square, place)
+        return cls(path, spread, waves, scan.attrs.get("unit_stated") == "yes")
 
 
 def _common_waves(
@@ -91,9 +94,10 @@ def other_units(
         _log.log(
             NOTE,
             "scans: with edges of %.3g mm, the mesh shows no waves of a patch, so the unit of all "
-            "heights could not be checked; compare their range with what the instrument shows, and "
-            "correct scans.unit if it differs",
+            "heights could not be checked. Compare their range with that on the instrument. If it "
+            "differs: %s",
             mesh_edge_mm,
+            _remedy(at_t0),
         )
     if alone or not waves:
         return
@@ -104,9 +108,14 @@ def other_units(
             "scans",
             f"in the waves that scans and mesh both resolve, the scans are {scan * MM_TO_UM:.3g} "
             f"µm high (r.m.s.) and the mesh under them {mesh * MM_TO_UM:.3g} µm",
-            "Check scans.unit and inputs.mesh_unit in the config. If both are right, the mesh does "
+            f"{_remedy(at_t0)} Check inputs.mesh_unit, too. If both units are right, the mesh does "
             "not show how the patches lie: set coupling to levelled.",
         )
+
+
+def _remedy(at_t0: Mapping[str, Amplitude]) -> str:
+    """What to do about the unit of all scans."""
+    return unit_remedy(all(amplitude.states_unit for amplitude in at_t0.values()))
 
 
 def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[FaultError]:
@@ -126,7 +135,7 @@ def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[Fault
         own.path,
         f"its heights (patch {patch}) vary {factor:.3g} times as much as those of the other "
         "patches" + (", and do not fit the mesh under it" if scan and mesh else ""),
-        "Export all scans in one unit and with one calibration; scans.unit applies to all files.",
+        f"Export all scans in one unit and with one calibration. {unit_remedy(own.states_unit)}",
         [patch],
     )
     if off > unit:

@@ -7,6 +7,7 @@ Every command ends with one of these exit codes; `study`, once Snakemake runs, w
 - 2: it cannot be done (any `GstError` or `OSError`), was asked for wrongly, or was broken off
 """
 
+import io
 import os
 import shlex
 import sys
@@ -68,6 +69,9 @@ class _Commands(click.Group):
     """Commands that end with the message of an error and exit code 2."""
 
     def invoke(self, ctx: click.Context) -> None:
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            # a file's name may have characters that the terminal has not
+            sys.stdout.reconfigure(errors="backslashreplace")
         try:
             super().invoke(ctx)
         except (GstError, OSError) as error:  # such as a name that is too long

@@ -8,6 +8,7 @@ All problems are reported at once, each with its key, its value and the remedy.
 import copy
 import difflib
 import functools
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,8 @@ __all__ += ["read_study", "refuse_config", "refuse_study", "value_problems"]
 _SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 # No length, force or seed is larger; sums and squares of such numbers stay finite.
 _LARGEST_NUMBER = 1e15
+# Control characters but for tabs and ends of lines, and halves of characters.
+_IMPOSSIBLE = re.compile(r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\U0010ffff]")
 # What usually lies behind a value of a wrong kind.
 _NUMBER = "write a number with a point and without quotes, such as 20 or 1.0e-9"
 _LIST = "write decimal points, not commas"
@@ -46,7 +49,10 @@ def read_config_file(path: str | Path) -> dict:
 
     Raises a `ConfigError` as `gst.strict_yaml.read_yaml` does.
     """
-    return read_yaml(path, "Correct its path, or make one with `gst new`.")
+    config = read_yaml(path, "Correct its path, or make one with `gst new`.")
+    if problem := next(_impossible_texts(config), None):
+        raise ConfigError(path, problem, "No name of a file can have it.")
+    return config
 
 
 def read_config(path: str | Path) -> dict:
@@ -183,7 +189,7 @@ def _to_do(config: Mapping) -> Iterator[str]:
 
 def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:
     """What is wrong with the values of these keys, each by itself, whatever else is."""
-    found = [*_unusable_numbers(config)]
+    found = [*_unusable_numbers(config), *_impossible_texts(config)]
     for error in sorted(_validator().iter_errors(config), key=_order):
         place = ".".join(map(str, error.absolute_path))
         if any(place == key or place.startswith(f"{key}.") for key in keys):
@@ -213,6 +219,16 @@ def _unusable_numbers(value: Any, key: str = "") -> Iterator[str]:
             yield from _unusable_numbers(part, f"{key}.{name}" if key else str(name))
     elif isinstance(value, int | float) and not abs(value) <= _LARGEST_NUMBER:
         yield f"'{key}' is {value}: give a finite number, at most {_LARGEST_NUMBER:g}"
+
+
+def _impossible_texts(value: Any, key: str = "") -> Iterator[str]:
+    """Texts with characters that no file's name can have, and that no page can show."""
+    if isinstance(value, Mapping | list):
+        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+        for name, part in parts:
+            yield from _impossible_texts(part, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, str) and (wrong := _IMPOSSIBLE.search(value)):
+        yield f"'{key}' is {value!r}: leave out the character U+{ord(wrong[0]):04X}"
 
 
 def _order(error: ValidationError) -> tuple[bool, list[str]]:

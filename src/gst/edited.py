@@ -35,12 +35,12 @@ def with_values(text: str, values: Mapping[str, Any]) -> str:
     """The text of a config with values at keys such as ``scans.mould.invert``, added where absent.
 
     >>> given = "a:\\n  b: 1  # one\\n\\nc: {d: 3}\\n"
-    >>> print(with_values(given, {"a.b": 2, "a.e": "TODO", "c.f": None, "g.h": [1.5]}), end="")
+    >>> print(with_values(given, {"a.b": 2, "a.e": "TODO", "c.f": "1, 2", "g.h": [1.5]}), end="")
     a:
       b: 2  # one
       e: TODO
     <BLANKLINE>
-    c: {d: 3, f: null}
+    c: {d: 3, f: '1, 2'}
     g: {h: [1.5]}
     """
     for key, value in values.items():
@@ -93,8 +93,9 @@ def _end(node: yaml.Node) -> int:
 
 def _flow(value: Any) -> str:
     """A value in one line of YAML."""
-    written = as_yaml(value, default_flow_style=True, width=1 << 20)
-    return written.removesuffix("\n").removesuffix("\n...")
+    # within a list, as what stands in a section of one line has to be quoted
+    written = as_yaml([value], default_flow_style=True, width=1 << 20)
+    return written.removesuffix("\n")[1:-1]
 
 
 def with_cells(

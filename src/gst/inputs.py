@@ -23,7 +23,7 @@ from gst.tables import columns_of
 from gstlib.contact import check_grid
 from gstlib.errors import ConfigError, FaultError, GstError, InputError, unaccepted
 from gstlib.io.meshes import UNITS, read_mesh
-from gstlib.io.scans import read_scan
+from gstlib.io.scans import read_scan, unit_remedy
 from gstlib.macroscale.active_tool import stated_tool
 from gstlib.macroscale.face import grid_macroscale, thin_stone
 from gstlib.preprocess.scans import check_unmeasured, cut_patch, mould_of
@@ -322,7 +322,8 @@ def _unlike(patch: str, first: _Piece, second: _Piece) -> Iterator[GstError]:
             second.path,
             f"its heights vary {after / before:.3g} times as much as those of "
             f"{first.path}: one of the two is in another unit",
-            "Export both epochs of a patch in one unit; scans.unit applies to all files.",
+            "Export both epochs of a patch in one unit. "
+            + unit_remedy(second.amplitude.states_unit),
             [patch],
         )
 

@@ -51,12 +51,8 @@ def inspect_file(
         if unit is None and not mesh.metadata["states_unit"]:
             said = f"not stated: {file_unit} is assumed; give another as --unit"
         return {"unit": said} | _mesh_facts(mesh), mesh
-    try:
-        scan, said = read_scan(path, spacing_um=spacing_um), "in the file"
-    except InputError:
-        if unit is None:
-            raise
-        scan, said = read_scan(path, unit=unit, spacing_um=spacing_um), f"{unit}, as given"
+    scan = read_scan(path, unit=unit, spacing_um=spacing_um)
+    said = "in the file" if scan.attrs["unit_stated"] == "yes" else f"{unit}, as given"
     return {"unit": said} | scan_facts(scan), remove_plane(scan)[0]
 
 
@@ -65,9 +61,8 @@ def scan_facts(scan: xr.DataArray) -> dict[str, Any]:
     dy, dx = spacing_of(scan)
     ny, nx = scan.shape
     level, plane = remove_plane(scan)
-    own = {
-        name: value for name, value in scan.attrs.items() if name not in ("units", "long_name")
-    }
+    not_shown = "units", "long_name", "unit_stated"
+    own = {name: value for name, value in scan.attrs.items() if name not in not_shown}
     return {
         "points_x": nx,
         "points_y": ny,

@@ -33,8 +33,12 @@ def path_problem(path: str) -> str | None:
     """What is wrong with the path of a file, if anything."""
     if set("{}") & set(path):
         return f"{path} contains braces, which Snakemake reads as a placeholder"
+    if "\0" in path:
+        return f"{path!r} contains a NUL, which no name of a file can have"
     if Path(path).is_file():
         return None
+    if Path(path).is_dir():
+        return f"{path} is a folder, and not a file"
     folder = Path(path).parent
     there = [file.name for file in folder.iterdir()] if folder.is_dir() else []
     near = difflib.get_close_matches(Path(path).name, there, n=1)

@@ -130,6 +130,8 @@ def _fitting(name: str, folder: Path) -> list[str]:
     place = folder / name
     if place.is_file():
         return [name]
+    if place.is_dir():
+        return []
     parts = [re.escape(part) for part in _composed(place.name).split("*")]
     pattern = re.compile(".*".join(parts), re.IGNORECASE)
     there = []

@@ -268,7 +268,10 @@ class _Handler(BaseHTTPRequestHandler):
         _, token, *rest = [*self.path.partition("?")[0].split("/", 2), ""][:3]
         if not secrets.compare_digest(token.encode(), self.server.token.encode()):
             raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for without the token")
-        return unquote("".join(rest))
+        name = unquote("".join(rest))
+        if not name.isprintable():  # such as a NUL, which no path can have
+            raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
+        return name
 
     def _sent(self, schema: Mapping[str, Any]) -> Any:
         """The JSON of a request."""

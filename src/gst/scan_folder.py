@@ -19,17 +19,17 @@ import numpy as np
 import xarray as xr
 
 from gst.config import complete
+from gst.epochs import found_as
 from gst.file_names import ORDER, PLACE, Names, Question, Row, read_names
 from gst.todo import TODO
 from gstlib.change.change import measured_change, wear_summary
 from gstlib.change.selection import is_more
-from gstlib.coupling.placement import ORIENTATIONS, oriented
 from gstlib.errors import GstError, InputError
 from gstlib.io.scans import is_scan, read_scan
 from gstlib.io.stage import stage_of
 from gstlib.io.text import SCAN_UNITS
 from gstlib.preprocess.scans import prepare_scan
-from gstlib.surfaces.grid import coarser, make_surface, spacing_of
+from gstlib.surfaces.grid import coarser, spacing_of
 
 __all__ = ["OTHER_SPACING", "OVERVIEW", "Pairs", "Scan", "pair_scans", "read_scans", "scans_in"]
 
@@ -217,14 +217,8 @@ class _Comparisons:
 
     def turned(self, before: str, after: str) -> str:
         """The orientation in which a scan is found on another; empty if there is none."""
-        one, other = self.scans[before], self.scans[after]
-        for name in list(ORIENTATIONS)[1:]:
-            heights = make_surface(
-                oriented(other.coarse.values, name), spacing_of(other.coarse)
-            )
-            if self._compare(one.prepared, prepare_scan(heights, maximum_unmeasured=1.0)).found:
-                return name
-        return ""
+        one, other = (self.scans[name].prepared.height for name in (before, after))
+        return found_as(one, other, maximum_shift_mm=self._shift_mm)
 
     def _compare(self, before: xr.Dataset, after: xr.Dataset) -> _Compared:
         shift_mm = self._shift_mm

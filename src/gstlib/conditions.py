@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gstlib.bem import contact_modulus
+from gstlib.bem.halfspace import contact_modulus
 
 __all__ = [
     "load_force",

@@ -363,6 +363,8 @@ def test_poisson_stands_for_the_compliances_of_both_stones(first, second):
         (b"# a stone\ntitle: Fl\xe4che\n", "byte 0xe4"),
         (b"- a\n- b\n", "holds ['a', 'b'], not keys"),
         (b"# nothing\n", "holds None"),
+        (b'inputs: {mesh: "a\\0.stl"}\n', "'inputs.mesh' is 'a\\x00.stl'"),
+        (b'title: "half \\uD800"\n', "U+D800"),
         (None, "cannot be opened"),
     ],
 )

@@ -352,6 +352,16 @@ def inspect(*arguments):
     return CliRunner().invoke(main, ["inspect", *(str(argument) for argument in arguments)])
 
 
+@pytest.mark.parametrize("name", ["P$_{$.plu", "a\\alpha$x$^2.plu", "b\udc80c.plu"])
+def test_a_picture_has_the_name_of_its_file(tmp_path, name):
+    """Whatever is in it; nothing of it is a formula."""
+    write_plu(tmp_path / "a.plu", noise(1), SPACING)
+    (tmp_path / "a.plu").rename(tmp_path / name)
+    result = inspect("--pictures", tmp_path / "seen", tmp_path)
+    assert result.exit_code == 0, result.exception
+    assert (tmp_path / f"seen/{name}.png").stat().st_size > 1000
+
+
 def test_command_draws_the_files(tilted, tmp_path):
     """The tilt is taken out, and points that were not measured stay pale."""
     trimesh.creation.icosphere(radius=20.0).export(tmp_path / "a.ply")

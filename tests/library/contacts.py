@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from gstlib.contact import Contact, Interface, Load, contact_at_pressure
-from gstlib.surfaces.grid import axis_coordinates, make_surface
+from gstlib.surfaces.grid import axis_coordinates, make_surface, spacing_of
 from gstlib.surfaces.leveling import Plane, remove_plane
 
 
@@ -29,8 +29,8 @@ def tiles(side):
 
 def mesh_face(height, error, vertices, seed):
     """A face as the mesh gives it, whose left-out vertices err by `error` (mm, r.m.s.)."""
-    rng, size = np.random.default_rng(seed), float(height.sizes["x"] * height.x.attrs["spacing"])
-    height.attrs["mesh_edge_mm"] = 1.5 * height.x.attrs["spacing"]
+    rng, size = np.random.default_rng(seed), float(height.sizes["x"] * spacing_of(height)[1])
+    height.attrs["mesh_edge_mm"] = 1.5 * spacing_of(height)[1]
     y, x = rng.uniform(0, size, (2, vertices))
     errors = error * rng.standard_normal(vertices)
     numbers = {"vertex_y": y, "vertex_x": x, "left_out_error": errors}

@@ -9,7 +9,8 @@ from gst.figures.maps import HEIGHTS, draw_map
 from gst.figures.style import BLUE, VERMILION, panels, styled
 from gst.figures.tool import FACES, draw_stone
 from gst.viewer import coarsen
-from gstlib.bem import LoadPath
+from gstlib.bem.loading import LoadPath
+from gstlib.io.instruments import plain_text
 from gstlib.surfaces.frames import Frame
 
 if TYPE_CHECKING:
@@ -32,13 +33,13 @@ def inspected_figure(content: "xr.DataArray | trimesh.Trimesh", name: str) -> Fi
     if isinstance(content, xr.DataArray):
         figure, (axes,) = panels(1, 2, 1.0, _ROOM)
         draw_map(axes, content, ticks=True, **HEIGHTS)
-        axes.set_title(f"{name}, without its plane")
+        axes.set_title(f"{plain_text(name)}, without its plane")
         return figure
     figure, views = panels(len(_VIEWS), len(_VIEWS))
     mesh = coarsen(content, faces=FACES)
     for axes, (title, directions) in zip(views, _VIEWS.items(), strict=True):
         draw_stone(axes, mesh, Frame(mesh.bounds.mean(axis=0), *directions))
-        axes.set_title(f"{name}, {title}")
+        axes.set_title(f"{plain_text(name)}, {title}")
     return figure
 
 
@@ -49,7 +50,7 @@ def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure
     final, table = contact.final, contact.table()
     draw_map(left, height, marks={VERMILION: final.contact.values}, ticks=True, **HEIGHTS)
     left.set_title(
-        f"{name}: contact {final.contact_fraction:.2%} at {final.mean_pressure:.4g} MPa"
+        f"{plain_text(name)}: contact {final.contact_fraction:.2%} at {final.mean_pressure:.4g} MPa"
     )
     area.plot(table.mean_pressure_MPa, 100 * table.contact_fraction, ".-", color=BLUE)
     area.set(ylabel="real contact area A / Aₙ (%)", title="Area in contact")

@@ -70,6 +70,7 @@ _STYLE = {
     "lines.markersize": 3.5,
     "svg.fonttype": "path",
     "svg.hashsalt": "gstlib",
+    "text.parse_math": False,  # names of files and patches may have dollar signs
 }
 
 

@@ -125,7 +125,7 @@ def outline_on(
     `corners` are (k, 2), in the square's frame; points between them are a twentieth of `size`
     apart.
     """
-    square = make_surface(np.zeros((1, 1)), size)
+    square = make_surface(np.zeros((2, 2)), size / 2)
     places, is_over = over_face(mesh, frame, square, 0.1 * size)
     sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
     along = [

@@ -7,7 +7,7 @@ import numpy as np
 
 from .errors import ContactInputError
 
-__all__ = ["FIELDS", "as_given"]
+__all__ = ["FIELDS", "as_given", "rows_first", "step_of"]
 
 # Unit and long name of each field that is given back.
 FIELDS = {
@@ -15,43 +15,103 @@ FIELDS = {
     "gap": ("mm", "gap between the bodies"),
     "depth": ("mm", "height lost by wear"),
 }
-# Coordinates may be off a regular grid by this share of their spacing.
+# Steps between coordinates may differ by this share, and a stated spacing from their mean.
 _IRREGULAR = 1e-3
+# Coordinates are rounded in their sixteenth digit, and so is their mean step.
+_DIGITS = 15
 
 
 def as_given(heights: Any, spacing: Any) -> tuple[Any, Any, Callable[[str, np.ndarray], Any]]:
-    """Heights, their spacing, and what makes a field (its name, its values) like the heights.
+    """Heights (y, x), their spacing, and what makes a field, by its name and values, like them.
 
-    A `DataArray` says its own spacing, by its coordinates (mm); of an array fields are arrays.
+    The coordinates (mm) of a `DataArray` decide its spacing. Fields of an array are arrays.
+
+    Raises
+    ------
+    ContactInputError
+        The spacing is missing, or is not that of the coordinates (see `step_of`); or the heights
+        are not in mm.
     """
     if not hasattr(heights, "dims"):
         if spacing is None:
             raise ContactInputError("an array does not say its spacing: give it (mm)")
         return heights, spacing, lambda name, values: values
+    if not hasattr(heights, "values") or callable(heights.values):
+        raise ContactInputError("heights are a Dataset: give one of its variables")
     if heights.attrs.get("units", "mm") != "mm":
         raise ContactInputError(f"heights are in {heights.attrs['units']}: convert them to mm")
-    if spacing is None:
-        spacing = tuple(_step(heights[axis]) for axis in heights.dims)
+    if heights.ndim != 2:
+        raise ContactInputError(f"heights have the dimensions {heights.dims}, not (y, x)")
+    ordered = rows_first(heights)
+    stated = (None, None) if spacing is None else np.broadcast_to(spacing, 2)
+    steps = tuple(step_of(ordered, *at) for at in zip(ordered.dims, stated, strict=True))
 
     def like(name: str, values: np.ndarray) -> Any:
-        field = heights.copy(data=values).rename(name)
+        field = ordered.copy(data=values).rename(name).transpose(*heights.dims)
         units, long_name = FIELDS[name]
         field.attrs = {"units": units, "long_name": long_name}
         return field
 
-    return heights.values, spacing, like
+    return ordered.values, steps, like
 
 
-def _step(axis):
-    """Spacing (mm) of a coordinate: as its attribute says, free of rounding, or as it goes."""
-    units = axis.attrs.get("units", "mm")
-    if units != "mm":
-        raise ContactInputError(f"the coordinate {axis.name} is in {units}: convert it to mm")
-    if "spacing" in axis.attrs:
-        return float(axis.attrs["spacing"])
-    steps = np.diff(axis.values.astype(float))
-    if not steps.size or np.ptp(steps) > _IRREGULAR * abs(steps.mean()):
+def rows_first(field: Any) -> Any:
+    """A field; transposed if it is a `DataArray` (x, y), for points and slopes are (y, x)."""
+    return field.transpose("y", "x") if getattr(field, "dims", ()) == ("x", "y") else field
+
+
+def step_of(field: Any, dim: str, stated: Any = None) -> float:
+    """Distance (mm) of the coordinates of a `DataArray` or `Dataset` along a dimension.
+
+    `stated` is a spacing that must agree with them, or replaces them if there are none. Their
+    attribute ``spacing``, which older files have, must agree, too: xarray keeps it when a surface
+    is thinned.
+
+    Raises
+    ------
+    ContactInputError
+        There are fewer than two coordinates; they are not in mm, not finite, not even or fall; or
+        a stated spacing differs from theirs by more than a thousandth.
+    """
+    if dim not in field.coords:
+        if stated is None:
+            raise ContactInputError(f"the dimension {dim} has no coordinates (mm): give them")
+        return float(stated)
+    axis = field[dim]
+    if (units := axis.attrs.get("units", "mm")) != "mm":
+        raise ContactInputError(f"the coordinate {dim} is in {units}: convert it to mm")
+    step = _mean_step(dim, axis.values)
+    for source, spacing in {
+        "the argument `spacing`": stated,
+        "its attribute `spacing`": axis.attrs.get("spacing"),
+    }.items():
+        if spacing is not None and not abs(float(spacing) - step) <= _IRREGULAR * step:
+            raise ContactInputError(
+                f"the coordinate {dim} steps by {step:.6g} mm, but {source} is {spacing} mm: "
+                "leave that out, or correct the coordinate"
+            )
+    return step
+
+
+def _mean_step(dim, values):
+    """Mean step of the values of a coordinate, which must rise in even steps."""
+    if values.ndim != 1 or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+        raise ContactInputError(f"the coordinate {dim} must be finite numbers (mm)")
+    if values.size < 2:
         raise ContactInputError(
-            f"the coordinate {axis.name} has no constant step: give spacing"
+            f"the coordinate {dim} has {values.size} value: one alone has no spacing. Give at "
+            "least two rows and two columns, or an array and its spacing"
         )
-    return abs(float(steps.mean()))
+    values = values.astype(float)
+    mean = float(values[-1] - values[0]) / (values.size - 1)
+    if mean < 0:
+        raise ContactInputError(f"the coordinate {dim} falls: sort it by .sortby({dim!r})")
+    off = np.abs(np.diff(values) - mean)
+    if not off.max() <= _IRREGULAR * mean or mean == 0:
+        at = int(np.argmax(off))
+        raise ContactInputError(
+            f"the coordinate {dim} is uneven: it goes from {values[at]:.6g} to "
+            f"{values[at + 1]:.6g} mm at index {at}, and its mean step is {mean:.6g} mm. "
+            "Resample the heights onto even coordinates"
+        )
+    return float(f"{mean:.{_DIGITS}g}")

@@ -38,7 +38,7 @@ from .errors import (
     checked_number,
     checked_tolerance,
 )
-from .fields import as_given
+from .fields import as_given, rows_first
 from .halfspace import APPROXIMATION_ERROR, HalfSpace
 from .load import Load
 from .rest import checked_point, resting, tilted_too_far, tipping
@@ -151,7 +151,7 @@ def solve_contact(  # noqa: PLR0913
     load = problem.load(displacement, mean_pressure, pressure_cap)
     if initial_pressure is not None:
         initial_pressure = checked_array(
-            "initial_pressure", initial_pressure, problem.relief.shape
+            "initial_pressure", rows_first(initial_pressure), problem.relief.shape
         )
         if initial_pressure.min() < 0:
             raise ContactInputError("initial_pressure must not be negative (MPa)")

@@ -29,7 +29,7 @@ from .errors import (
     checked_steps,
     checked_tolerance,
 )
-from .fields import as_given
+from .fields import as_given, rows_first
 from .layer import Layer
 from .load import Load
 from .plots import plot_field
@@ -199,7 +199,7 @@ def wear_path(  # noqa: C901, PLR0913
         raise ContactInputError(f"share of the third body must lie in [0, 1], got {share}")
     bodies: list[tuple] = [(1 - share, heights, mean_pressure, None)]
     if third_body:
-        below = heights - third_body.lowered
+        below = heights - np.asarray(rows_first(third_body.lowered))
         bodies.append((share, below, third_body.mean_pressure, third_body.layer))
     bodies = [
         (part, surface, _in_steps(pressure, steps), layer)

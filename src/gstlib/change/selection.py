@@ -63,6 +63,12 @@ def exchanged_epochs(registration: pd.DataFrame) -> Iterator[FaultError]:
     `registration` is from `registration_table`.
     """
     rose = registration[_rose(registration)]
+    remedy = "Exchange t0 and t1 in the patch table, or correct scans.mould.invert."
+    if 2 * rose.loss_fraction.median() > rose.gain_fraction.median():
+        remedy = (
+            "If a filter removed long waves from the scans, what is not worn seems to rise: export "
+            f"them with no more than a plane removed. Otherwise: {remedy}"
+        )
     if 2 * len(rose) > registration.found.sum():
         yield FaultError(
             "epochs",
@@ -70,7 +76,7 @@ def exchanged_epochs(registration: pd.DataFrame) -> Iterator[FaultError]:
             f"on {len(rose)} of {registration.found.sum():.0f} patches more rose than fell from T0 "
             f"to T1 (medians: {_percent(rose.gain_fraction)} and {_percent(rose.loss_fraction)} of "
             "the area), and use only removes material",
-            "Exchange t0 and t1 in the patch table, or correct scans.mould.invert.",
+            remedy,
         )
 
 
@@ -86,7 +92,8 @@ def rise_warnings(registration: pd.DataFrame, *, max_noise_fraction: float) -> I
         yield (
             f"{_named(rose)}: more rose than fell from T0 to T1 (up to "
             f"{100 * rose.gain_fraction.max():.2g} % of the area), but use only removes material: "
-            "check for t0 and t1 exchanged in the patch table, or for residue on the stone"
+            "check for t0 and t1 exchanged in the patch table, for a filter that removed long "
+            "waves, or for residue on the stone"
         )
     if len(noisy):
         yield (

@@ -11,6 +11,8 @@ from gstlib.surfaces.leveling import Plane
 
 __all__ = ["LEVEL", "Interface"]
 
+# Spacings come from coordinates: up to this relative difference they are the same.
+_SAME_SPACING = 1e-6
 # The plane of a surface that lies as it is.
 LEVEL = Plane(0.0, 0.0, 0.0)
 
@@ -36,6 +38,18 @@ class Interface:
     counterface: xr.DataArray
     plane: Plane = LEVEL
     surroundings: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        grid, other = (
+            (face.shape, spacing_of(face)) for face in (self.height, self.counterface)
+        )
+        if grid[0] != other[0] or not np.allclose(
+            grid[1], other[1], rtol=_SAME_SPACING, atol=0
+        ):
+            raise ValueError(
+                f"the surface has {grid[0]} elements of {grid[1]} mm and the counterface "
+                f"{other[0]} of {other[1]} mm: give both on one grid"
+            )
 
     @classmethod
     def on_flat(cls, height: xr.DataArray) -> "Interface":

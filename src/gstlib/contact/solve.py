@@ -11,15 +11,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from gstlib.bem import (
-    ContactError,
-    ContactState,
-    ContactWarning,
-    LoadPath,
-    TippingError,
-    load_path,
-    solve_contact,
-)
+from gstlib.bem.errors import ContactError, ContactWarning, TippingError
+from gstlib.bem.loading import LoadPath, load_path
+from gstlib.bem.solver import solve_contact
+from gstlib.bem.state import ContactState
 from gstlib.contact.dataset import FIELDS, NUMBERS
 from gstlib.contact.interface import Interface
 from gstlib.contact.load import Load, from_corner

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from gstlib.bem import HalfSpace, Layer
+from gstlib.bem.halfspace import HalfSpace
+from gstlib.bem.layer import Layer
 from gstlib.contact import Contact, Interface, turned_over
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import Place, footprint_weights, on_patch, rotated, spline_of

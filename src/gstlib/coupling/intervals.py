@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import contact_modulus
+from gstlib.bem.halfspace import contact_modulus
 from gstlib.conditions import study_modulus
 from gstlib.contact import Interface, Load
 from gstlib.coupling.pressures import patch_pressures

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from gstlib.errors import InputError, OutputError
 
-__all__ = ["LARGEST_TABLE", "cannot_write", "check_size", "check_unpacked"]
+__all__ = ["LARGEST_TABLE", "cannot_read", "cannot_write", "check_size", "check_unpacked"]
 __all__ += ["check_unpacked_size", "check_writable", "sha256", "write_whole"]
 
 # Bytes that are read of one file, and unpacked of an archive: a stone of twenty million triangles,
@@ -100,6 +100,33 @@ def cannot_write(path: str | Path, error: OSError) -> OutputError:
     return OutputError(
         path, f"cannot be written: {reason}", f"{remedy}, then run the study again."
     )
+
+
+def cannot_read(path: str | Path, kind: str, error: Exception) -> InputError:
+    """The `InputError` for an `error` in reading a result that should be of a `kind`.
+
+    Only a damaged file has to be deleted. The operating system numbers the errors that are its own.
+    """
+    number = getattr(error, "errno", None)
+    if "lock file" in str(error):
+        problem = "cannot be locked: another program writes it, or its disk has no locks"
+        remedy = (
+            "If no other program uses it, run `export HDF5_USE_FILE_LOCKING=FALSE` first "
+            "(docs/how-to/cluster.md)."
+        )
+    elif number == errno.ENOENT:
+        problem = "no such file"
+        remedy = (
+            "Run the study again. If another node of a cluster wrote the file, raise latency-wait "
+            "in the profile (docs/how-to/cluster.md)."
+        )
+    elif number is not None:
+        problem = f"cannot be opened: {os.strerror(number)}"
+        remedy = "Make it readable, or check the disk, then run the study again."
+    else:
+        problem = f"cannot be read as {kind} ({' '.join(str(error).split())})"
+        remedy = "Delete it and run the study again."
+    return InputError(path, problem, remedy)
 
 
 def check_writable(folder: str | Path) -> None:

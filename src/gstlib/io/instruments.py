@@ -21,6 +21,7 @@ import numpy as np
 from gstlib.errors import NOTE, InputError
 from gstlib.io.files import check_unpacked, check_unpacked_size
 from gstlib.io.stage import stage_attrs
+from gstlib.io.x3p import plain_x3p
 
 __all__ = ["RawMap", "instrument_endings", "plain_text", "read_instrument_file"]
 
@@ -204,7 +205,7 @@ def _checked(path: Path) -> str | io.BytesIO:
     with path.open("rb") as file:
         mark = file.read(12)
         if path.suffix.lower() == ".x3p":
-            return _plain_x3p(path)
+            return plain_x3p(path)
         if mark in _SUR_MARKS:
             return io.BytesIO(_plain_sur(path, mark + file.read()))
         if mark.startswith(_SDF_MARK):
@@ -213,34 +214,6 @@ def _checked(path: Path) -> str | io.BytesIO:
         with zipfile.ZipFile(path) as given:
             check_unpacked(path, given)
     return str(path)
-
-
-def _plain_x3p(path: Path) -> io.BytesIO:
-    """An `.x3p` as its standard has it, with the members that it needs.
-
-    Some programs zip the folder around them, or write the revision with another dash; the later
-    revision has the same members.
-    """
-    content = io.BytesIO()
-    with zipfile.ZipFile(path) as given, zipfile.ZipFile(content, "w") as plain:
-        names = [name for name in given.namelist() if f"/{name}".endswith("/main.xml")]
-        main = min(names, key=len, default="")
-        check_unpacked(path, given, [main])
-        record = given.read(main)
-        folder = main.removesuffix("main.xml")
-        # no other member is needed, whatever it holds
-        named = [
-            name
-            for name in given.namelist()
-            if name.startswith(folder) and name.removeprefix(folder).encode() in record
-        ]
-        check_unpacked(path, given, named)
-        revision = rb"\g<1>ISO5436 - 2000"
-        plain.writestr("main.xml", re.sub(rb"(<Revision>)[^<]*", revision, record))
-        for name in named:
-            plain.writestr(name.removeprefix(folder), given.read(name))
-    content.seek(0)
-    return content
 
 
 def _plain_sur(path: Path, content: bytes) -> bytes:

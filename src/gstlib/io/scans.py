@@ -22,7 +22,7 @@ from gstlib.io.plu import read_plu
 from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
 from gstlib.surfaces.grid import make_surface, spacing_of
 
-__all__ = ["cut_scan", "is_scan", "read_scan", "whole_scan"]
+__all__ = ["cut_scan", "is_scan", "read_scan", "unit_remedy", "whole_scan"]
 
 _log = logging.getLogger(__name__)
 
@@ -72,7 +72,8 @@ def read_scan(
     -------
     (ny, nx) xarray.DataArray
         Surface in mm with rows and columns as in the file, NaN where unmeasured, beginning at
-        (0, 0); attributes (text): ``file`` and what the file says about the instrument.
+        (0, 0); attributes (text): ``file``, ``unit_stated`` (yes or no, by the file) and what the
+        file says about the instrument.
 
     Raises
     ------
@@ -101,6 +102,7 @@ def read_scan(
         raw, steps, length, attrs = read_text(path, unit, spacing_um)
     else:
         raw, steps, length, attrs = _READERS.get(ending, read_instrument_file)(path)
+    attrs["unit_stated"] = "no" if length is None else "yes"
     if length is None and unit is not None:
         length = SCAN_UNITS[unit]
     steps_mm = None if spacing_um is None else (spacing_um * 1e-3, spacing_um * 1e-3)
@@ -116,7 +118,7 @@ def read_scan(
     # Some exports mark unmeasured points with infinity, or the largest number there is.
     heights[np.abs(heights) > _LARGEST_NUMBER] = np.nan
     _mind_held(path, heights)
-    _check_plausible(path, heights, spacing)
+    _check_plausible(path, heights, spacing, states_unit=attrs["unit_stated"] == "yes")
     _refuse_lost_block(path, heights)
     _mind_step_too_few(path, heights.shape, spacing)
     attrs = {name: plain_text(value) for name, value in attrs.items()}
@@ -292,7 +294,18 @@ def _refuse_lost_block(path: Path, heights: np.ndarray) -> None:
         )
 
 
-def _check_plausible(path: Path, heights: np.ndarray, spacing: Sequence[float]) -> None:
+def unit_remedy(states_unit: bool) -> str:
+    """What to do about heights in a wrong unit: the config has no effect on files that state it."""
+    if states_unit:
+        return (
+            "The unit stands in the file, not in scans.unit: correct the instrument's export."
+        )
+    return "Check scans.unit in the config, and the instrument's export."
+
+
+def _check_plausible(
+    path: Path, heights: np.ndarray, spacing: Sequence[float], *, states_unit: bool
+) -> None:
     """Refuse a map that no profilometer can have measured."""
     (ny, nx), (dy, dx) = heights.shape, spacing
     if min(ny, nx) < 2:
@@ -310,5 +323,5 @@ def _check_plausible(path: Path, heights: np.ndarray, spacing: Sequence[float]) 
             f"{nx} × {ny} points every {dx:.4g} × {dy:.4g} mm, whose heights range over "
             f"{extent:.4g} mm, are not a surface scan: its unit is wrong, or unmeasured points are "
             "stored as a number",
-            "Check scans.unit in the config, and the instrument's export.",
+            unit_remedy(states_unit),
         )

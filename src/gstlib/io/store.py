@@ -16,8 +16,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from gstlib.errors import InputError
-from gstlib.io.files import write_whole
+from gstlib.io.files import cannot_read, write_whole
 
 __all__ = ["Stored", "read_attributes", "read_dataset", "write_dataset"]
 
@@ -120,9 +119,7 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
     except MemoryError:  # not the file's fault
         raise
     except Exception as error:  # a damaged file makes HDF5 fail in any of its own ways
-        raise InputError(
-            path, f"cannot be read as HDF5 ({error})", "Delete it and run the study again."
-        ) from error
+        raise cannot_read(path, "HDF5", error) from error
 
 
 def read_attributes(path: str | Path) -> dict[str, object]:

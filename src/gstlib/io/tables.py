@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from gstlib.errors import InputError
-from gstlib.io.files import write_whole
+from gstlib.io.files import cannot_read, write_whole
 
 __all__ = [
     "ALL_DIGITS",
@@ -92,8 +92,7 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
         # NA, nan or None may be the name of a patch
         table = pd.read_csv(path, dtype={"patch": str}, keep_default_na=False, na_values=[""])
     except (OSError, ValueError) as error:  # pandas' own errors are ValueErrors
-        problem = f"cannot be read as a table ({' '.join(str(error).split())})"
-        raise InputError(path, problem, "Delete it and run the study again.") from error
+        raise cannot_read(path, "a table", error) from error
     missing = [column for column in columns if column not in table.columns]
     if missing:
         raise InputError(

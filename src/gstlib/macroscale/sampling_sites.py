@@ -104,10 +104,10 @@ class _Candidates(NamedTuple):
 
 
 def _candidates(found: xr.Dataset, size_mm: float, patch_mm: float) -> _Candidates:
-    element = spacing_of(found)[0]
+    element, step_x = spacing_of(found)
     centres = _centres(element, size_mm, patch_mm)
-    share_y = _shares(found.y, centres, patch_mm)
-    share_x = _shares(found.x, centres, patch_mm)
+    share_y = _shares(found.y.values, element, centres, patch_mm)
+    share_x = _shares(found.x.values, step_x, centres, patch_mm)
     exposure = share_y @ found.exposure.values @ share_x.T
     within = share_y > 0, share_x > 0
     touched = _highest(found.touched.values, *within)
@@ -126,12 +126,11 @@ def _centres(element: float, size_mm: float, patch_mm: float) -> np.ndarray:
     return whole if len(whole) else np.array([size_mm / 2])
 
 
-def _shares(along: xr.DataArray, centres: np.ndarray, patch_mm: float) -> np.ndarray:
-    """Share (places, elements) of a place's side that lies in each element of an axis."""
-    half = along.attrs["spacing"] / 2
+def _shares(along: np.ndarray, step: float, centres: np.ndarray, patch_mm: float) -> np.ndarray:
+    """Share (places, elements) of a place's side that lies in each element `along` an axis."""
     ends = (
-        np.minimum(along.values + half, centres[:, None] + patch_mm / 2),
-        np.maximum(along.values - half, centres[:, None] - patch_mm / 2),
+        np.minimum(along + step / 2, centres[:, None] + patch_mm / 2),
+        np.maximum(along - step / 2, centres[:, None] - patch_mm / 2),
     )
     shares = (ends[0] - ends[1]) / patch_mm
     return np.where(shares > _ROUNDING, shares, 0)

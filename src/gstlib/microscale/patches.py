@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import solve_contact
+from gstlib.bem.solver import solve_contact
 from gstlib.contact import (
     Contact,
     ContactPath,

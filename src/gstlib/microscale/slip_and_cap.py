@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import solve_contact
+from gstlib.bem.solver import solve_contact
 from gstlib.contact import Contact, log_state, solver_errors
 from gstlib.errors import ConfigError
 from gstlib.surfaces.grid import described

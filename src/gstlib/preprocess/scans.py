@@ -12,7 +12,7 @@ import xarray as xr
 from gstlib.errors import InputError
 from gstlib.io.scans import cut_scan, whole_scan
 from gstlib.preprocess.outliers import median_outliers, window_outliers
-from gstlib.surfaces.grid import MM_TO_UM
+from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["check_unmeasured", "crop_of", "cut_patch", "interpolate_holes", "mould_of"]
@@ -76,7 +76,10 @@ def prepare_scan(
     ------
     InputError
         Too many points are unmeasured.
+    ContactInputError
+        The scan is no surface: see `gstlib.spacing_of`.
     """
+    spacing_of(raw)  # refuses what is no surface
     check_unmeasured(raw, maximum_unmeasured)
     heights = (
         raw.values if mould_flip is None else np.flip(raw.values, raw.dims.index(mould_flip))
@@ -106,9 +109,8 @@ def prepare_scan(
     clean = stone.copy(data=interpolate_holes(stone.values, unmeasured | outlier))
     level, plane = remove_plane(clean)
     level.attrs = {"units": "mm", "long_name": "height of the stone, level"}
-    texts = {
-        name: value for name, value in raw.attrs.items() if name not in ("units", "long_name")
-    }
+    not_kept = "units", "long_name", "unit_stated"
+    texts = {name: value for name, value in raw.attrs.items() if name not in not_kept}
     masks = {
         name: (level.dims, mask, {"units": "1", "long_name": f"{long_name} from around it"})
         for name, mask, long_name in (
@@ -234,9 +236,9 @@ def cut_patch(
     """
     if epoch == "T0":
         return cut_scan(raw, crop, size_mm)
-    found = whole_scan(raw, size_mm)
-    for axis, middle in zip("yx", crop or (0.0, 0.0), strict=True):
-        beyond = (raw.sizes[axis] * raw[axis].attrs["spacing"] - size_mm) / 2
+    found, middles = whole_scan(raw, size_mm), crop or (0.0, 0.0)
+    for axis, middle, step in zip("yx", middles, spacing_of(raw), strict=True):
+        beyond = (raw.sizes[axis] * step - size_mm) / 2
         if crop or beyond > 0.01 * size_mm:
             start = beyond + (-middle if axis == mould_flip else middle)
             at = found[axis].copy(data=found[axis].values - start)

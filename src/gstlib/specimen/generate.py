@@ -297,7 +297,7 @@ def _truth(
         "macroscale_height": (
             ("macroscale_y", "macroscale_x"),
             stone.macroscale_means(grid),
-            {"units": "mm", "long_name": meaning, "spacing": spacing},
+            {"units": "mm", "long_name": meaning},
         ),
         "face_height": (
             ("face_y", "face_x"),
@@ -314,10 +314,10 @@ def _truth(
         "epoch": ["T0", "T1"],
         "macroscale_y": ("macroscale_y", along_square, {"units": "mm"}),
         "macroscale_x": ("macroscale_x", along_square, {"units": "mm"}),
-        "face_y": ("face_y", along_face, {"units": "mm", "spacing": spacing}),
-        "face_x": ("face_x", along_face, {"units": "mm", "spacing": spacing}),
-        "y": ("y", along_scan, {"units": "mm", "spacing": p.scan_spacing_mm}),
-        "x": ("x", along_scan, {"units": "mm", "spacing": p.scan_spacing_mm}),
+        "face_y": ("face_y", along_face, {"units": "mm"}),
+        "face_x": ("face_x", along_face, {"units": "mm"}),
+        "y": ("y", along_scan, {"units": "mm"}),
+        "x": ("x", along_scan, {"units": "mm"}),
     }
     return xr.Dataset(
         variables, coordinates, {"wear_threshold_um": _WEAR_THRESHOLD_UM} | _use_of(stone)

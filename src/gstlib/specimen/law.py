@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gstlib.bem import Layer, ThirdBody, wear_path
+from gstlib.bem.layer import Layer
+from gstlib.bem.wear import ThirdBody, wear_path
 from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.surfaces.grid import axis_coordinates, make_surface

@@ -128,8 +128,8 @@ def true_contact(
 
 
 def _surface(truth: xr.Dataset) -> xr.DataArray:
-    height = truth["macroscale_height"]
-    return make_surface(height.values, height.attrs["spacing"])
+    height = truth["macroscale_height"].rename(macroscale_y="y", macroscale_x="x")
+    return make_surface(height, spacing_of(height))
 
 
 def _error(true: float, recovered: float) -> float:

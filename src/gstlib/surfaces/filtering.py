@@ -13,9 +13,10 @@ __all__ = ["low_pass", "s_filtered"]
 
 def s_filtered(height: xr.DataArray, nesting_um: float | None) -> xr.DataArray:
     """Heights (y, x) without waves shorter than the nesting index; unchanged if that is None."""
+    spacing = spacing_of(height)
     if nesting_um is None:
         return height
-    smooth = low_pass(height.values, spacing_of(height), nesting_um * 1e-3)
+    smooth = low_pass(height.values, spacing, nesting_um * 1e-3)
     return height.copy(data=smooth)
 
 

@@ -67,6 +67,7 @@ def spline_of(field: xr.DataArray) -> "scipy.interpolate.RectBivariateSpline":
 
     Where the field is NaN, it takes the nearest value.
     """
+    spacing_of(field)  # refuses what is no surface
     values = _filled(field.values)
     return scipy.interpolate.RectBivariateSpline(field.y.values, field.x.values, values)
 

@@ -1,14 +1,16 @@
 """The one data type of the study: heights on a regular grid.
 
 A surface is an `xarray.DataArray` with dimensions ``("y", "x")``; coordinates ``y`` and ``x`` hold
-the element centres in mm, both increasing; heights are float64 in mm, positive out of the stone;
-unmeasured elements are NaN. A surface of n elements is n spacings long.
+the element centres in mm, both increasing in even steps. Heights are float64 in mm, positive out of
+the stone; unmeasured elements are NaN. A surface of n elements is n spacings long.
 """
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
+
+from gstlib.bem.fields import as_given, step_of
 
 __all__ = ["MM_TO_UM", "axis_coordinates", "coarser", "described", "make_surface"]
 __all__ += ["spacing_of"]
@@ -22,7 +24,7 @@ def axis_coordinates(count: int, spacing: float) -> np.ndarray:
 
 
 def make_surface(
-    heights: np.ndarray,
+    heights: np.ndarray | xr.DataArray,
     spacing: float | Sequence[float],
     *,
     long_name: str = "surface height",
@@ -33,21 +35,21 @@ def make_surface(
     Parameters
     ----------
     heights : (ny, nx) array_like
-        Heights in mm, positive out of the stone, NaN where unmeasured.
+        Heights in mm, positive out of the stone, NaN where unmeasured. A `DataArray` is moved to
+        where its first element begins at 0.
     spacing : float or (dy, dx)
-        Element size in mm.
+        Element size in mm, which must be that of the coordinates of a `DataArray`.
     long_name : str
         Its description; further attributes may follow.
     """
-    heights = np.asarray(heights, dtype=float)
+    heights = np.asarray(as_given(heights, spacing)[0], dtype=float)
     if heights.ndim != 2:
         raise ValueError(f"a surface has 2 dimensions, not {heights.ndim}")
     dy, dx = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
     if not (np.isfinite([dy, dx]).all() and dy > 0 and dx > 0):
         raise ValueError(f"spacing must be positive and finite, not {spacing}")
     ny, nx = heights.shape
-    y_attrs = {"units": "mm", "long_name": "y position", "spacing": float(dy)}
-    x_attrs = {"units": "mm", "long_name": "x position", "spacing": float(dx)}
+    y_attrs, x_attrs = ({"units": "mm", "long_name": f"{axis} position"} for axis in "yx")
     return xr.DataArray(
         heights,
         dims=("y", "x"),
@@ -61,17 +63,28 @@ def make_surface(
 
 
 def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
-    """Element size (dy, dx) in mm, as it was given: free of the rounding of the coordinates."""
-    return float(surface.y.attrs["spacing"]), float(surface.x.attrs["spacing"])
+    """Element size (dy, dx) in mm, from the coordinates.
+
+    Raises
+    ------
+    ContactInputError
+        The coordinates y or x are missing, uneven or falling, not in mm, or of a single element.
+    ValueError
+        A field has x before y among its dimensions.
+    """
+    fields = surface.data_vars.values() if isinstance(surface, xr.Dataset) else [surface]
+    for dims in (field.dims for field in fields if {"y", "x"} <= {*field.dims}):
+        if dims.index("x") < dims.index("y"):
+            raise ValueError(
+                f"the dimensions are {dims}: give y before x, by .transpose('y', 'x')"
+            )
+    return step_of(surface, "y"), step_of(surface, "x")
 
 
 def coarser(surface: xr.DataArray, times: int) -> xr.DataArray:
     """A surface on elements so many times as long; each is the mean of those that are known."""
-    found = surface.coarsen(y=times, x=times, boundary="trim").mean()
-    for axis in ("y", "x"):
-        step = surface[axis].attrs["spacing"]
-        found[axis].attrs = surface[axis].attrs | {"spacing": times * step}
-    return found.assign_attrs(surface.attrs)
+    means = surface.coarsen(y=times, x=times, boundary="trim").mean()
+    return means.assign_attrs(surface.attrs)
 
 
 def described(found: xr.Dataset, meanings: Mapping[str, tuple[str, str]]) -> xr.Dataset:

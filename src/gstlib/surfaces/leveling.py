@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from gstlib.errors import InputError
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["Plane", "fit_plane", "remove_plane"]
 
@@ -62,6 +63,7 @@ def remove_plane(surface: xr.DataArray) -> tuple[xr.DataArray, Plane]:
     InputError
         Fewer than three points are measured, or they are all on one line.
     """
+    spacing_of(surface)  # refuses what is no surface
     heights, (y, x) = surface.values, _centred(surface)
     plane = fit_plane(heights, y, x, source=surface.attrs.get("file", "surface"))
     return surface.copy(data=heights - plane.heights(surface)), plane

@@ -197,10 +197,11 @@ def patches_of_reference(
     """
     v, u = (scan[axis].values - scan[axis].values.mean() for axis in "yx")
     touching, mean = [], []
+    steps = spacing_of(pressure)
     for place in places.values():
         at = [
-            (points - pressure[axis].values[0]) / pressure[axis].attrs["spacing"]
-            for points, axis in zip(place.points(v[:, None], u), "yx", strict=True)
+            (points - pressure[axis].values[0]) / step
+            for points, axis, step in zip(place.points(v[:, None], u), "yx", steps, strict=True)
         ]
         nearest = {"order": 0, "mode": "grid-constant", "cval": 0}  # of the square's points
         values = scipy.ndimage.map_coordinates(

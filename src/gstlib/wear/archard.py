@@ -36,7 +36,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import Layer, ThirdBody, WearPath, solve_contact, wear_path
+from gstlib.bem.layer import Layer
+from gstlib.bem.solver import solve_contact
+from gstlib.bem.wear import ThirdBody, WearPath, wear_path
 from gstlib.contact import Contact, log_state, solver_errors
 from gstlib.coupling.embedding import surroundings
 from gstlib.coupling.pressures import patch_pressures

@@ -13,6 +13,7 @@ from gstlib.bem import (
     ContactWarning,
     TippingError,
     load_path,
+    measure_roughness,
     solve_contact,
     wear_path,
 )
@@ -112,9 +113,12 @@ def test_a_data_array_says_its_spacing_and_gets_its_like():
     worn = wear_path(SCAN, **load, mean_loss=1e-4, steps=2, keep_depths=True)
     assert worn.depth.attrs == {"units": "mm", "long_name": "height lost by wear"}
     assert float(worn.depths[0].mean()) == pytest.approx(5e-5)
-    turned = solve_contact(SCAN.transpose("x", "y"), **load)
+    turned = solve_contact(SCAN.T, **load)
+    assert solve_contact(SCAN.T, **load, initial_pressure=turned.pressure).iterations < 3
     assert turned.pressure.dims == ("x", "y")
-    np.testing.assert_allclose(turned.pressure.T, state.pressure, atol=1e-3)
+    np.testing.assert_array_equal(turned.pressure.T, state.pressure)
+    thinned = measure_roughness(SCAN[::2, ::3])
+    assert thinned == measure_roughness(array[::2, ::3], (0.02, 0.06))
 
 
 @pytest.mark.parametrize(
@@ -124,6 +128,12 @@ def test_a_data_array_says_its_spacing_and_gets_its_like():
         {"heights": SCAN.assign_attrs(units="µm")},
         {"heights": SCAN.assign_coords(x=SCAN.x.assign_attrs(units="µm"))},
         {"heights": SCAN.assign_coords(x=SCAN.x**2)},
+        {"heights": SCAN.assign_coords(x=SCAN.x.assign_attrs(spacing=0.01))},
+        {"heights": SCAN[::-1]},
+        {"heights": SCAN[:1]},
+        {"heights": SCAN.drop_vars("x")},
+        {"heights": SCAN.to_dataset(name="height")},
+        {"spacing": 0.01},
         {"contact_modulus": None},
     ],
 )

@@ -63,6 +63,14 @@ def test_epochs_exchanged_on_most_patches_are_a_fault_and_on_few_a_warning(risin
     assert all(text.startswith(words) for text in said)
 
 
+@pytest.mark.parametrize(("fell", "remedy"), [(0, "Exchange t0"), (1000, "If a filter")])
+def test_where_about_as_much_rose_as_fell_a_filter_may_be_the_reason(fell, remedy):
+    """Without long waves, what is not worn seems to rise beside what is."""
+    changes = {"1": changed(1300, fell)}
+    (fault,) = exchanged_epochs(registration_table(changes, RULES, max_noise_fraction=0.5))
+    assert fault.remedy.startswith(remedy)
+
+
 def test_where_no_change_is_known_no_loss_is_believed():
     change = changed(0, 0)
     unknown = change.assign(change=change.change * np.nan).assign_attrs(known_fraction=0.0)

@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -101,6 +102,109 @@ def test_x3p_as_others_write_it(tmp_path, heights, folder, revision):
     scan = read_scan(tmp_path / "a.x3p")
     np.testing.assert_allclose(scan.values, heights)
     assert spacing_of(scan) == (DY, DX)
+
+
+def rewritten_x3p(path, heights, changes=(), rename=str, **members):
+    """An .x3p of these heights with texts of its index and names of its members changed."""
+    write_x3p(path, heights, (DY, DX))
+    with zipfile.ZipFile(path) as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    index = content["main.xml"].decode()
+    for old, new in changes:
+        assert old in index
+        index = index.replace(old, new)
+    content |= {"main.xml": index.encode()}
+    content |= {f"bindata/{name}.bin": values for name, values in members.items()}
+    path.write_bytes(zipped({rename(name): data for name, data in content.items()}))
+
+
+HEIGHT_AXIS = (
+    "<AxisType>A</AxisType><DataType>D</DataType><Increment>1.0</Increment><Offset>0.0</Offset>"
+)
+VALID = ("</PointDataLink>", "</PointDataLink><ValidPointsLink>bindata/valid.bin</ValidPointsLink>")
+LINK = "<DataLink><PointDataLink>bindata/data.bin</PointDataLink></DataLink>"
+
+
+@pytest.mark.parametrize(
+    "zipping",
+    [
+        lambda name: f"land/{name}".replace("/", "\\"),  # as of some programs for Windows
+        lambda name: f"./{name}".upper(),
+    ],
+)
+def test_x3p_is_read_however_it_was_zipped(tmp_path, heights, zipping):
+    rewritten_x3p(tmp_path / "a.x3p", heights, rename=zipping)
+    with zipfile.ZipFile(tmp_path / "a.x3p", "a") as archive:
+        for folder in ("land/", "land/bindata/", "__MACOSX/"):
+            archive.writestr(folder, "")
+        archive.writestr("__MACOSX/land/._main.xml", b"\0\5\x16\7")
+    np.testing.assert_allclose(read_scan(tmp_path / "a.x3p").values, heights)
+
+
+@pytest.mark.parametrize("date", ["N/A", "", "23 Sep 2009"])
+@pytest.mark.parametrize("empty", ["<Offset></Offset>", ""])
+def test_x3p_without_date_or_offset(tmp_path, heights, date, empty):
+    changes = [("2021-04-19T11:40:13", date), ("<Offset>0.0</Offset>", empty)]
+    rewritten_x3p(tmp_path / "a.x3p", heights, changes)
+    scan = read_scan(tmp_path / "a.x3p")
+    np.testing.assert_allclose(scan.values, heights)
+    assert "acquired" not in scan.attrs
+
+
+def test_x3p_with_its_heights_in_the_index(tmp_path, heights):
+    datums = "".join(
+        "<Datum/>" if np.isnan(z) else f"<Datum> {z / 1e3} </Datum>" for z in heights.ravel()
+    )
+    rewritten_x3p(tmp_path / "a.x3p", heights, [(LINK, f"<DataList>{datums}</DataList>")])
+    np.testing.assert_allclose(read_scan(tmp_path / "a.x3p").values, heights)
+
+
+@pytest.mark.parametrize("axis", ["I", "A", "a"])
+@pytest.mark.parametrize("kind", ["I", "L", "l"])
+@pytest.mark.parametrize("offset_m", [0.0, 5e-6])
+def test_x3p_in_steps(tmp_path, heights, axis, kind, offset_m):
+    """A height is the offset and the increment times a step; a mask says which are measured."""
+    steps = np.nan_to_num(np.round((heights / 1e3 - offset_m) / 1e-9))
+    valid = ~np.isnan(heights)
+    valid[0] = False
+    scale = f"<Increment>1e-9</Increment><Offset>{offset_m}</Offset>"
+    changes = [
+        (HEIGHT_AXIS, f"<AxisType>{axis}</AxisType><DataType>{kind}</DataType>{scale}"),
+        VALID,
+    ]
+    content = steps.astype({"i": "<i2", "l": "<i4"}[kind.lower()]).tobytes()
+    mask = np.packbits(valid, bitorder="little").tobytes()
+    rewritten_x3p(tmp_path / "a.x3p", heights, changes, data=content, valid=mask)
+    expected = np.where(valid, heights, np.nan)
+    np.testing.assert_allclose(read_scan(tmp_path / "a.x3p").values, expected, atol=0.51e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "members"),
+    [
+        ([VALID], {}),  # the mask is missing
+        ([VALID], {"valid": b"\xff"}),
+        ([], {"data": bytes(8)}),
+        ([("<DataType>D</DataType>", "<DataType>F</DataType>")], {}),
+        ([("bindata/data.bin", "bindata/other.bin")], {}),
+        ([(LINK, "<DataList><Datum>0;0;1e-6</Datum></DataList>")], {}),
+        ([(HEIGHT_AXIS, HEIGHT_AXIS.replace("1.0", "0"))], {}),
+        ([("<FeatureType>SUR", "<FeatureType>PRF")], {}),
+    ],
+)
+def test_x3p_that_cannot_be_right_is_refused(tmp_path, heights, changes, members):
+    rewritten_x3p(tmp_path / "a.x3p", heights, changes, **members)
+    with pytest.raises(InputError, match=r"a\.x3p"):
+        read_scan(tmp_path / "a.x3p")
+
+
+def test_x3p_whose_heights_were_changed(tmp_path, heights, caplog):
+    """Nobody knows which is right, the heights or their sum; zeros in its place are none."""
+    for digit, count in (("0", 0), ("a", 1)):
+        stated = f"<MD5ChecksumPointData>{32 * digit}</MD5ChecksumPointData></DataLink>"
+        rewritten_x3p(tmp_path / "a.x3p", heights, [("</DataLink>", stated)])
+        read_scan(tmp_path / "a.x3p")
+        assert len(caplog.messages) == count
 
 
 class TestHeldHeights:
@@ -302,3 +406,14 @@ def test_a_piece_that_sticks_out_and_a_scan_of_another_size_are_refused():
     with pytest.raises(InputError, match=r"map\.plu: the scan is 4 × 3 mm.*3 × 3"):
         cut_scan(SCAN, None, 3.0)
     assert cut_scan(SCAN[:, :30], None, 3.0).equals(SCAN[:, :30])
+
+
+def test_a_unit_that_the_file_states_is_not_the_config_s(tmp_path):
+    """Heights of a metre are in a wrong unit, whoever states it."""
+    tall = np.random.default_rng(1).normal(size=(8, 8)) * 1e3
+    write_plu(tmp_path / "a.plu", tall, 1e-3)
+    np.savetxt(tmp_path / "a.csv", tall, delimiter=",")
+    for name, stated in (("a.plu", True), ("a.csv", False)):
+        with pytest.raises(InputError) as refused:
+            read_scan(tmp_path / name, unit="mm", spacing_um=1.0)
+        assert refused.value.remedy.startswith("Check scans.unit") != stated

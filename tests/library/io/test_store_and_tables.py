@@ -1,3 +1,4 @@
+import fcntl
 import time
 
 import h5py
@@ -74,6 +75,20 @@ def test_unreadable_files_are_named(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"a\.h5.*Delete it"):
         read_dataset(path)
+
+
+def test_a_file_that_cannot_be_opened_is_not_to_be_deleted(tmp_path):
+    """It is whole: another program holds it, or it lies elsewhere."""
+    path, missing = tmp_path / "a.h5", tmp_path / "b.h5"
+    write_dataset(path, dataset())
+    with path.open("rb+") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with pytest.raises(InputError, match="HDF5_USE_FILE_LOCKING"):
+            read_dataset(path)
+    for read, file in ((read_dataset, missing), (read_table, missing), (read_dataset, tmp_path)):
+        with pytest.raises(InputError) as refused:
+            read(file)
+        assert "Delete" not in refused.value.remedy
 
 
 def test_a_flipped_bit_in_an_array_is_noticed(tmp_path):

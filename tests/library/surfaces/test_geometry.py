@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 import trimesh
 from contacts import around
+from gstlib.change.registration import register
+from gstlib.change.texture import measure_texture
+from gstlib.contact import Interface
+from gstlib.preprocess.scans import prepare_scan
+from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import Place, on_patch, spline_of
 from gstlib.surfaces.frames import Frame, on_mesh
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
+from gstlib.surfaces.leveling import remove_plane
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -54,10 +60,62 @@ def test_a_field_lies_on_the_vertices_over_it():
 
 def test_coarser_elements_are_means_of_what_is_known():
     """Where the stone ends within one, it is not lost; what fills none in the end is left out."""
-    heights = np.array([[1.0, np.nan, 5.0], [3.0, 5.0, 7.0], [0.0, 0.0, 0.0]])
+    block = np.array([[1.0, np.nan], [3.0, 5.0]])
+    heights = np.pad(np.block([[block, 2 * block], [3 * block, 4 * block]]), (0, 1))
     found = coarser(make_surface(heights, (0.5, 0.25)), 2)
-    np.testing.assert_array_equal(found, [[3.0]])
+    np.testing.assert_array_equal(found, [[3.0, 6.0], [9.0, 12.0]])
     assert spacing_of(found) == (1.0, 0.5)
+
+
+def test_the_coordinates_decide_the_spacing():
+    """To the last digit that scans and grids have, also if the grid begins elsewhere."""
+    for spacing in (0.05, 0.125, 0.001660156, 0.85 / 512):
+        whole = around(np.zeros((300, 420)), spacing, 100 * spacing)
+        assert spacing_of(whole) == spacing_of(whole[100:, 50:]) == (spacing, spacing)
+    assert spacing_of(whole[::2, ::4]) == (2 * spacing, 4 * spacing)
+    assert spacing_of(whole.coarsen(y=2, x=4).mean()) == (2 * spacing, 4 * spacing)
+
+
+SURFACE = make_surface(np.random.default_rng(1).normal(size=(12, 16)), (0.002, 0.001))
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        SURFACE.transpose("x", "y"),
+        SURFACE[::-1],
+        SURFACE[:1],
+        SURFACE.drop_vars("y"),
+        SURFACE.assign_coords(x=SURFACE.x**2),
+        SURFACE.assign_coords(x=SURFACE.x.assign_attrs(spacing=0.002)),
+    ],
+)
+@pytest.mark.parametrize(
+    "use",
+    [
+        spacing_of,
+        remove_plane,
+        prepare_scan,
+        spline_of,
+        Interface.on_flat,
+        lambda surface: s_filtered(surface, None),
+        lambda surface: spacing_of(surface.to_dataset(name="height")),
+        lambda surface: Interface(SURFACE, surface),
+        lambda surface: register(SURFACE, surface, maximum_shift_mm=0.1),
+        lambda surface: measure_texture(
+            {"a": surface.to_dataset(name="height")}, {}, s_filter_um=8.0, l_filter_um=None
+        ),
+    ],
+)
+def test_a_surface_on_odd_coordinates_is_refused(made, use):
+    with pytest.raises(ValueError, match=r"coordinate|dimensions"):
+        use(made)
+
+
+def test_a_surface_is_made_of_another_as_its_coordinates_say():
+    np.testing.assert_array_equal(make_surface(SURFACE.T, (0.002, 0.001)), SURFACE)
+    with pytest.raises(ValueError, match="spacing"):
+        make_surface(SURFACE[::2], (0.002, 0.001))
 
 
 @pytest.mark.parametrize("spacing", [0.0, -1.0, np.nan, np.inf, (1.0, -1.0)])

@@ -1,0 +1,215 @@
+"""An `.x3p` in the form in which SurfaceTopography reads it, whatever program wrote it.
+
+ISO 25178-72 (once ISO 5436-2) asks for a zip file with ``main.xml`` and the binary heights that it
+names. Programs zip the folder around them, list the heights in ``main.xml``, or store steps.
+"""
+
+import datetime
+import hashlib
+import io
+import logging
+import math
+import re
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from gstlib.errors import InputError
+from gstlib.io.files import check_unpacked
+
+__all__ = ["plain_x3p"]
+
+_log = logging.getLogger(__name__)
+
+# Bytes of a height of each data type: whole steps, and floating-point numbers.
+_STEPS, _NUMBERS = {"I": 2, "L": 4}, {"F": 4, "D": 8}
+_REVISION = "ISO5436 - 2000"
+_POINTS, _VALID = "bindata/data.bin", "bindata/valid.bin"
+_EXPORT_AGAIN = "Export the scan again, as a surface with its increments, or as .sur or .plux."
+
+
+def plain_x3p(path: Path) -> io.BytesIO:
+    """The zip file with an index and heights as the first revision of the standard has them.
+
+    Raises
+    ------
+    InputError
+        It has no index or two; it holds no surface; or its heights or the mask of those that were
+        measured are missing, or have another size than is announced.
+    """
+    plain = io.BytesIO()
+    with zipfile.ZipFile(path) as given, zipfile.ZipFile(plain, "w") as copy:
+        members = _Members(path, given)
+        root = ElementTree.fromstring(members.index())
+        for element in root.iter():
+            element.tag = element.tag.rpartition("}")[2]  # some put all names into a namespace
+            element.text = (element.text or "").strip()
+        _make_plain(path, root)
+        for name, content in _contents(path, root, members).items():
+            copy.writestr(name, content)
+        copy.writestr("main.xml", ElementTree.tostring(root, "utf-8"))
+    plain.seek(0)
+    return plain
+
+
+class _Members:
+    """Files of an archive, found whatever their case, their slashes and the folder around them."""
+
+    def __init__(self, path: Path, archive: zipfile.ZipFile):
+        self._path, self._archive = path, archive
+        files = [one.filename for one in archive.infolist() if not one.is_dir()]
+        self._names = {_plain_name(name): name for name in files}
+        indices = [name for name in self._names if name.rpartition("/")[2] == "main.xml"]
+        outermost = min((name.count("/") for name in indices), default=0)
+        indices = [name for name in indices if name.count("/") == outermost]
+        if len(indices) != 1:
+            problem = f"holds {len(indices)} files main.xml, and an .x3p has one"
+            raise InputError(path, problem, _EXPORT_AGAIN)
+        self._index = indices[0]
+
+    def index(self) -> bytes:
+        return self._read(self._index)
+
+    def named(self, link: str) -> bytes:
+        """The file that the index names."""
+        name = self._index.removesuffix("main.xml") + _plain_name(link)
+        if name not in self._names:
+            problem = f"its main.xml names {link}, which is not in it"
+            raise InputError(self._path, problem, _EXPORT_AGAIN)
+        return self._read(name)
+
+    def _read(self, name: str) -> bytes:
+        check_unpacked(self._path, self._archive, [self._names[name]])
+        return self._archive.read(self._names[name])
+
+
+def _plain_name(name: str) -> str:
+    return re.sub(r"^(\./|/)+", "", name.replace("\\", "/")).lower()
+
+
+def _make_plain(path: Path, root: ElementTree.Element) -> None:
+    """Write the index as SurfaceTopography expects it, if it describes a surface."""
+    kind = root.findtext("Record1/FeatureType", "").upper()
+    if kind != "SUR":
+        raise InputError(path, f"holds no surface, but a feature {kind!r}", _EXPORT_AGAIN)
+    for where in ("Record1/FeatureType", *(f".//{name}" for name in ("AxisType", "DataType"))):
+        for element in root.findall(where):
+            element.text = str(element.text).upper()
+    for axis in "XYZ":
+        _check_axis(path, root, axis)
+    # whether heights are steps or numbers, they are offset + increment × what is stored
+    height_type = _element(root, "Record1/Axes/CZ/AxisType")
+    height_type.text = {"I": "A"}.get(str(height_type.text), height_type.text)
+    _element(root, "Record1/Revision").text = _REVISION
+    for record in root.findall("Record2"):
+        for date in record.findall("Date"):
+            if not _is_date(str(date.text)):
+                record.remove(date)
+
+
+def _check_axis(path: Path, root: ElementTree.Element, name: str) -> None:
+    """Refuse an axis without a scale; what is left empty is left out."""
+    axis = _element(root, f"Record1/Axes/C{name}")
+    for part in ("Increment", "Offset"):
+        for element in axis.findall(part):
+            if not element.text:
+                axis.remove(element)
+            elif not _is_number(element.text, positive=part == "Increment"):
+                problem = f"the {part} of its {name.lower()} axis is {element.text!r}"
+                raise InputError(path, problem, _EXPORT_AGAIN)
+    needs_scale = name != "Z" or axis.findtext("DataType") in _STEPS
+    if needs_scale and axis.find("Increment") is None:
+        problem = f"its {name.lower()} axis has no Increment"
+        raise InputError(path, problem, _EXPORT_AGAIN)
+
+
+def _contents(
+    path: Path, root: ElementTree.Element, members: _Members
+) -> dict[str, bytes | memoryview]:
+    """Heights, and the mask of those that were measured if there is one, by their plain names."""
+    record = _element(root, "Record3")
+    counts = [int(record.findtext(f"MatrixDimension/Size{axis}", "")) for axis in "XY"]
+    count = math.prod(counts)
+    height_type = _element(root, "Record1/Axes/CZ/DataType")
+    listed = record.find("DataList")
+    if listed is not None and not record.findtext("DataLink/PointDataLink"):
+        heights = _listed(path, listed)
+        height_type.text = "D"
+        for former in (*record.findall("DataLink"), listed):
+            record.remove(former)
+        link = ElementTree.SubElement(record, "DataLink")
+        ElementTree.SubElement(link, "PointDataLink").text = _POINTS
+        _check_bytes(path, heights.nbytes, count * heights.itemsize, "heights")
+        return {_POINTS: heights.data}
+    link = _element(record, "DataLink")
+    sizes = {
+        _POINTS: count * (_STEPS | _NUMBERS)[str(height_type.text)],
+        _VALID: (count + 7) // 8,
+    }
+    contents: dict[str, bytes | memoryview] = {}
+    for name, tag, what in (
+        (_POINTS, "PointData", "heights"),
+        (_VALID, "ValidPoints", "mask of measured points"),
+    ):
+        target = link.find(f"{tag}Link")
+        if target is not None and target.text:
+            contents[name] = members.named(target.text)
+            _check_bytes(path, len(contents[name]), sizes[name], what)
+            _mind_sum(path, contents[name], link.findtext(f"MD5Checksum{tag}", ""), what)
+            target.text = name
+        elif target is not None:
+            link.remove(target)
+    return contents
+
+
+def _listed(path: Path, listed: ElementTree.Element) -> np.ndarray:
+    """Heights that stand in the index itself, NaN for empty ones."""
+    texts = [datum.text or "nan" for datum in listed.findall("Datum")]
+    try:
+        return np.array(texts, dtype="<f8")
+    except ValueError as error:
+        problem = f"a height that its main.xml lists is no number ({error})"
+        raise InputError(path, problem, _EXPORT_AGAIN) from error
+
+
+def _check_bytes(path: Path, size: int, announced: int, what: str) -> None:
+    if size != announced:
+        problem = f"its {what} take {size} bytes, and {announced} are announced: it is damaged"
+        raise InputError(path, problem, "Copy the file, or export the scan, again.")
+
+
+def _mind_sum(path: Path, content: bytes | memoryview, stated: str, what: str) -> None:
+    """Warn if a member does not have the MD5 sum that is stated; zeros stand for none."""
+    own = hashlib.md5(content, usedforsecurity=False).hexdigest()
+    is_sum = re.fullmatch("[0-9a-f]{32}", stated.lower()) and stated.strip("0")
+    if is_sum and stated.lower() != own:
+        _log.warning(
+            "%s: its %s do not have the MD5 sum that its main.xml states: they may be damaged. "
+            "Compare the file with the original one",
+            path,
+            what,
+        )
+
+
+def _element(parent: ElementTree.Element, where: str) -> ElementTree.Element:
+    if (element := parent.find(where)) is None:
+        raise ValueError(f"its main.xml has no {where}")
+    return element
+
+
+def _is_number(text: str, *, positive: bool) -> bool:
+    try:
+        number = float(text)
+    except ValueError:
+        return False
+    return math.isfinite(number) and (number > 0 or not positive)
+
+
+def _is_date(text: str) -> bool:
+    """Whether a date is as the standard has it; of others, which month they mean is a guess."""
+    try:
+        return bool(datetime.datetime.fromisoformat(text))
+    except ValueError:
+        return False
