@@ -8,7 +8,7 @@ from gst.verdict import MODELS, used, where_to_scan
 from gst.verdict import verdict as verdict_of
 from gstlib.coupling.placement import AGREES, CANNOT_TELL, ELSEWHERE
 from gstlib.macroscale.sampling_sites import Concentration
-from gstlib.use.infer import BETTER, CONSISTENT
+from gstlib.use.infer import BETTER, CONSISTENT, UNKNOWN
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
@@ -296,7 +296,8 @@ def test_the_use_is_said_with_what_was_stated():
     assert "x 2.0 to 2.5, y 3.0 to 3.3 mm, radius 130 to 220 mm); stated were x 2.5 and y" in said
     assert used(use.assign(answer=CONSISTENT), 5.0)[0].startswith("Perhaps pressed at x 2.2 mm")
     assert "eyond" not in said
-    assert used(use.assign(effective_draws=0.0), 5.0)[0] == "Cannot be read from the wear"
+    none = use.assign(answer=f"{UNKNOWN}, because only 3 of 90 uses count")
+    assert used(none, 5.0)[1].startswith(", because only 3 of 90 uses count. The study goes on")
     off, where = used(use.assign(low=[-0.1, 3, 133.1]), 5.0)
     assert off == "Pressed near or beyond the edge x = 0 mm of the square"
     assert where.startswith(": found at x 2.2 mm and y 3.1 mm against a tool of 170 mm radius")
