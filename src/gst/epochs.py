@@ -1,19 +1,23 @@
 """Does each T1 show its patch, and after use? What a study of coarser scans says, in words."""
 
+import itertools
 import logging
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from gstlib.change.form import form_warning
 from gstlib.change.registration import register
 from gstlib.change.selection import exchanged_epochs, rise_warnings
-from gstlib.errors import GstError, InputError
+from gstlib.errors import FaultError, GstError, InputError
+from gstlib.preprocess.scans import mould_of
 from gstlib.study import Study
-from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.grid import make_surface, spacing_of
 
-__all__ = ["epochs_on_each_other"]
+__all__ = ["UNMATCHED", "epochs_on_each_other"]
 
 _log = logging.getLogger(__name__)
 
@@ -22,6 +26,11 @@ _log = logging.getLogger(__name__)
 _CO_LOCATED = 0.15
 # Registering a scan takes a tenth of a second.
 _MOST_TRIED = 100
+UNMATCHED = "unmatched"  # the fault's name, as which a config accepts it
+# Of so many T1 that do not match as they are, it is tried whether they match if laid otherwise.
+_MOST_LAID = 4
+# Among so many trials, an unrelated scan is found by chance: `_match` seldom exceeds 0.3.
+_SURE_MATCH = 0.5
 
 
 def epochs_on_each_other(study: Study) -> tuple[list[GstError], str]:
@@ -47,48 +56,137 @@ def _unregistered(study: Study) -> Iterator[InputError]:
             study.changes[patch]
         except InputError as error:
             study.worn.remove(patch)
-            yield InputError(files[patch], f"patch {patch}: {error.problem}", error.remedy)
+            yield error.about(files[patch], f"patch {patch}: {error.problem}")
 
 
-def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[InputError]:
-    """Each T1 that shows another patch; warnings of those found nowhere, or without their form."""
-    files, tried = study.patches.set_index("patch"), 0
-    for row in table.itertuples():
-        patch, t0, t1 = row.patch, files.t0[row.patch], files.t1[row.patch]
-        before, after = study.prepared[patch, "T0"].height, study.prepared[patch, "T1"].height
-        doubt = form_warning(before, after)
-        if row.found:
-            if doubt:
-                _log.warning("%s: patch %s: %s", t1, patch, doubt)
-            continue
+class _Laid(NamedTuple):
+    """How a T1 lies as it should not: quarter turns from x towards y after it was mirrored."""
+
+    is_inverted: bool
+    is_mirrored: bool
+    turns: int
+
+    def __str__(self) -> str:
+        angle, along = 90 * self.turns, ""
+        if self.is_mirrored:
+            along, angle = ("y", 0) if self.turns == 2 else ("x", angle)
+        said = ["with the sign of its heights changed"] if self.is_inverted else []
+        said += [f"reversed along {along}"] if along else []
+        said += [f"turned by {angle}° from x towards y"] if angle else []
+        return ", ".join(said)
+
+    def lay(self, surface: xr.DataArray) -> xr.DataArray:
+        """The surface, laid so."""
+        heights = surface.values[:, ::-1] if self.is_mirrored else surface.values
+        heights = np.rot90(heights, self.turns, axes=(1, 0))
+        dy, dx = spacing_of(surface)
+        return make_surface(
+            -heights if self.is_inverted else heights, (dx, dy) if self.turns % 2 else (dy, dx)
+        )
+
+
+# That of a mould comes first. T1 as it is has been tried.
+_LAID = [
+    how
+    for of in itertools.product((True, False), (True, False), range(4))
+    if any(how := _Laid(*of))
+]
+
+
+def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultError]:
+    """Faults of the T1 that match otherwise, or nowhere if none matches; warnings of the others."""
+    files, doubts = study.patches.set_index("patch"), {}
+    for patch in table.patch:
+        scans = (study.prepared[patch, epoch].height for epoch in ("T0", "T1"))
+        if doubt := form_warning(*scans):
+            doubts[patch] = doubt
+            _log.warning("%s: patch %s: %s", files.t1[patch], patch, doubt)
+    is_found = table.found.astype(bool)
+    lost = table.patch[~is_found].tolist()
+    laid = _laid_otherwise(study, lost)
+    for how, patches in laid.items():
+        yield _laid_fault(study, patches, str(how))
+    lost, tried = [patch for patch in lost if patch not in itertools.chain(*laid.values())], 0
+    for patch in [*lost]:
         others = [name for name in study.patches.patch if name != patch][: _MOST_TRIED - tried]
         tried += len(others)
         if other := _found_on(study, patch, others):
+            lost.remove(patch)
             problem = (
-                f"as T1 of patch {patch}, it is not found on {t0}, but on T0 of patch {other}"
+                f"as T1 of patch {patch}, it is not found on {files.t0[patch]}, but on T0 of "
+                f"patch {other}"
             )
-            yield InputError(t1, problem, "Correct t1 in the patch table.")
-        else:
-            remedy = (
-                "check both names in the patch table, registration.maximum_shift_mm, and that no "
-                "form was taken out of one of the two"
-            )
-            _log.warning(
-                "%s: as T1 of patch %s, it is not found on %s: %s",
-                t1,
-                patch,
-                t0,
-                doubt or remedy,
-            )
+            remedy = "Correct t1 in the patch table."
+            yield FaultError(UNMATCHED, files.t1[patch], problem, remedy, [patch])
+    remedy = (
+        "Check the names in the patch table and registration.maximum_shift_mm, and that no form "
+        "was taken out of one of the two."
+    )
+    if lost and len(lost) == len(table):
+        named, problem = (
+            ", ".join(files.t1[lost]),
+            f"none of the {len(lost)} T1 scans matches its T0",
+        )
+        yield FaultError(UNMATCHED, named, problem, remedy)
+    elif lost := [patch for patch in lost if patch not in doubts]:
+        named = ", ".join(files.t1[lost])
+        every = "its T1 is" if len(lost) == 1 else "their T1 are"
+        problem = f"patch {', '.join(lost)}: {every} not found on T0"
+        _log.warning("%s: %s. %s", named, problem, remedy)
+
+
+def _laid_otherwise(study: Study, lost: list[str]) -> dict[_Laid, list[str]]:
+    """Patches whose T1 matches its T0 if its file is laid otherwise, by how it then lies."""
+    laid: dict[_Laid, list[str]] = {}
+    rows, mould = study.patches.set_index("patch"), study.config["scans"]["mould"]
+    for number, patch in enumerate(lost):
+        before, after = (study.prepared[patch, epoch].height for epoch in ("T0", "T1"))
+        is_flipped = mould_of(mould, rows.loc[patch].get("flip", ""))["flip"] is not None
+        matches = {}
+        for how in _LAID if number < _MOST_LAID else [*laid]:
+            # a reversal reverses the sense of turns
+            seen = how._replace(turns=-how.turns % 4) if is_flipped else how
+            matches[how] = _match(study, before, seen.lay(after))
+        best = max(matches, key=matches.__getitem__, default=None)
+        if best is not None and matches[best] > _SURE_MATCH:
+            laid.setdefault(best, []).append(patch)
+    return laid
+
+
+def _laid_fault(study: Study, patches: list[str], how: str) -> FaultError:
+    """That these T1 match if they are laid otherwise."""
+    files = study.patches.set_index("patch").t1
+    if len(patches) == len(study.worn) > 1:
+        who = f"all {len(patches)} T1 match their T0"
+    else:
+        who = f"T1 of patch {', '.join(patches)} match{'es' * (len(patches) == 1)} T0"
+    problem = f"{who} only {how}"
+    remedy = (
+        "scans.mould and flip hold for both epochs: export T1 so that it lies as T0 does, or scan "
+        "both epochs on the stone, or both on moulds."
+    )
+    return FaultError(UNMATCHED, ", ".join(files[patches]), problem, remedy, patches)
 
 
 def _found_on(study: Study, patch: str, others: list[str]) -> str | None:
     """The first of the other patches whose T0 is on this one's T1."""
-    after, settings = study.prepared[patch, "T1"].height, study.config["registration"]
+    after = study.prepared[patch, "T1"].height
     for other in others:
-        if register(study.prepared[other, "T0"].height, after, **settings).found:
+        if _match(study, study.prepared[other, "T0"].height, after):
             return other
     return None
+
+
+def _match(study: Study, before: xr.DataArray, after: xr.DataArray) -> float:
+    """How well a scan matches another one on which it is found; 0 if it is not found.
+
+    It is the correlation of the detail, times the root of the overlap.
+    """
+    try:
+        match = register(before, after, **study.config["registration"])
+    except InputError:  # of other spacings, or heights
+        return 0.0
+    return match.detail_correlation * match.overlap**0.5 if match.found else 0.0
 
 
 def _shifts(study: Study, found: pd.DataFrame) -> str:

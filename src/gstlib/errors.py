@@ -10,6 +10,7 @@ import itertools
 import logging
 from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
+from typing import Self
 
 __all__ = [
     "FAULTS",
@@ -29,6 +30,8 @@ _log = logging.getLogger(__name__)
 NOTE = 25
 logging.addLevelName(NOTE, "NOTE")
 
+# A message lists no more patches that can be accepted one by one.
+_MOST_LISTED = 3
 # What each fault says, by the name under which a config accepts it.
 FAULTS = {
     "placement": "patches do not lie on the mesh as the table and the config say",
@@ -36,6 +39,7 @@ FAULTS = {
     "thickness": "the stone is thinner under the square than any tool",
     "units": "heights are in another unit than those of the other scans or of the mesh",
     "same_scan": "two scans have the same heights",
+    "unmatched": "no T1 matches its T0, or it does if it is laid otherwise, or on another patch",
 }
 
 
@@ -59,6 +63,12 @@ class InputError(GstError):
     def __init__(self, source: str | Path, problem: str, remedy: str):
         super().__init__(source, problem, remedy)
         self.source, self.problem, self.remedy = str(source), problem.rstrip("."), remedy
+
+    def about(self, source: str | Path, problem: str) -> Self:
+        """The same error of another source, in other words."""
+        other = copy.copy(self)
+        other.source, other.problem = str(source), problem.rstrip(".")
+        return other
 
     def __str__(self) -> str:
         # A problem that is a list ends its last line itself.
@@ -98,10 +108,12 @@ class FaultError(InputError):
 
     def __str__(self) -> str:
         by_patch = [f"{self.name}:{patch}" for patch in self.patches]
-        accept = f"accept: [{', '.join(by_patch or [self.name])}]"
-        for_all = f", or accept: [{self.name}] for all patches" if by_patch else ""
-        hint = f"If it is right as it is, write {accept}{for_all} in the config."
-        return f"{super().__str__()} {hint}"
+        accept = f"accept: [{self.name}]"
+        if len(by_patch) > _MOST_LISTED:
+            accept += f" for all patches, or {by_patch[0]} and likewise for single ones,"
+        elif by_patch:
+            accept = f"accept: [{', '.join(by_patch)}], or {accept} for all patches,"
+        return f"{super().__str__()} If it is right as it is, write {accept} in the config."
 
     def is_accepted(self, accepted: Container[str]) -> bool:
         """Whether `accepted` has the fault's name, or ``name:patch`` for each of its patches."""
@@ -141,8 +153,8 @@ def _as_one(errors: list[GstError]) -> GstError:
     first = errors[0]
     if len(errors) == 1 or not isinstance(first, InputError):
         return first
-    whole = copy.copy(first)
-    whole.source = ", ".join(error.source for error in errors if isinstance(error, InputError))
+    sources = (error.source for error in errors if isinstance(error, InputError))
+    whole = first.about(", ".join(sources), first.problem)
     if isinstance(whole, FaultError):
         by_fault = [error.patches for error in errors if isinstance(error, FaultError)]
         # a fault without patches can be accepted only as a whole
