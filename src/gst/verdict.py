@@ -312,6 +312,8 @@ def _range(values: pd.Series, least: float, unit: str) -> str:
 
 def _which(losses: pd.DataFrame) -> tuple[str, str]:
     """Which patches lost height, how much of their area and how deep; and what of the others."""
+    if not losses.found.eq(True).any():
+        return "Not known", ": no scan after use (T1) matches its T0, so no loss is known."
     known = losses.dropna(subset="mean_wear_depth_um")
     lost, certain = known.loss_fraction > 0, known.above_noise.astype(bool)
     worn = known[lost & certain].sort_values("mean_wear_depth_um", ascending=False)
@@ -470,9 +472,10 @@ def _untouched(summary: pd.DataFrame, losses: pd.DataFrame) -> tuple[str, str]:
     row = summary.loc[("", TOUCHED)]
     said = {1: "Yes", -1: "No, untouched patches wore more", 0: "Not shown"}
     who, other = ("one" if len(of) == 1 else len(of) for of in (untouched, touched))
+    are = "is" if len(touched) == 1 else "are"
     means = [_at_least(of.mean(), 0.01, "µm") for of in (untouched, touched)]
     return said[sign_of(row)], (
-        f": the {who} that nothing touches lost {means[0]} on average, the {other} that are "
+        f": the {who} that nothing touches lost {means[0]} on average, the {other} that {are} "
         f"touched {means[1]} ({_p(row.p_value)})."
     )
 

@@ -75,7 +75,7 @@ def compared(
     )
     lost = {"patch": list("abcd"), "mean_wear_depth_um": [0.2, 0.4, 0.6, 0.05], "above_noise": True}
     lost |= {"loss_fraction": [0.1, 0.2, 0.3, 0.04]}
-    lost |= {"mean_depth_where_worn_um": [2.0, 2.0, 2.0, 1.25], "excluded": False}
+    lost |= {"mean_depth_where_worn_um": [2.0, 2.0, 2.0, 1.25], "excluded": False, "found": True}
     return loaded([1.0, 2.0, 3.0, 0.0]) | {
         "registration": pd.DataFrame(lost),
         "validation_patches": patches,
@@ -115,6 +115,7 @@ def test_a_single_patch_has_no_share_and_none_may_be_touched():
         ({"loss_fraction": [0.1, 0.2, 0.3, 0.0]}, "3 of 4 (patches c, b and a)"),
         ({"loss_fraction": [0.1, 0.2, 0.3, 0.0]}, "; 1 lost less than the scans can show."),
         ({"loss_fraction": [0.1, 0.2, 0.3, 2e-5]}, ": on less than 0.1 % to 30 % of"),
+        ({"found": [False, NAN, False, False]}, "Not known: no scan after use (T1) matches its T0"),
         ({"loss_fraction": 0.0}, "None of 4; 4 lost less than the scans can show."),
         (
             {"mean_wear_depth_um": [NAN, 0.4, NAN, NAN]},
@@ -132,7 +133,8 @@ def test_which_patches_wore(changes, said):
 def test_of_many_worn_patches_the_most_worn_is_named():
     names = list("abcdefgh")
     of = {"mean_wear_depth_um": range(8), "loss_fraction": 0.5, "mean_depth_where_worn_um": 1.0}
-    many = pd.DataFrame({"patch": names, "above_noise": True, "excluded": False} | of)
+    of |= {"above_noise": True, "excluded": False, "found": True}
+    many = pd.DataFrame({"patch": names} | of)
     tables = compared() | loaded([1.0] * 9) | {"registration": many}
     assert line(WORE, tables).startswith("8 of 8, patch h the most: on 50 % of the area, 1 µm deep")
     assert line(WORE, tables).endswith("; of 1 more no loss is known.")

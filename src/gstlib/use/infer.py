@@ -162,7 +162,10 @@ def infer_use(
             f"than the noise, or there are fewer than {FEWEST_PATCHES} patches: scan more places "
             "that wore"
         )
-        return _unknown("too few patches wore", remedy)
+        few = f"the wear of only {len(patches)} patches is known"
+        return _unknown(
+            few if len(patches) < FEWEST_PATCHES else "too few patches wore", remedy
+        )
     generator = np.random.default_rng([sampling.seed, 6])
     height = coarser(face.height, _COARSER)
     means = patch_means(height, patches, size_mm=patch_mm)

@@ -311,7 +311,12 @@ def test_four_worn_patches_of_six_tell_something(face, patches):
 
 
 @pytest.mark.parametrize(
-    "losses", [Losses(np.zeros(16)), Losses(np.ones(5)), Losses(np.ones(16), np.arange(16) < 3)]
+    "losses",
+    [
+        Losses(np.zeros(16), np.full(16, True)),
+        Losses(np.ones(5)),
+        Losses(np.ones(16), np.arange(16) < 3),
+    ],
 )
 def test_nothing_is_inferred_from_too_little(face, patches, losses):
     use = infer(face, patches[: len(losses.depth_um)], losses)
