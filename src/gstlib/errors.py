@@ -8,7 +8,9 @@ to know.
 import copy
 import itertools
 import logging
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Self
 
@@ -22,7 +24,7 @@ __all__ = [
     "InputsError",
     "OutputError",
 ]
-__all__ += ["raise_unless_accepted", "unaccepted"]
+__all__ += ["accepting", "concerning", "raise_unless_accepted", "refuse", "unaccepted"]
 
 _log = logging.getLogger(__name__)
 
@@ -39,6 +41,11 @@ FAULTS = {
     "thickness": "the stone is thinner under the square than any tool",
     "units": "heights are in another unit than those of the other scans or of the mesh",
     "same_scan": "two scans have the same heights",
+    "odd_scan": "no instrument measures such heights, or a part of the file is lost",
+    "holes": "the mesh has large holes in the square",
+    "face": "most of the face lies beyond the stone",
+    "apart": "the active tool, as it is posed, does not touch the passive one",
+    "memory": "this machine has too little memory",
     "unmatched": "no T1 matches its T0, or it does if it is laid otherwise, or on another patch",
 }
 
@@ -64,10 +71,11 @@ class InputError(GstError):
         super().__init__(source, problem, remedy)
         self.source, self.problem, self.remedy = str(source), problem.rstrip("."), remedy
 
-    def about(self, source: str | Path, problem: str) -> Self:
+    def about(self, source: str | Path, problem: str, remedy: str | None = None) -> Self:
         """The same error of another source, in other words."""
         other = copy.copy(self)
         other.source, other.problem = str(source), problem.rstrip(".")
+        other.remedy = remedy or self.remedy
         return other
 
     def __str__(self) -> str:
@@ -167,16 +175,49 @@ def unaccepted(errors: Iterable[GstError], accepted: Container[str]) -> list[Gst
 
     `accepted` holds names of faults, and ``name:patch`` for single patches.
     """
-    stopping = []
-    for error in errors:
-        if isinstance(error, FaultError) and error.is_accepted(accepted):
-            _log.error("%s", InputError.__str__(error))
-        else:
-            stopping.append(error)
-    return stopping
+    return [error for error in errors if not _passes(error, accepted)]
+
+
+def _passes(error: GstError, accepted: Container[str]) -> bool:
+    """Whether an error is a fault that is accepted; it is then logged."""
+    if passes := isinstance(error, FaultError) and error.is_accepted(accepted):
+        _log.error("%s", InputError.__str__(error))
+    return passes
 
 
 def raise_unless_accepted(errors: Iterable[GstError], accepted: Container[str]) -> None:
     """Raise the errors that stop a study, as one; `accepted` is that of `unaccepted`."""
     if stopping := unaccepted(errors, accepted):
         raise InputsError(stopping)
+
+
+# What is accepted, and the patches that are concerned, for checks deep within a reader.
+_ACCEPTED: ContextVar[Container[str]] = ContextVar("accepted", default=())
+_CONCERNED: ContextVar[Sequence[str]] = ContextVar("concerned", default=())
+
+
+@contextmanager
+def accepting(accepted: Container[str]) -> Iterator[None]:
+    """Let `refuse` accept these faults; `accepted` is that of `unaccepted`."""
+    token = _ACCEPTED.set(accepted)
+    try:
+        yield
+    finally:
+        _ACCEPTED.reset(token)
+
+
+@contextmanager
+def concerning(patches: Sequence[str]) -> Iterator[None]:
+    """Let the faults of `refuse` concern these patches."""
+    token = _CONCERNED.set(patches)
+    try:
+        yield
+    finally:
+        _CONCERNED.reset(token)
+
+
+def refuse(fault: FaultError) -> None:
+    """Raise a fault, unless it is accepted where this is called (`accepting`)."""
+    fault.patches = fault.patches or tuple(_CONCERNED.get())
+    if not _passes(fault, _ACCEPTED.get()):
+        raise fault
