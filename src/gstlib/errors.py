@@ -89,7 +89,7 @@ class ConfigError(InputError):
 
 
 class FaultError(InputError):
-    """A judgement that a result is wrong, which a user who knows better can accept.
+    """What makes a result wrong, unless a user who knows better accepts it.
 
     Parameters
     ----------
