@@ -1,8 +1,9 @@
 """Does each T1 show its patch, and after use? What a study of coarser scans says, in words."""
 
+import itertools
 import logging
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -10,24 +11,28 @@ import xarray as xr
 
 from gst.patches import at_epoch
 from gstlib.change.form import form_warning
-from gstlib.change.registration import register
-from gstlib.change.selection import exchanged_epochs, rise_warnings
-from gstlib.coupling.placement import ORIENTATIONS, oriented
+from gstlib.change.registration import is_one_way, register
+from gstlib.change.selection import exchanged_epochs, other_heights, rise_warnings
 from gstlib.errors import FaultError, GstError, InputError
+from gstlib.preprocess.scans import mould_of
 from gstlib.study import Study
 from gstlib.surfaces.filtering import low_pass
 from gstlib.surfaces.grid import make_surface, spacing_of
 
-__all__ = ["EPOCHS", "epochs_on_each_other", "found_as"]
+__all__ = ["UNMATCHED", "epochs_on_each_other", "found_as"]
 
 _log = logging.getLogger(__name__)
 
-EPOCHS = "epochs"  # the fault's name, as which a config accepts it
 # T1 that other software has laid on T0 is off by half a point at most: of a scan four times as fine
 # as the coarse one, with the error of its registration, a hundredth.
 _CO_LOCATED = 0.15
 # Registering a scan takes a tenth of a second.
 _MOST_TRIED = 100
+UNMATCHED = "unmatched"  # the fault's name, as which a config accepts it
+# Of so many T1 that do not match as they are, it is tried whether they match if laid otherwise.
+_MOST_LAID = 4
+# Among so many trials, an unrelated scan is found by chance: `_match` seldom exceeds 0.3.
+_SURE_MATCH = 0.5
 # Long waves that may have been removed from a scan: those longer than these shares of its side.
 _CUTS = 1 / 4, 1 / 13
 # ASSUME: if two scans match in their short waves alone, and one has less than this share of the
@@ -42,8 +47,10 @@ def epochs_on_each_other(study: Study) -> tuple[list[GstError], str]:
     """
     problems: list[GstError] = [*_unregistered(study)]
     table = study.registration
-    problems += _unlike_their_patch(study, table)
-    problems += exchanged_epochs(table)
+    unlike = [*_unlike_their_patch(study, table)]
+    problems += unlike
+    named = {patch for fault in unlike for patch in fault.patches}
+    problems += [*other_heights(table[~table.patch.isin(named)]), *exchanged_epochs(table)]
     # that much may be noise is no news of scans so coarse
     for odd in rise_warnings(table, max_noise_fraction=np.inf):
         _log.warning("%s", odd)
@@ -51,99 +58,137 @@ def epochs_on_each_other(study: Study) -> tuple[list[GstError], str]:
 
 
 def found_as(before: xr.DataArray, after: xr.DataArray, *, maximum_shift_mm: float) -> str:
-    """The orientation in which a scan is found on an earlier one; empty if there is none.
+    """How a scan has to be laid to be found on an earlier one; empty if no way is known.
 
     Both are level (mm), and the later scan is not found as it is.
     """
-    dy, dx = spacing_of(after)
-    for name, (_, turn) in list(ORIENTATIONS.items())[1:]:
-        steps = (dx, dy) if turn % 180 else (dy, dx)
-        turned = make_surface(oriented(after.values, name), steps)
-        if _is_found(before, turned, maximum_shift_mm=maximum_shift_mm):
-            return name
+    for how in _LAID:
+        if not how.is_inverted and _match(before, how.lay(after), maximum_shift_mm):
+            return str(how)
     return ""
-
-
-def _is_found(before: xr.DataArray, after: xr.DataArray, **settings: float) -> bool:
-    try:
-        return register(before, after, **settings).found
-    except InputError:  # another spacing, or other heights
-        return False
 
 
 def _unregistered(study: Study) -> Iterator[InputError]:
     """Why a T1 cannot be registered, by its file; without these, the study has a table."""
-    rows = {row.patch: row for row in study.patches.itertuples()}
+    files = study.patches.set_index("patch").t1
     for patch in list(study.worn):
         try:
             study.changes[patch]
         except InputError as error:
             study.worn.remove(patch)
-            scans = [study.prepared[patch, epoch].height for epoch in ("T0", "T1")]
-            if removed := _without_long_waves(*scans, **study.config["registration"]):
-                yield _filtered(rows[patch], removed)
-            else:
-                problem = f"patch {patch}: {error.problem}"
-                yield InputError(rows[patch].t1, problem, error.remedy)
+            yield error.about(files[patch], f"patch {patch}: {error.problem}")
 
 
-def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[InputError]:
-    """Why a T1 is not on its T0, and on which it is; warnings of others, or without their form."""
-    found, tried = table.set_index("patch").found, 0
-    for row in study.patches[study.patches.patch.isin(found.index)].itertuples():
+class _Laid(NamedTuple):
+    """How a T1 lies as it should not: quarter turns from x towards y after it was mirrored."""
+
+    is_inverted: bool
+    is_mirrored: bool
+    turns: int
+
+    def __str__(self) -> str:
+        angle, along = 90 * self.turns, ""
+        if self.is_mirrored:
+            along, angle = ("y", 0) if self.turns == 2 else ("x", angle)
+        said = ["with the sign of its heights changed"] if self.is_inverted else []
+        said += [f"reversed along {along}"] if along else []
+        said += [f"turned by {angle}° from x towards y"] if angle else []
+        return ", ".join(said)
+
+    def lay(self, surface: xr.DataArray) -> xr.DataArray:
+        """The surface, laid so."""
+        heights = surface.values[:, ::-1] if self.is_mirrored else surface.values
+        heights = np.rot90(heights, self.turns, axes=(1, 0))
+        dy, dx = spacing_of(surface)
+        return make_surface(
+            -heights if self.is_inverted else heights, (dx, dy) if self.turns % 2 else (dy, dx)
+        )
+
+
+# That of a mould comes first. T1 as it is has been tried.
+_LAID = [
+    how
+    for of in itertools.product((True, False), (True, False), range(4))
+    if any(how := _Laid(*of))
+]
+
+
+def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultError]:
+    """Faults of the T1 that match otherwise, or nowhere if none matches; warnings of the others."""
+    files, doubts = study.patches.set_index("patch"), {}
+    lost = table.patch[~table.found.astype(bool)].tolist()
+    for row in table.itertuples():
         scans = [study.prepared[row.patch, epoch].height for epoch in ("T0", "T1")]
-        doubt = form_warning(*scans)
-        if found[row.patch]:
-            removed = _without_long_waves(*scans, **study.config["registration"])
-            if doubt:
-                _log.warning("%s: patch %s: %s", row.t1, row.patch, doubt)
-            elif removed:
-                _log.warning("%s", InputError.__str__(_filtered(row, removed)))
-            continue
-        reason = _reason(study, row, scans, most=_MOST_TRIED - tried)
-        tried += len(_CUTS) + len(ORIENTATIONS) + len(study.patches)
-        if reason:
-            yield reason
-            continue
-        remedy = (
-            "check both names in the patch table, registration.maximum_shift_mm, and that no "
-            "form was taken out of one of the two"
-        )
-        _log.warning(
-            "%s: as T1 of patch %s, it is not found on %s: %s",
-            row.t1,
-            row.patch,
-            row.t0,
-            doubt or remedy,
-        )
-
-
-def _reason(
-    study: Study, row: Any, scans: Sequence[xr.DataArray], *, most: int
-) -> InputError | None:
-    """Why a T1 is not found on its T0, by at `most` so many registrations; None if none tells."""
-    settings = study.config["registration"]
-    most -= len(_CUTS) + len(ORIENTATIONS)
-    if most < 0:
-        return None
-    # a form that is missing is told by a warning, whether T1 is found or not
-    if not form_warning(*scans) and (removed := _without_long_waves(*scans, **settings)):
-        return _filtered(row, removed)
-    if orientation := found_as(*scans, **settings):
-        return _turned(row, orientation)
-    others = [name for name in study.patches.patch if name != row.patch]
-    for other in others[:most]:
-        if _is_found(study.prepared[other, "T0"].height, scans[1], **settings):
-            problem = (
-                f"as T1 of patch {row.patch}, it is not found on {row.t0}, but on T0 of patch "
-                f"{other}"
+        if doubt := form_warning(*scans):
+            doubts[row.patch] = doubt
+            _log.warning("%s: patch %s: %s", files.t1[row.patch], row.patch, doubt)
+        elif fault := _filtered(study, row.patch, scans):
+            lost = [patch for patch in lost if patch != row.patch]
+            yield fault
+        elif not row.found and is_one_way(row.detail_correlation, row.slope_correlation):
+            doubts[row.patch] = "one way"
+            _log.warning(
+                "%s: patch %s: its striae match those of T0, but no detail shows where along them. "
+                "Scan a larger area, or one with a pit or a scar",
+                files.t1[row.patch],
+                row.patch,
             )
-            return InputError(row.t1, problem, "Correct t1 in the patch table.")
-    return None
+    laid = _laid_otherwise(study, [patch for patch in lost if patch not in doubts])
+    for how, patches in laid.items():
+        yield _laid_fault(study, patches, str(how))
+    lost = [patch for patch in lost if patch not in itertools.chain(*laid.values())]
+    tried = 0
+    for patch in [*lost]:
+        others = [name for name in study.patches.patch if name != patch][: _MOST_TRIED - tried]
+        tried += len(others)
+        if other := _found_on(study, patch, others):
+            lost.remove(patch)
+            problem = (
+                f"as T1 of patch {patch}, it is not found on {files.t0[patch]}, but on T0 of "
+                f"patch {other}"
+            )
+            remedy = "Correct t1 in the patch table."
+            yield FaultError(UNMATCHED, files.t1[patch], problem, remedy, [patch])
+    yield from _matching_nothing(files.t1, lost, doubts, whole=len(lost) == len(table))
+
+
+def _matching_nothing(
+    files: pd.Series, lost: list[str], doubts: dict[str, str], *, whole: bool
+) -> Iterator[FaultError]:
+    """A fault if T1 of the `whole` table match nothing, else a warning of those without a doubt."""
+    remedy = (
+        "Check the names in the patch table and registration.maximum_shift_mm, and that no form "
+        "was taken out of one of the two."
+    )
+    if lost and whole:
+        problem = f"none of the {len(lost)} T1 scans matches its T0"
+        yield FaultError(UNMATCHED, ", ".join(files[lost]), problem, remedy)
+    elif lost := [patch for patch in lost if patch not in doubts]:
+        every = "its T1 is" if len(lost) == 1 else "their T1 are"
+        problem = f"patch {', '.join(lost)}: {every} not found on T0"
+        _log.warning("%s: %s. %s", ", ".join(files[lost]), problem, remedy)
+
+
+def _filtered(study: Study, patch: str, scans: Sequence[xr.DataArray]) -> FaultError | None:
+    """The fault of a patch, one of whose scans has lost its long waves to a filter."""
+    removed = _without_long_waves(*scans, study.config["registration"]["maximum_shift_mm"])
+    if removed is None:
+        return None
+    epoch, length_mm = removed
+    other = "T0" if epoch == "T1" else "T1"
+    file = study.patches.set_index("patch").loc[patch, epoch.lower()]
+    return FaultError(
+        UNMATCHED,
+        f"{file} ({at_epoch(patch, epoch)})",
+        f"it fits {other} only in waves shorter than {float(f'{length_mm * 1e3:.2g}'):g} µm, as "
+        "after a filter that removes the longer ones",
+        "Export both scans with no more than a plane removed.",
+        [patch],
+    )
 
 
 def _without_long_waves(
-    before: xr.DataArray, after: xr.DataArray, **settings: float
+    before: xr.DataArray, after: xr.DataArray, maximum_shift_mm: float
 ) -> tuple[str, float] | None:
     """The epoch whose long waves were removed, and how long these are (mm), if that is so.
 
@@ -155,42 +200,74 @@ def _without_long_waves(
         long = [low_pass(scan.values, spacing, cut * side) for scan in scans]
         short = [scan.copy(data=scan.values - w) for scan, w in zip(scans, long, strict=True)]
         for epoch, (one, other) in {"T0": (0, 1), "T1": (1, 0)}.items():
-            lower, apart = _times(long, one, other), _times(short, one, other)
+            lower, apart = (_times(waves[one], waves[other]) for waves in (long, short))
             # polish lowers short waves alone, and another unit both alike
             if max(lower, lower / apart) < _MISSING:
-                alike = [short[0], short[1] / _times(short, 1, 0)]
-                if _is_found(*alike, **settings):
+                alike = short[1] / _times(short[1], short[0])
+                if _match(short[0], alike, maximum_shift_mm):
                     return epoch, cut * side
     return None
 
 
-def _times(waves: Sequence[Any], one: int, other: int) -> float:
+def _times(one: np.ndarray | xr.DataArray, other: np.ndarray | xr.DataArray) -> float:
     """How many times as high (r.m.s.) the waves of one scan are as those of the other."""
-    return float(waves[one].std() / max(waves[other].std(), np.finfo(float).tiny))
+    return float(one.std() / max(other.std(), np.finfo(float).tiny))
 
 
-def _filtered(row: Any, removed: tuple[str, float]) -> FaultError:
-    """One of the two scans of a patch without its long waves."""
-    epoch, length_mm = removed
-    other, file = ("T0", row.t1) if epoch == "T1" else ("T1", row.t0)
-    length_um = float(f"{length_mm * 1e3:.2g}")
-    return FaultError(
-        EPOCHS,
-        f"{file} ({at_epoch(row.patch, epoch)})",
-        f"it fits {other} only in waves shorter than {length_um:g} µm, as after a filter that "
-        "removes the longer ones",
-        "Export both scans with no more than a plane removed.",
+def _laid_otherwise(study: Study, lost: list[str]) -> dict[_Laid, list[str]]:
+    """Patches whose T1 matches its T0 if its file is laid otherwise, by how it then lies."""
+    laid: dict[_Laid, list[str]] = {}
+    settings = study.config["registration"]
+    rows, mould = study.patches.set_index("patch"), study.config["scans"]["mould"]
+    for number, patch in enumerate(lost):
+        before, after = (study.prepared[patch, epoch].height for epoch in ("T0", "T1"))
+        is_flipped = mould_of(mould, rows.loc[patch].get("flip", ""))["flip"] is not None
+        matches = {}
+        for how in _LAID if number < _MOST_LAID else [*laid]:
+            # a reversal reverses the sense of turns
+            seen = how._replace(turns=-how.turns % 4) if is_flipped else how
+            matches[how] = _match(before, seen.lay(after), settings["maximum_shift_mm"])
+        best = max(matches, key=matches.__getitem__, default=None)
+        if best is not None and matches[best] > _SURE_MATCH:
+            laid.setdefault(best, []).append(patch)
+    return laid
+
+
+def _laid_fault(study: Study, patches: list[str], how: str) -> FaultError:
+    """That these T1 match if they are laid otherwise."""
+    files = study.patches.set_index("patch").t1
+    if len(patches) == len(study.worn) > 1:
+        who = f"all {len(patches)} T1 match their T0"
+    else:
+        who = f"T1 of patch {', '.join(patches)} match{'es' * (len(patches) == 1)} T0"
+    problem = f"{who} only {how}"
+    remedy = (
+        "scans.mould and flip hold for both epochs: export T1 so that it lies as T0 does, or scan "
+        "both epochs on the stone, or both on moulds."
     )
+    return FaultError(UNMATCHED, ", ".join(files[patches]), problem, remedy, patches)
 
 
-def _turned(row: Any, orientation: str) -> FaultError:
-    return FaultError(
-        EPOCHS,
-        f"{row.t1} ({at_epoch(row.patch, 'T1')})",
-        f"it is found on T0 only if it is {orientation}",
-        "Turn or mirror this map so that it lies as T0 does, and export it again; or leave t1 "
-        "empty in the patch table.",
-    )
+def _found_on(study: Study, patch: str, others: list[str]) -> str | None:
+    """The first of the other patches whose T0 is on this one's T1."""
+    after = study.prepared[patch, "T1"].height
+    shift_mm = study.config["registration"]["maximum_shift_mm"]
+    for other in others:
+        if _match(study.prepared[other, "T0"].height, after, shift_mm):
+            return other
+    return None
+
+
+def _match(before: xr.DataArray, after: xr.DataArray, maximum_shift_mm: float) -> float:
+    """How well a scan matches another one on which it is found; 0 if it is not found.
+
+    It is the correlation of the detail, times the root of the overlap.
+    """
+    try:
+        match = register(before, after, maximum_shift_mm=maximum_shift_mm)
+    except InputError:  # of other spacings
+        return 0.0
+    return match.detail_correlation * match.overlap**0.5 if match.found else 0.0
 
 
 def _shifts(study: Study, found: pd.DataFrame) -> str:

@@ -21,7 +21,15 @@ from gst.inspecting import scan_facts
 from gst.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
 from gst.tables import columns_of
 from gstlib.contact import check_grid
-from gstlib.errors import ConfigError, FaultError, GstError, InputError, unaccepted
+from gstlib.errors import (
+    ConfigError,
+    FaultError,
+    GstError,
+    InputError,
+    accepting,
+    concerning,
+    unaccepted,
+)
 from gstlib.io.meshes import UNITS, read_mesh
 from gstlib.io.scans import read_scan, unit_remedy
 from gstlib.macroscale.active_tool import stated_tool
@@ -155,7 +163,8 @@ def _read_stone(
             # the fastest interpolation: to look at, and to hold scans against
             settings = {**asked.face, "interpolation": "linear", "source": str(mesh)}
             tool = stated_tool(asked.active_tool, asked.rounded)
-            face = grid_macroscale(stone, **settings, active_tool=tool)[0]
+            with accepting(asked.accept):
+                face = grid_macroscale(stone, **settings, active_tool=tool)[0]
             return stone, frame, face, list(thin_stone(face.height, source=mesh))
     except GstError as error:
         return stone, frame, face, [error]
@@ -199,7 +208,8 @@ def _read_scans(
     for path, uses in by_file.items():
         try:
             unit, spacing_um = asked.scan_settings["unit"], asked.scan_settings["spacing_um"]
-            whole = read_scan(path, unit=unit, spacing_um=spacing_um)
+            with accepting(asked.accept), concerning([use.patch for use in uses]):
+                whole = read_scan(path, unit=unit, spacing_um=spacing_um)
         except GstError as error:
             read.problems.append(error)
             continue
@@ -224,7 +234,7 @@ def _add_piece(
         check_unmeasured(piece, asked.maximum_unmeasured)
     except InputError as error:
         named = f"{path} ({at_epoch(use.patch, use.epoch)})" if use.epoch else path
-        read.problems.append(InputError(named, error.problem, error.remedy))
+        read.problems.append(error.about(named, error.problem))
         return
     if use.epoch:
         times = max(1, int(settings["size_mm"] / max(spacing_of(piece))) // _COARSE)
@@ -375,7 +385,8 @@ def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[Gst
     count = round(square_mm / first.grid[1][1])
     needed = _BYTES * count**2
     if needed > (available := os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
-        yield InputError(
+        yield FaultError(
+            "memory",
             "config, reference_draws",
             f"the contact of the whole square at the scans' resolution has {count} × {count} "
             f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gst.chain import LEVELS, TOOK, given_to, record_of, step_of, write_record
-from gstlib.errors import GstError
+from gstlib.errors import GstError, accepting
 from gstlib.io.files import cannot_write
 
 __all__ = ["FILE_ONLY", "PLAN", "job_log", "logged", "run_script"]
@@ -118,7 +118,8 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
         # of files that are about to change
         record_of(results, step.name).unlink(missing_ok=True)
         given = given_to(results, step)
-        main(**files, **settings)
+        with accepting(snakemake.config.get("accept", ())):
+            main(**files, **settings)
         messages = {level: logged(Path(snakemake.log[0]), level) for level in LEVELS}
         write_record(results, step, given, messages)
         log.info("%s", _used())

@@ -9,6 +9,7 @@ import os
 import platform
 import subprocess
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
@@ -40,7 +41,12 @@ _RECORDING = {"gst.chain", "gst.logs", "gst.provenance"}
 
 def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
     """Attributes of a result file: hashes of its inputs by name, settings, versions and commit."""
-    hashes = {Path(path).name: _sha256(path, os.stat(path).st_mtime_ns) for path in inputs}
+    paths = sorted(map(Path, inputs))
+    count = Counter(path.name for path in paths)
+    # where two have one name, the folders of stage and batch tell them apart
+    names = ["/".join(path.parts[-3 if count[path.name] > 1 else -1 :]) for path in paths]
+    digests = [_sha256(path, os.stat(path).st_mtime_ns) for path in paths]
+    hashes = dict(zip(names, digests, strict=True))
     return {
         "gstlib_version": gstlib.__version__,
         "gstlib_commit": commit(gst.ROOT) or "",

@@ -14,7 +14,7 @@ import pandas as pd
 
 from gstlib.coupling.placement import AGREES, CANNOT_TELL
 from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, Concentration
-from gstlib.use.infer import BETTER, CHANCE
+from gstlib.use.infer import BETTER, CHANCE, UNKNOWN
 from gstlib.validation.baselines import ORACLE
 from gstlib.validation.scoring import own_model
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
@@ -132,8 +132,9 @@ def verdict(
 def used(use: pd.DataFrame, square_mm: float) -> tuple[str, str]:
     """How the tool was used, as its wear says, and how sure that is."""
     known, answer = use.set_index("parameter"), use.answer.iloc[0]
-    if not use.effective_draws.iloc[0] > 0:
-        return "Cannot be read from the wear", ": too few patches wore."
+    if answer.startswith(UNKNOWN):
+        reason = answer.removeprefix(UNKNOWN)
+        return UNKNOWN.capitalize(), f"{reason}. The study goes on as stated."
     if answer == CHANCE:
         return (
             "Cannot be read from the wear",
@@ -181,6 +182,8 @@ def _without_curvature(use: pd.DataFrame) -> str:
     if "mean_without_curvature" not in known or not known.taken.iloc[0]:
         return ""
     other = known.mean_without_curvature
+    if pd.isna(other["load_point_x"]):
+        return " With the curvature of the square taken out, nothing can be inferred."
     radius = f" and {_two_digits(other['radius'])} mm" if "radius" in other else ""
     return (
         " Use may have ground the form of the face: with the curvature of the square taken out, it "
@@ -309,6 +312,8 @@ def _range(values: pd.Series, least: float, unit: str) -> str:
 
 def _which(losses: pd.DataFrame) -> tuple[str, str]:
     """Which patches lost height, how much of their area and how deep; and what of the others."""
+    if not losses.found.eq(True).any():
+        return "Not known", ": no scan after use (T1) matches its T0, so no loss is known."
     known = losses.dropna(subset="mean_wear_depth_um")
     lost, certain = known.loss_fraction > 0, known.above_noise.astype(bool)
     worn = known[lost & certain].sort_values("mean_wear_depth_um", ascending=False)
@@ -467,9 +472,10 @@ def _untouched(summary: pd.DataFrame, losses: pd.DataFrame) -> tuple[str, str]:
     row = summary.loc[("", TOUCHED)]
     said = {1: "Yes", -1: "No, untouched patches wore more", 0: "Not shown"}
     who, other = ("one" if len(of) == 1 else len(of) for of in (untouched, touched))
+    are = "is" if len(touched) == 1 else "are"
     means = [_at_least(of.mean(), 0.01, "µm") for of in (untouched, touched)]
     return said[sign_of(row)], (
-        f": the {who} that nothing touches lost {means[0]} on average, the {other} that are "
+        f": the {who} that nothing touches lost {means[0]} on average, the {other} that {are} "
         f"touched {means[1]} ({_p(row.p_value)})."
     )
 

@@ -8,8 +8,11 @@ to know.
 import copy
 import itertools
 import logging
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
+from typing import Self
 
 __all__ = [
     "FAULTS",
@@ -21,7 +24,7 @@ __all__ = [
     "InputsError",
     "OutputError",
 ]
-__all__ += ["raise_unless_accepted", "unaccepted"]
+__all__ += ["accepting", "concerning", "raise_unless_accepted", "refuse", "unaccepted"]
 
 _log = logging.getLogger(__name__)
 
@@ -29,6 +32,8 @@ _log = logging.getLogger(__name__)
 NOTE = 25
 logging.addLevelName(NOTE, "NOTE")
 
+# A message lists no more patches that can be accepted one by one.
+_MOST_LISTED = 3
 # What each fault says, by the name under which a config accepts it.
 FAULTS = {
     "placement": "patches do not lie on the mesh as the table and the config say",
@@ -36,6 +41,12 @@ FAULTS = {
     "thickness": "the stone is thinner under the square than any tool",
     "units": "heights are in another unit than those of the other scans or of the mesh",
     "same_scan": "two scans have the same heights",
+    "odd_scan": "no instrument measures such heights, or a part of the file is lost",
+    "holes": "the mesh has large holes in the square",
+    "face": "most of the face lies beyond the stone",
+    "apart": "the active tool, as it is posed, does not touch the passive one",
+    "memory": "this machine has too little memory",
+    "unmatched": "no T1 matches its T0, or it does if it is laid otherwise, or on another patch",
 }
 
 
@@ -60,6 +71,13 @@ class InputError(GstError):
         super().__init__(source, problem, remedy)
         self.source, self.problem, self.remedy = str(source), problem.rstrip("."), remedy
 
+    def about(self, source: str | Path, problem: str, remedy: str | None = None) -> Self:
+        """The same error of another source, in other words."""
+        other = copy.copy(self)
+        other.source, other.problem = str(source), problem.rstrip(".")
+        other.remedy = remedy or self.remedy
+        return other
+
     def __str__(self) -> str:
         # A problem that is a list ends its last line itself.
         end = " " if self.problem.endswith("\n ") else ". "
@@ -71,7 +89,7 @@ class ConfigError(InputError):
 
 
 class FaultError(InputError):
-    """A judgement that a result is wrong, which a user who knows better can accept.
+    """What makes a result wrong, unless a user who knows better accepts it.
 
     Parameters
     ----------
@@ -98,10 +116,12 @@ class FaultError(InputError):
 
     def __str__(self) -> str:
         by_patch = [f"{self.name}:{patch}" for patch in self.patches]
-        accept = f"accept: [{', '.join(by_patch or [self.name])}]"
-        for_all = f", or accept: [{self.name}] for all patches" if by_patch else ""
-        hint = f"If it is right as it is, write {accept}{for_all} in the config."
-        return f"{super().__str__()} {hint}"
+        accept = f"accept: [{self.name}]"
+        if len(by_patch) > _MOST_LISTED:
+            accept += f" for all patches, or {by_patch[0]} and likewise for single ones,"
+        elif by_patch:
+            accept = f"accept: [{', '.join(by_patch)}], or {accept} for all patches,"
+        return f"{super().__str__()} If it is right as it is, write {accept} in the config."
 
     def is_accepted(self, accepted: Container[str]) -> bool:
         """Whether `accepted` has the fault's name, or ``name:patch`` for each of its patches."""
@@ -141,8 +161,8 @@ def _as_one(errors: list[GstError]) -> GstError:
     first = errors[0]
     if len(errors) == 1 or not isinstance(first, InputError):
         return first
-    whole = copy.copy(first)
-    whole.source = ", ".join(error.source for error in errors if isinstance(error, InputError))
+    sources = (error.source for error in errors if isinstance(error, InputError))
+    whole = first.about(", ".join(sources), first.problem)
     if isinstance(whole, FaultError):
         by_fault = [error.patches for error in errors if isinstance(error, FaultError)]
         # a fault without patches can be accepted only as a whole
@@ -155,16 +175,49 @@ def unaccepted(errors: Iterable[GstError], accepted: Container[str]) -> list[Gst
 
     `accepted` holds names of faults, and ``name:patch`` for single patches.
     """
-    stopping = []
-    for error in errors:
-        if isinstance(error, FaultError) and error.is_accepted(accepted):
-            _log.error("%s", InputError.__str__(error))
-        else:
-            stopping.append(error)
-    return stopping
+    return [error for error in errors if not _passes(error, accepted)]
+
+
+def _passes(error: GstError, accepted: Container[str]) -> bool:
+    """Whether an error is a fault that is accepted; it is then logged."""
+    if passes := isinstance(error, FaultError) and error.is_accepted(accepted):
+        _log.error("%s", InputError.__str__(error))
+    return passes
 
 
 def raise_unless_accepted(errors: Iterable[GstError], accepted: Container[str]) -> None:
     """Raise the errors that stop a study, as one; `accepted` is that of `unaccepted`."""
     if stopping := unaccepted(errors, accepted):
         raise InputsError(stopping)
+
+
+# What is accepted, and the patches that are concerned, for checks deep within a reader.
+_ACCEPTED: ContextVar[Container[str]] = ContextVar("accepted", default=())
+_CONCERNED: ContextVar[Sequence[str]] = ContextVar("concerned", default=())
+
+
+@contextmanager
+def accepting(accepted: Container[str]) -> Iterator[None]:
+    """Let `refuse` accept these faults; `accepted` is that of `unaccepted`."""
+    token = _ACCEPTED.set(accepted)
+    try:
+        yield
+    finally:
+        _ACCEPTED.reset(token)
+
+
+@contextmanager
+def concerning(patches: Sequence[str]) -> Iterator[None]:
+    """Let the faults of `refuse` concern these patches."""
+    token = _CONCERNED.set(patches)
+    try:
+        yield
+    finally:
+        _CONCERNED.reset(token)
+
+
+def refuse(fault: FaultError) -> None:
+    """Raise a fault, unless it is accepted where this is called (`accepting`)."""
+    fault.patches = fault.patches or tuple(_CONCERNED.get())
+    if not _passes(fault, _ACCEPTED.get()):
+        raise fault

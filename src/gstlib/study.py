@@ -60,6 +60,7 @@ from gstlib.conditions import rounded_form, stage_settings
 from gstlib.contact import Contact
 from gstlib.coupling.placement import place_patches
 from gstlib.coupling.pressures import couple_scales
+from gstlib.errors import accepting, concerning
 from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.composite import compose_surface
 from gstlib.macroscale.equilibrium import solve_at_load, solve_square
@@ -135,7 +136,8 @@ class Study:
         """The face, from `grid_macroscale`; the paper's is the square, under a flat."""
         tool = self.active_tool or RoundedTool(*rounded_form(self.config))
         settings = self.settings["grid_macroscale"]
-        return grid_macroscale(self.read_mesh(), active_tool=tool, **settings)[0]
+        with accepting(self.config["accept"]):
+            return grid_macroscale(self.read_mesh(), active_tool=tool, **settings)[0]
 
     @cached_property
     def composite(self) -> xr.Dataset:
@@ -221,7 +223,9 @@ class Study:
         row = self.patches.set_index("patch").loc[patch]
         cut = {"epoch": epoch, "crop": crop_of(row), "flip": row.get("flip", "")}
         settings = self.settings["prepare_scans"]
-        prepared = prepare_patch(self.read_scan(patch, epoch), **cut, **settings)
+        with accepting(self.config["accept"]), concerning([patch]):
+            scan = self.read_scan(patch, epoch)
+        prepared = prepare_patch(scan, **cut, **settings)
         return prepared[SCAN_FIELDS]
 
     def contact_in(self, variant: str, patch: str) -> Contact:

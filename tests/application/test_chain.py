@@ -105,7 +105,7 @@ def test_a_file_that_changes_while_a_step_reads_it_is_seen(study):
     files = {"input": {"scan": str(SCAN)}, "output": {"surface": str(results / "1.h5")}}
     job = {name: Namedlist(fromdict=named) for name, named in files.items()}
     log = record_of(results, "clean").with_suffix(".log")
-    run_script(SimpleNamespace(**job, params=clean.params, log=[str(log)]), main)
+    run_script(SimpleNamespace(**job, config={}, params=clean.params, log=[str(log)]), main)
     assert plan_again([clean, *others], results)["results/1.h5"] == "scans/1.plu has changed"
 
 

@@ -1,99 +1,81 @@
-"""What a check says of scans after use that do not lie on those before."""
+"""Faults of T1 that do not match their T0: all at once, with how they would match."""
 
 import numpy as np
 import pandas as pd
 import pytest
 from gst.config import complete
-from gst.epochs import epochs_on_each_other
-from gstlib.errors import FaultError
-from gstlib.preprocess.scans import prepare_scan
+from gst.epochs import UNMATCHED, epochs_on_each_other
+from gstlib.specimen.randomness import smooth_field
 from gstlib.study import Study
-from gstlib.surfaces.filtering import low_pass
 from gstlib.surfaces.grid import make_surface
 
-POINTS, SPACING = 128, 0.85 / 128
+COUNT, SPACING, PATCHES = 64, 0.01, ["a", "b", "c"]
 
 
-def rough(seed):
-    """Heights (mm) of a self-affine surface without waves that are longer than it."""
-    count = 2 * POINTS
-    waves = np.hypot(*np.meshgrid(*2 * [np.fft.fftfreq(count)], indexing="ij"))
-    white = np.fft.fft2(np.random.default_rng(seed).normal(size=2 * (count,)))
-    heights = np.fft.ifft2(white / np.maximum(waves, 2 / count) ** 1.8).real[:POINTS, :POINTS]
-    return 3e-3 * (heights - heights.mean()) / heights.std()
+def surface(seed):
+    """Heights of 2 µm with waves of a tenth of a millimetre."""
+    waves = smooth_field(np.random.default_rng(seed), COUNT, SPACING, 0.1)
+    return 2e-3 * np.asarray(waves, dtype=float)
 
 
-def noise(seed):
-    return 2e-5 * np.random.default_rng(seed).normal(size=2 * (POINTS,))
-
-
-def worn(heights):
-    upper = np.quantile(heights, 0.7)
-    return np.minimum(heights, upper + 0.5 * (heights - upper).clip(0))
-
-
-def without_waves(heights, length_um):
-    return heights - low_pass(heights, 2 * (SPACING,), length_um * 1e-3)
-
-
-BEFORE = [rough(seed) + noise(10 + seed) for seed in range(2)]
-AFTER = [worn(rough(seed)) + noise(20 + seed) for seed in range(2)]
-
-
-def problems_of(before, after):
-    scans = {
-        (str(patch), epoch): make_surface(heights, SPACING)
-        for epoch, maps in (("T0", before), ("T1", after))
-        for patch, heights in enumerate(maps)
-    }
-    names = [str(patch) for patch in range(len(before))]
-    rows = {"patch": names, "x_mm": 1.0, "y_mm": 1.0, "rotation_deg": 0.0, "repeat": ""}
-    files = {epoch.lower(): [f"{name}_{epoch}.plu" for name in names] for epoch in ("T0", "T1")}
-
-    class Coarse(Study):
-        def prepare(self, patch, epoch):
-            return prepare_scan(scans[patch, epoch])
-
-    config = complete({}) | {"use": None, "traces": {"minimum_points": 8}}
-    study = Coarse(
-        config, pd.DataFrame(rows | files), read_mesh=lambda: None, read_scan=lambda *of: None
+def check(laid):
+    """What is wrong with patches whose T1 are their T0 as `laid` lays them."""
+    scans = {}
+    for seed, patch in enumerate(PATCHES):
+        noise = 1e-5 * np.random.default_rng(10 + seed).standard_normal((COUNT, COUNT))
+        scans[patch, "T0"] = surface(seed)
+        scans[patch, "T1"] = laid.get(patch, lambda heights: heights)(surface(seed)) + noise
+    config = complete({"scans": {"size_mm": COUNT * SPACING, "mould": {"invert": False}}})
+    table = pd.DataFrame({"patch": PATCHES, "x_mm": 1.0, "y_mm": [1.0, 2.0, 3.0]})
+    table = table.assign(
+        crop_x_mm=np.nan,
+        crop_y_mm=np.nan,
+        rotation_deg=0.0,
+        t0=table.patch + "_T0",
+        t1=table.patch + "_T1",
+    )
+    study = Study(
+        config,
+        table,
+        read_mesh=lambda: None,
+        read_scan=lambda *of: make_surface(scans[of], SPACING).assign_attrs(file="scan"),
     )
     return epochs_on_each_other(study)[0]
 
 
-def test_sound_scans_have_no_problem():
-    assert problems_of(BEFORE, AFTER) == []
-
-
 @pytest.mark.parametrize(
-    ("turn", "orientation"),
+    ("laid", "how"),
     [
-        (np.rot90, "turned by 90°"),
-        (lambda heights: np.rot90(heights, 2), "turned by 180°"),
+        (
+            lambda heights: -heights[:, ::-1],
+            "with the sign of its heights changed, reversed along x",
+        ),
         (lambda heights: heights[::-1], "reversed along y"),
+        (lambda heights: np.rot90(heights), "turned by 90° from x towards y"),
     ],
 )
-def test_a_later_scan_that_is_turned_is_told_as_such(turn, orientation):
-    (problem,) = problems_of(BEFORE, [turn(AFTER[0]), AFTER[1]])
-    assert isinstance(problem, FaultError)
-    assert problem.source.startswith("0_T1.plu")
-    assert orientation in problem.problem
+def test_t1_that_were_all_scanned_otherwise_are_one_fault(laid, how):
+    """The fault says how the file has to be laid, which the config may reverse, too."""
+    (fault,) = check(dict.fromkeys(PATCHES, laid))
+    assert (fault.name, fault.patches) == (UNMATCHED, tuple(PATCHES))
+    assert fault.problem.endswith(f" only {how}")
 
 
-@pytest.mark.parametrize("length_um", [60, 80, 150, 250])
-@pytest.mark.parametrize("epoch", ["T0", "T1"])
-def test_a_scan_without_its_long_waves_is_told_as_such(caplog, length_um, epoch):
-    """It fits in the short ones alone, where its dales are as deep."""
-    before, after = BEFORE, AFTER
-    if epoch == "T0":
-        before = [without_waves(heights, length_um) for heights in before]
-    else:
-        after = [without_waves(heights, length_um) for heights in after]
-    found = problems_of(before, after)
-    for problem in found:
-        assert isinstance(problem, FaultError)
-        assert f"_{epoch}.plu" in problem.source
-        assert "filter" in problem.problem
-    # a warning, if it is found all the same
-    told = sum("form had been" in text or "filter" in text for text in caplog.messages)
-    assert len(found) + told == 2
+def test_a_t1_that_was_scanned_otherwise_is_named():
+    (fault,) = check({"b": lambda heights: -heights})
+    assert (fault.name, fault.patches) == (UNMATCHED, ("b",))
+
+
+def test_t1_that_match_nothing_are_one_fault_only_if_none_matches(caplog):
+    unlike = {patch: lambda _: surface(99) for patch in PATCHES}
+    (fault,) = check(unlike)
+    assert (fault.name, fault.patches) == (UNMATCHED, ())
+    assert caplog.text.count("not found") == 0
+    assert check({"b": unlike["b"]}) == []
+    assert caplog.text.count("not found") == 1
+
+
+def test_t1_of_another_patch_is_a_fault_of_its_own_patch():
+    first, other = check({"a": lambda _: surface(1), "b": lambda _: surface(0)})
+    assert (first.patches, other.patches) == (("a",), ("b",))
+    assert "on T0 of patch b" in first.problem

@@ -30,6 +30,8 @@ def test_provenance_does_not_depend_on_folder_or_order(tmp_path):
     assert json.loads(one["settings"]) == {"x": 1, "y": [2]}
     digests = {name: hashlib.sha256((CONTENT + name).encode()).hexdigest() for name in "ab"}
     assert json.loads(one["input_sha256"]) == digests
+    both = json.loads(provenance([tmp_path / "one/a", tmp_path / "two/a"], {})["input_sha256"])
+    assert list(both.values()) == [digests["a"]] * 2
     assert one["gstlib_version"] == gstlib.__version__
     path = tmp_path / "two/b"
     of_study = study_provenance({"x": 1}, {str(path): "ab"}, commit="abc", program="def")

@@ -8,7 +8,7 @@ from gst.verdict import MODELS, used, where_to_scan
 from gst.verdict import verdict as verdict_of
 from gstlib.coupling.placement import AGREES, CANNOT_TELL, ELSEWHERE
 from gstlib.macroscale.sampling_sites import Concentration
-from gstlib.use.infer import BETTER, CONSISTENT
+from gstlib.use.infer import BETTER, CONSISTENT, UNKNOWN
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
@@ -75,7 +75,7 @@ def compared(
     )
     lost = {"patch": list("abcd"), "mean_wear_depth_um": [0.2, 0.4, 0.6, 0.05], "above_noise": True}
     lost |= {"loss_fraction": [0.1, 0.2, 0.3, 0.04]}
-    lost |= {"mean_depth_where_worn_um": [2.0, 2.0, 2.0, 1.25], "excluded": False}
+    lost |= {"mean_depth_where_worn_um": [2.0, 2.0, 2.0, 1.25], "excluded": False, "found": True}
     return loaded([1.0, 2.0, 3.0, 0.0]) | {
         "registration": pd.DataFrame(lost),
         "validation_patches": patches,
@@ -115,6 +115,7 @@ def test_a_single_patch_has_no_share_and_none_may_be_touched():
         ({"loss_fraction": [0.1, 0.2, 0.3, 0.0]}, "3 of 4 (patches c, b and a)"),
         ({"loss_fraction": [0.1, 0.2, 0.3, 0.0]}, "; 1 lost less than the scans can show."),
         ({"loss_fraction": [0.1, 0.2, 0.3, 2e-5]}, ": on less than 0.1 % to 30 % of"),
+        ({"found": [False, NAN, False, False]}, "Not known: no scan after use (T1) matches its T0"),
         ({"loss_fraction": 0.0}, "None of 4; 4 lost less than the scans can show."),
         (
             {"mean_wear_depth_um": [NAN, 0.4, NAN, NAN]},
@@ -132,7 +133,8 @@ def test_which_patches_wore(changes, said):
 def test_of_many_worn_patches_the_most_worn_is_named():
     names = list("abcdefgh")
     of = {"mean_wear_depth_um": range(8), "loss_fraction": 0.5, "mean_depth_where_worn_um": 1.0}
-    many = pd.DataFrame({"patch": names, "above_noise": True, "excluded": False} | of)
+    of |= {"above_noise": True, "excluded": False, "found": True}
+    many = pd.DataFrame({"patch": names} | of)
     tables = compared() | loaded([1.0] * 9) | {"registration": many}
     assert line(WORE, tables).startswith("8 of 8, patch h the most: on 50 % of the area, 1 µm deep")
     assert line(WORE, tables).endswith("; of 1 more no loss is known.")
@@ -296,7 +298,8 @@ def test_the_use_is_said_with_what_was_stated():
     assert "x 2.0 to 2.5, y 3.0 to 3.3 mm, radius 130 to 220 mm); stated were x 2.5 and y" in said
     assert used(use.assign(answer=CONSISTENT), 5.0)[0].startswith("Perhaps pressed at x 2.2 mm")
     assert "eyond" not in said
-    assert used(use.assign(effective_draws=0.0), 5.0)[0] == "Cannot be read from the wear"
+    none = use.assign(answer=f"{UNKNOWN}, because only 3 of 90 uses count")
+    assert used(none, 5.0)[1].startswith(", because only 3 of 90 uses count. The study goes on")
     off, where = used(use.assign(low=[-0.1, 3, 133.1]), 5.0)
     assert off == "Pressed near or beyond the edge x = 0 mm of the square"
     assert where.startswith(": found at x 2.2 mm and y 3.1 mm against a tool of 170 mm radius")

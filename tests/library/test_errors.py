@@ -1,7 +1,16 @@
 """Which faults a study's config accepts."""
 
 import pytest
-from gstlib.errors import FaultError, InputError, InputsError, raise_unless_accepted, unaccepted
+from gstlib.errors import (
+    FaultError,
+    InputError,
+    InputsError,
+    accepting,
+    concerning,
+    raise_unless_accepted,
+    refuse,
+    unaccepted,
+)
 
 WHOLE = FaultError("epochs", "t0 and t1", "they are exchanged", "Exchange them.")
 OF_TWO = FaultError("placement", "patches", "they lie elsewhere", "Move them.", ("a1", "b2"))
@@ -35,3 +44,16 @@ def test_the_message_says_how_to_accept_what_it_lists():
     message = str(InputsError([OF_TWO, other]))
     assert "accept: [placement:a1, placement:b2, placement:c3], or accept: [placement]" in message
     assert "accept: [epochs] in" in str(WHOLE)
+
+
+def test_a_fault_deep_within_a_reader_concerns_the_patch_that_is_read():
+    def read():
+        refuse(FaultError("odd_scan", "a1.plu", "it is damaged", "Export it again."))
+
+    with accepting(["odd_scan:a1"]), concerning(["a1"]):
+        read()
+    with accepting(["odd_scan:a1"]), concerning(["b2"]), pytest.raises(FaultError) as caught:
+        read()
+    assert caught.value.patches == ("b2",)
+    with pytest.raises(FaultError):
+        read()

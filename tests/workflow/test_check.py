@@ -130,7 +130,7 @@ def test_a_form_that_was_taken_out_of_one_epoch_is_told(measured):
     code, said = check(measured)
     assert code == 0
     assert said.count("a form had been taken out of T1 alone") == 2
-    assert "check both names" not in said
+    assert "not found on T0" not in said
 
 
 def test_a_repeat_that_shows_a_change_is_told(measured):

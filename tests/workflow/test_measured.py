@@ -31,7 +31,7 @@ from gstlib.validation.single_scale import composite_heights
 from gstlib.wear.fit import fit_wear
 from power import merged
 
-from .conftest import Study, assert_stored, fresh, in_memory, opened
+from .conftest import Study, assert_stored, fresh, in_memory, opened, unrecorded
 from .expected import assert_as_expected
 
 # Of the scans, from x towards y; and a patch whose scans the mould did not mirror.
@@ -187,6 +187,7 @@ def gesture(studied):
 
 def test_the_study_is_as_expected(studied):
     assert_as_expected(studied.results, "measured")
+    assert unrecorded(studied.results) == set()
 
 
 def test_the_record_holds_every_measured_file(studied):
@@ -474,6 +475,7 @@ def with_an_interlayer(studied, tmp_path_factory):
 
 def test_its_wear_is_as_expected(with_an_interlayer):
     assert_as_expected(with_an_interlayer.results, "interlayer", "wear", "validation_summary")
+    assert unrecorded(with_an_interlayer.results) == set()
 
 
 def test_an_interlayer_takes_turns_with_the_bare_stone(with_an_interlayer, tmp_path):

@@ -23,7 +23,7 @@ def main(
     patches: dict[str, list],
     settings: dict[str, Any],
 ) -> None:
-    """The file of the use has attributes alone where too few patches wore to tell."""
+    """The file of the use has attributes alone where nothing can be inferred."""
     lost = table_of(registration)
     found, answers, predicted = use_of_study(
         face_of(face), pd.DataFrame(patches), lost, **settings

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gstlib.errors import concerning
 from gstlib.io.scans import read_scan
 from gstlib.io.store import write_dataset
 from gstlib.preprocess.scans import prepare_patch
@@ -25,7 +26,8 @@ def main(
     for patch, scan, crop, flip in zip(patches, scans, crops, flips, strict=True):
         if read is None or read[0] != scan:  # several patches may be pieces of one scan
             unit, spacing_um = settings["unit"], settings["spacing_um"]
-            read = scan, read_scan(scan, unit=unit, spacing_um=spacing_um)
+            with concerning([patch]):
+                read = scan, read_scan(scan, unit=unit, spacing_um=spacing_um)
         used = {"scans": settings, "preprocessing": preprocessing, "crop": crop, "flip": flip}
         prepared = prepare_patch(read[1], epoch=epoch, **used)
         write_dataset(surfaces / f"{patch}_{epoch}.h5", prepared, provenance([scan], used))

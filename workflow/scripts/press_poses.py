@@ -14,8 +14,8 @@ from gstlib.use.outcome import as_used
 
 def main(
     face: Path,
-    second: Path,
-    use: Path,
+    second: Path | list,
+    use: Path | list,
     batch: Path,
     *,
     size_mm: float,
@@ -33,7 +33,8 @@ def main(
     pressed = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}
     settings = pressed | {"patch_mm": patch_mm, "shown": shown}
     found = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)
-    write_dataset(batch, found, provenance([face], settings))
+    made = provenance([face, *filter(None, (use, second))], settings)
+    write_dataset(batch, found, made)
 
 
 if "snakemake" in globals():

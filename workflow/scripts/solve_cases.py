@@ -8,8 +8,8 @@ from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.contact import Contact
 from gstlib.io.store import Stored
-from gstlib.io.tables import read_pressures, studied_files
-from gstlib.microscale.slip_and_cap import case_table, check_cap, patch_rows
+from gstlib.io.tables import studied_files
+from gstlib.microscale.slip_and_cap import case_table, patch_rows
 
 
 def main(
@@ -23,9 +23,6 @@ def main(
 ) -> None:
     files = files_of(contacts, patches)
     studied = studied_files(pressures, patches, [*files.values()])
-    if pressure_cap is not None:
-        by_patch = read_pressures(pressures)
-        check_cap(by_patch[by_patch.patch.isin(studied)], pressure_cap)
     rows = patch_rows(
         Stored(studied, then=Contact.from_dataset), grinding=grinding, pressure_cap=pressure_cap
     )

@@ -31,7 +31,7 @@ def main(
     folders = dict(zip(variants, [contacts, others], strict=False))
     given = Stored(scans, ["height"]), read_pressures(pressures), Microscale(**microscale)
     for patch, variant, found in solve_patches(*given, variants=variants, **around):
-        files = [scans[patch], *filter(None, (counterface, composite, contact))]
+        files = [scans[patch], pressures, *filter(None, (counterface, composite, contact))]
         made = provenance(files, microscale | {"variant": variant})
         write_dataset(folders[variant] / f"{patch}.h5", found.to_dataset(), made)
 

@@ -26,14 +26,17 @@ def main(
     mesh, around = read_dataset(face), contact_of(macroscale)
     lying = read_dataset(truth).sel(epoch="T0") if truth else read_dataset(composite)
     scans = Stored(files := files_of(t0, lying.patch.values), ["height"])
+    inputs = [face, macroscale, *files.values()]
     if truth:
-        inputs = [true_surface, truth]
+        inputs += [true_surface, truth]
         around = true_contact(lying, mesh.counterface, around, source=truth)
         surfaces = [read_dataset(true_surface).height.astype(float)]
     else:
-        inputs = [face, composite, *files.values()]
+        inputs += [composite]
         surfaces = drawn_surfaces(mesh, lying, scans, **drawn)
-    whole, on_patches = solve_reference(surfaces, around, lying, scans, source=inputs[0])
+    whole, on_patches = solve_reference(
+        surfaces, around, lying, scans, source=true_surface or face
+    )
     write_dataset(contact, whole, provenance(inputs, drawn))
     pressed = drawn | {"draws": on_patches.sizes["draw"]}
     write_dataset(patches, on_patches, provenance(inputs, pressed))

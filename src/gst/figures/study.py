@@ -210,7 +210,7 @@ def _validation(study: Study) -> Figure:
 def _use(study: Study) -> Figure:
     found = study.data("use")
     if not found.sizes:
-        return message_figure("Too few patches wore to tell how the tool was used.")
+        return message_figure(f"How the tool was used {found.attrs['answer']}.")
     return use_figure(
         found,
         study.table("use_table", "parameter"),

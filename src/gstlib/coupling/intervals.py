@@ -17,6 +17,7 @@ scans' resolution is small beside them (docs/explanation/evidence.md).
 # ASSUME: Young's moduli of both stones vary independently (lognormal), and so do their Poisson's
 # ratios (normal); which of the two readings of E* is right is not drawn.
 
+import logging
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -36,6 +37,8 @@ from gstlib.surfaces.grid import coarser
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["Errors", "Macroscale", "draw_contact_moduli", "draw_point", "pressure_intervals"]
+
+_log = logging.getLogger(__name__)
 
 _DRAWS = 200
 # Draws of a load point until one has stone under it.
@@ -215,8 +218,18 @@ def pressure_intervals(
     drawn = [
         patch_pressures(contact.pressure, at, size_mm=patch_mm).pressure_MPa
         for contact, at in zip(contacts, places, strict=True)
+        if contact is not None
     ]
-    low, high = np.percentile(drawn, _PERCENTILES, axis=0)
+    low = high = np.full(len(pressures), np.nan)
+    if missing := len(moduli) - len(drawn):
+        _log.warning(
+            "in %d of %d draws the stone does not rest, so the intervals of the pressures leave "
+            "them out; check load.at_mm and the standard errors in uncertainty",
+            missing,
+            len(moduli),
+        )
+    if drawn:
+        low, high = np.percentile(drawn, _PERCENTILES, axis=0)
     table = pressures[["patch", "pressure_MPa"]].assign(low_MPa=low, high_MPa=high)
     if composite is None:
         return table

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gstlib.errors import InputError
+from gstlib.errors import FaultError, InputError, refuse
 from gstlib.io.files import write_whole
 from gstlib.io.stage import stage_attrs
 
@@ -112,12 +112,11 @@ def _check_ends(path: Path, heights: np.ndarray, stated: tuple[float, float]) ->
     lowest, highest = float(measured.min()), float(measured.max())
     none = -PLU_UNMEASURED_UM, PLU_UNMEASURED_UM
     if stated[0] not in (lowest, *none) or stated[1] not in (highest, *none):
-        raise InputError(
-            path,
+        problem = (
             f"holds heights from {lowest:g} to {highest:g} µm, but states {stated[0]:g} to "
-            f"{stated[1]:g}: it is damaged",
-            "Export or copy the scan again.",
+            f"{stated[1]:g}: it is damaged"
         )
+        refuse(FaultError("odd_scan", path, problem, "Export or copy the scan again."))
 
 
 def write_plu(

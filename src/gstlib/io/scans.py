@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from gstlib.errors import NOTE, InputError
+from gstlib.errors import NOTE, FaultError, InputError, refuse
 from gstlib.io.files import check_size
 from gstlib.io.instruments import RawMap, instrument_endings, plain_text, read_instrument_file
 from gstlib.io.plu import read_plu
@@ -286,11 +286,12 @@ def _refuse_lost_block(path: Path, heights: np.ndarray) -> None:
     whole_lines = start % width == count % width == 0
     most_elsewhere = min(count // _HELD_TIMES, _FEWEST_HELD - 1)
     if flat[start] == 0 and not whole_lines and repeated <= most_elsewhere:
-        raise InputError(
-            path,
+        problem = (
             f"{count} heights one behind the other, from number {start + 1} on, are 0, and "
-            f"elsewhere at most {repeated} are equal: a block of the file is lost",
-            "Copy the file, or export the scan, again.",
+            f"elsewhere at most {repeated} are equal: a block of the file is lost"
+        )
+        refuse(
+            FaultError("odd_scan", path, problem, "Copy the file, or export the scan, again.")
         )
 
 
@@ -318,10 +319,9 @@ def _check_plausible(
         or max(ny * dy, nx * dx) > _LARGEST_FIELD
         or extent > _LARGEST_RANGE
     ):
-        raise InputError(
-            path,
+        problem = (
             f"{nx} × {ny} points every {dx:.4g} × {dy:.4g} mm, whose heights range over "
             f"{extent:.4g} mm, are not a surface scan: its unit is wrong, or unmeasured points are "
-            "stored as a number",
-            unit_remedy(states_unit),
+            "stored as a number"
         )
+        refuse(FaultError("odd_scan", path, problem, unit_remedy(states_unit)))

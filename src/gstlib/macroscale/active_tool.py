@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from gstlib.errors import ConfigError, InputError
+from gstlib.errors import ConfigError, FaultError, InputError, refuse
 from gstlib.io.meshes import read_mesh
 from gstlib.preprocess.mesh import grid_mesh
 from gstlib.surfaces.footprints import Place, rotated, spline_of, square_of
@@ -238,11 +238,9 @@ def grid_counterface(
             source=source,
         ).height
     except InputError as error:
-        raise InputError(
-            source,
-            f"the active tool, as it is posed: {error.problem}",
-            f"Check {_KEY} and counterface.mesh_unit in the config.",
-        ) from error
+        problem = f"the active tool, as it is posed: {error.problem}"
+        remedy = f"Check {_KEY} and counterface.mesh_unit in the config."
+        raise error.about(source, problem, remedy) from error
     face = gridded.copy(data=gridded.values[:, ::-1]).assign_attrs(
         long_name="height of the counterface"
     )
@@ -253,12 +251,11 @@ def grid_counterface(
         relief = sum(float(np.ptp(of.values)) for of in (below, over))
         if abs(gap) > relief:
             where = "in" if gap < 0 else "away from"
-            raise InputError(
-                source,
+            problem = (
                 f"the active tool, as it is posed, is {abs(gap):.3g} mm {where} the passive one, "
-                f"more than the {relief:.3g} mm between the summits and dales of both faces",
-                f"Check {_KEY}: the two must touch.",
+                f"more than the {relief:.3g} mm between the summits and dales of both faces"
             )
+            refuse(FaultError("apart", source, problem, f"Check {_KEY}: the two must touch."))
     return face.copy(data=face.values - plane.heights(face))
 
 

@@ -14,6 +14,7 @@ import scipy
 import xarray as xr
 
 from gstlib.contact import Contact, Interface, Load, contact_at_pressure
+from gstlib.errors import InputError
 from gstlib.surfaces.footprints import footprint_weights, places_of
 from gstlib.surfaces.grid import spacing_of
 
@@ -34,8 +35,10 @@ class Case(NamedTuple):
 
 def press_each(
     cases: Iterable[Case], *, tolerance: float, source: str, in_order: bool = False
-) -> Iterator[Contact]:
-    """The contact of each case, one at a time.
+) -> Iterator[Contact | None]:
+    """The contact of each case, one at a time; None of a case that has none.
+
+    A case has no contact if the stone tips over, or if the contact cannot be solved.
 
     Parameters
     ----------
@@ -47,22 +50,21 @@ def press_each(
         What is pressed, for messages.
     in_order : bool
         Cases that follow each other are alike: each contact starts from the one before.
-
-    Raises
-    ------
-    InputError
-        A contact cannot be solved, as in `gstlib.contact.contact_at_pressure`.
     """
     start = None
     for case in cases:
-        contact = contact_at_pressure(
-            case.interface,
-            case.load,
-            modulus=case.modulus,
-            tolerance=tolerance,
-            source=source,
-            initial_pressure=start if in_order else case.start,
-        )
+        try:
+            contact = contact_at_pressure(
+                case.interface,
+                case.load,
+                modulus=case.modulus,
+                tolerance=tolerance,
+                source=source,
+                initial_pressure=start if in_order else case.start,
+            )
+        except InputError:
+            yield None
+            continue
         if in_order:
             start = contact.pressure.values
         yield contact

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from gstlib.contact import Interface
-from gstlib.errors import FaultError, InputError
+from gstlib.errors import FaultError, refuse
 from gstlib.macroscale.active_tool import (
     FLAT,
     ActiveTool,
@@ -138,11 +138,8 @@ def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> N
     """Refuse a face that is mostly beyond the stone; warn of one that is large for the stone."""
     absent = float(np.isnan(height.values).mean())
     if absent > _MOST_ABSENT:
-        raise InputError(
-            source,
-            f"{100 * absent:.0f} % of the face of {face_mm:g} mm lies beyond the stone",
-            "Make macroscale.face_mm smaller.",
-        )
+        problem = f"{100 * absent:.0f} % of the face of {face_mm:g} mm lies beyond the stone"
+        refuse(FaultError("face", source, problem, "Make macroscale.face_mm smaller."))
     if absent:
         _log.warning(
             "%s: %.2g %% of the face of %g mm has no stone, as the mesh ends or turns away there; "

@@ -13,6 +13,7 @@ starts from the one before.
 # ASSUME: the load point scatters about the stated one normally, alike along both axes, and the
 # stone slides by the same distance wherever the hand pushes.
 
+import logging
 from collections.abc import Collection, Iterable
 from typing import Any, NamedTuple
 
@@ -34,6 +35,8 @@ __all__ = [
     "scatter_poses",
     "stroke_poses",
 ]
+
+_log = logging.getLogger(__name__)
 
 # Columns of the poses of a gesture.
 _COLUMNS = ["x_mm", "y_mm", "rotation_deg", "force_N", "sliding_mm", "turning_deg", "weight"]
@@ -184,7 +187,11 @@ def press_poses(
     by_pose: dict[str, list] = {name: [] for name in _BY_POSE}
     kept: dict[int, np.ndarray] = {}
     for pose, contact in zip(poses.itertuples(), contacts, strict=True):
-        pressure = contact.pressure.values
+        pressure = np.zeros(height.shape) if contact is None else contact.pressure.values
+        if contact is None:
+            _log.warning(
+                "pose %s: the stone does not rest in it, so it wears nothing", pose.Index
+            )
         sliding_mm = np.hypot(pose.sliding_mm, np.radians(pose.turning_deg) * from_middle)
         work = pressure * sliding_mm
         sums["pressure_sum"] += pose.weight * pressure
@@ -195,8 +202,8 @@ def press_poses(
         if pose.Index in shown:
             kept[pose.Index] = pressure
         by_pose["weight"].append(pose.weight)
-        by_pose["displacement"].append(contact.displacement)
-        by_pose["contact_fraction"].append(contact.contact_fraction)
+        by_pose["displacement"].append(np.nan if contact is None else contact.displacement)
+        by_pose["contact_fraction"].append(0.0 if contact is None else contact.contact_fraction)
         by_pose["patch_pressure"].append(means @ pressure.ravel())
         by_pose["patch_exposure"].append(pose.weight * (means @ work.ravel()))
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.errors import InputError
+from gstlib.errors import FaultError, InputError, refuse
 from gstlib.preprocess.interpolation import compare, interpolate
 from gstlib.preprocess.use_face import Layout, find_use_face
 from gstlib.surfaces.frames import Frame
@@ -139,13 +139,17 @@ def _check_holes(heights: np.ndarray, bare: np.ndarray, layout: Layout, source: 
     """Refuse a square without stone, by its interpolated heights and by what no ray meets."""
     unknown = np.isnan(heights) & layout.in_square
     if unknown.any() or bare.sum() > _BRIDGED_FRACTION * layout.grid**2:
-        raise InputError(
-            source,
+        problem = (
             f"the square sticks out of the mesh, or the mesh has a hole: there is no use-face in "
-            f"{layout.share_of_square(unknown | bare)}",
-            "Move square.points_mm in the config, make square.size_mm smaller, check "
-            "inputs.mesh_unit, or repair the mesh (holes, and faces turned inside out).",
+            f"{layout.share_of_square(unknown | bare)}"
         )
+        remedy = (
+            "Move square.points_mm in the config, make square.size_mm smaller, check "
+            "inputs.mesh_unit, or repair the mesh (holes, and faces turned inside out)."
+        )
+        if unknown.any():
+            raise InputError(source, problem, remedy)
+        refuse(FaultError("holes", source, problem, remedy))
     if bare.any():
         _log.warning("holes of the mesh were bridged: %s", layout.share_of_square(bare))
 

@@ -89,7 +89,9 @@ class Losses:
     @property
     def tells(self) -> bool:
         """Whether enough patches lost more than the noise."""
-        worn = self.depth_um > 0 if self.above_noise is None else self.above_noise
+        worn = self.depth_um > 0
+        if self.above_noise is not None:
+            worn = worn & self.above_noise  # so is the loss of a patch that lost nothing
         return bool(worn.sum() >= FEWEST_WORN)
 
     def permuted(self, order: Sequence[int] | np.ndarray) -> "Losses":

@@ -27,7 +27,6 @@ import scipy
 import xarray as xr
 
 from gstlib.contact import Interface, Load
-from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import as_round_as
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.surfaces.grid import coarser, described
@@ -50,8 +49,8 @@ _log = logging.getLogger(__name__)
 BETTER = "better than heights alone"
 CONSISTENT = "consistent with a use"
 CHANCE = "not better than chance"
-# Nobody can tell.
-UNKNOWN = "too few worn patches to tell"
+# How the answer begins where there is none; the reason follows.
+UNKNOWN = "cannot be inferred"
 
 # Contacts are pressed on elements twice as long as the study's.
 _COARSER = 2
@@ -153,23 +152,19 @@ def infer_use(
         ``log_score`` and ``heights_log_score``, of each patch given the others. Attributes:
         ``effective_draws``; ``p_value`` against chance; ``gain`` of the log score over heights
         alone, with its standard error ``gain_error``; ``answer``, one of `BETTER`, `CONSISTENT` and
-        `CHANCE`; and ``taken``, whether the study takes it.
-
-    Raises
-    ------
-    InputError
-        Too few draws count, or as in `gstlib.use.sampling.sample`.
+        `CHANCE`; and ``taken``, whether the study takes it. Where nothing can be inferred, there
+        are the attributes alone, and ``answer`` is `UNKNOWN` with the reason.
     """
     if len(patches) < FEWEST_PATCHES or not evidence.tells:
-        _log.warning(
-            "the wear does not say how the tool was used: of %d patches whose wear is known, fewer "
-            "than %d lost more than the noise, or there are fewer than %d patches; the study goes "
-            "on as stated; scan more places that wore, or set use to null",
-            len(patches),
-            FEWEST_WORN,
-            FEWEST_PATCHES,
+        remedy = (
+            f"Of {len(patches)} patches whose wear is known, fewer than {FEWEST_WORN} lost more "
+            f"than the noise, or there are fewer than {FEWEST_PATCHES} patches: scan more places "
+            "that wore"
         )
-        return xr.Dataset(attrs={"answer": UNKNOWN, "taken": 0, "effective_draws": 0.0})
+        few = f"the wear of only {len(patches)} patches is known"
+        return _unknown(
+            few if len(patches) < FEWEST_PATCHES else "too few patches wore", remedy
+        )
     generator = np.random.default_rng([sampling.seed, 6])
     height = coarser(face.height, _COARSER)
     means = patch_means(height, patches, size_mm=patch_mm)
@@ -179,15 +174,16 @@ def infer_use(
         return use_pressures(points, face, patches, stated, **settings)
 
     draws = sample(stated.prior, pressures, evidence, sampling, generator)
+    tried, touching = len(draws.points), draws.touching
+    if touching < min(_FEWEST, tried):
+        reason = f"only {touching} of {tried} uses about what is stated touch a patch"
+        remedy = "Correct load.at_mm and counterface, or raise uncertainty.load_point_mm"
+        return _unknown(reason, remedy)
     weight, score = draws.seen.weights(draws.log_prior), draws.seen.log_score(draws.log_prior)
     if (effective := effective_draws(weight)) < _FEWEST:
-        raise InputError(
-            "use",
-            f"of {len(weight)} uses that were tried, only {effective:.0f} count, too few to say "
-            "how the tool was used",
-            f"Raise use.draws (now {sampling.draws}) or use.rounds (now {sampling.rounds}), or "
-            "set use to null.",
-        )
+        reason = f"only {effective:.0f} of {tried} tried uses count"
+        remedy = f"Raise use.draws (now {sampling.draws}) or use.rounds (now {sampling.rounds})"
+        return _unknown(reason, remedy, effective)
     heights = _heights_score(height, means, evidence)
     gain = score - heights
     stated_pressures = draws.pressure[: sampling.draws]
@@ -249,9 +245,8 @@ def use_pressures(
         start = solved[int(np.argmin(apart))][1] if solved else None
         load = Load.of_force(stated.force_N, height, (y, x))
         case = Case(Interface(height, over), load, modulus, start)
-        try:
-            (contact,) = press_each([case], tolerance=_TOLERANCE, source="use")
-        except InputError:  # it tips the stone over
+        (contact,) = press_each([case], tolerance=_TOLERANCE, source="use")
+        if contact is None:
             continue
         solved.append((number, contact.pressure.values))
         found[number] = means @ contact.pressure.values.ravel()
@@ -261,6 +256,19 @@ def use_pressures(
 def _named(points: np.ndarray) -> dict[str, np.ndarray]:
     radius = np.exp(points[:, 2]) if points.shape[1] > 2 else np.full(len(points), np.nan)
     return {"y_mm": points[:, 0], "x_mm": points[:, 1], "radius_mm": radius}
+
+
+def _unknown(reason: str, remedy: str, effective: float = 0.0) -> xr.Dataset:
+    """What `infer_use` returns where nothing can be inferred; reason and remedy are logged."""
+    _log.warning(
+        "how the tool was used %s, because %s. %s, or set use to null. The study goes on as "
+        "stated.",
+        UNKNOWN,
+        reason,
+        remedy,
+    )
+    answer = f"{UNKNOWN}, because {reason}"
+    return xr.Dataset(attrs={"answer": answer, "taken": 0, "effective_draws": effective})
 
 
 def _answer(p_value: float, gain: float, gain_error: float) -> dict[str, Any]:
@@ -318,6 +326,6 @@ def _heights_score(
     """Log score (patches,) of wear in proportion to the volume above a plane of any height."""
     values = np.where(np.isnan(height.values), -np.inf, height.values).ravel()
     inside = np.asarray(means.sum(axis=0)).ravel() > 0
-    planes = np.quantile(values[inside], _BELOW_PLANE)
+    planes = np.quantile(values[inside & np.isfinite(values)], _BELOW_PLANE)
     above = np.array([means @ np.maximum(values - plane, 0) for plane in planes])
     return weigh(evidence, above).log_score(np.zeros(len(planes)))

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from gstlib.errors import InputError
 from gstlib.use.evidence import Evidence, Seen, weigh
 
 __all__ = ["Draws", "Sampling", "effective_draws", "sample"]
@@ -22,6 +21,9 @@ _log = logging.getLogger(__name__)
 # Effective draws that a proposal is fitted to; its tails are Student's. A draw counts from this
 # share of the mean weight on.
 _FITTED, _FREEDOM, _LEAST = 12, 5.0, 1e-3
+# Fewer draws do not tell their covariance, and one draw has none: this share of the covariance
+# beforehand is added to it.
+_SHARE = 0.1
 
 
 class Sampling(NamedTuple):
@@ -50,6 +52,11 @@ class Draws(NamedTuple):
     pressure: np.ndarray
     seen: Seen
 
+    @property
+    def touching(self) -> int:
+        """How many of the uses press a patch."""
+        return int((self.pressure > 0).any(axis=1).sum())
+
 
 def sample(
     prior: Any,
@@ -60,32 +67,26 @@ def sample(
 ) -> Draws:
     """Uses in rounds, each about what the earlier ones found, until enough of them count.
 
-    Raises an `InputError` if no use that is possible beforehand presses a patch.
+    There is one round if none of its uses presses a patch.
     """
     proposals, points, fields, seen = [prior], [], [], []
     for _ in range(sampling.rounds):
         new = proposals[-1].rvs(sampling.draws, random_state=generator)
         points.append(np.reshape(new, (sampling.draws, -1)))
         fields.append(pressures(points[-1]))
-        if not fields[0].any():
-            raise InputError(
-                "use",
-                f"in none of {sampling.draws} uses about what is stated does the stone touch a "
-                "patch whose wear is known",
-                "Correct load.at_mm and counterface, raise uncertainty.load_point_mm, or set use "
-                "to null.",
-            )
         seen.append(weigh(evidence, fields[-1]))
         uses = np.concatenate(points)
         # draws of all rounds are those of one mixture
         density = [of.logpdf(uses) for of in proposals]
         mixture = scipy.special.logsumexp(density, axis=0) - np.log(len(proposals))
         drawn = Draws(uses, density[0] - mixture, np.concatenate(fields), Seen.joined(seen))
+        if not drawn.touching:
+            break
         effective = effective_draws(drawn.seen.weights(drawn.log_prior))
         _log.info("%d uses tried, of which %.1f count", len(uses), effective)
         if effective >= sampling.enough:
             break
-        proposals.append(_proposal(drawn))
+        proposals.append(_proposal(drawn, prior.cov))
     return drawn
 
 
@@ -106,18 +107,24 @@ class _Kernels(NamedTuple):
     def logpdf(self, uses: np.ndarray) -> np.ndarray:
         """Logarithm of the density of uses (uses, parameters)."""
         apart = scipy.stats.multivariate_t(shape=self.shape, df=_FREEDOM)
-        each = apart.logpdf(uses[:, None] - self.points)
+        # SciPy drops the axis of a single point
+        each = apart.logpdf(uses[:, None] - self.points).reshape(len(uses), -1)
         return np.asarray(scipy.special.logsumexp(each + np.log(self.weight), axis=1))
 
 
-def _proposal(draws: Draws) -> _Kernels:
-    """About the draws that count, with the wear counting just so much that enough of them do."""
+def _proposal(draws: Draws, prior: np.ndarray) -> _Kernels:
+    """About the draws that count, with the wear counting just so much that enough of them do.
+
+    `prior` is the covariance of the uses that are possible beforehand.
+    """
     power, weight = 1.0, draws.seen.weights(draws.log_prior)
     while effective_draws(weight) < _FITTED and power > 1e-3:
         power *= 0.8
         weight = scipy.special.softmax(draws.log_prior + power * draws.seen.log_evidence)
     apart = draws.points - weight @ draws.points
     spread = (weight[:, None] * apart).T @ apart
+    if effective_draws(weight) < _FITTED:
+        spread += _SHARE * prior
     # the bandwidth of Scott, of as many draws as count
     bandwidth = effective_draws(weight) ** (-1 / (draws.points.shape[1] + 4))
     shape = bandwidth**2 * (_FREEDOM - 2) / _FREEDOM * spread

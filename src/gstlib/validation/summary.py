@@ -137,6 +137,8 @@ def patch_statistics(
     measured = registration.loc[registration.known_fraction > 0, of_registration]
     where = pressures[["patch", "x_mm", "y_mm", "pressure_MPa", "in_study"]]
     predicted = patches.reindex(columns=["patch", "contact_fraction", "predicted_loss_um"])
+    # a table without rows has no types, and pandas merges text with nothing but text
+    measured, predicted = (of.astype({"patch": str}) for of in (measured, predicted))
     table = where.merge(measured, on="patch").merge(predicted, on="patch", how="left")
     table["touched"] = (table.pressure_MPa > 0).astype(float)
     table["above_noise"] = table.above_noise.astype(bool)

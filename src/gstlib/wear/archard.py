@@ -336,6 +336,8 @@ def _pressed_in_poses(
             patch_mm=patch_mm,
         )
         found = exposure([batch])
+        if not float(found.exposure.mean()) > 0:
+            raise InputError("gesture", "no pose presses the stone", "Correct its poses.")
         lost = kappa / steps * target / float(found.exposure.mean())
         pressed[0, step + 1] = pressed[0, step] + lost * found.patch_exposure.sum("pose").values
         height = height.copy(data=height.values - lost * found.exposure.values)

@@ -182,6 +182,12 @@ def test_an_active_tool_adds_the_error_of_its_pose(intervals):
     assert min(width(3, 0, 200.0), width(0, 2, 200.0)) > 1.0
 
 
+def test_draws_in_which_the_stone_tips_over_are_left_out(intervals, caplog):
+    beyond = intervals(np.ones(2), through=(-9.0, -9.0))
+    assert beyond.high_MPa.isna().all()
+    assert "in 2 of 2 draws the stone does not rest" in caplog.text
+
+
 def test_the_force_is_not_drawn_to_where_there_is_no_stone():
     ends = np.where(axis_coordinates(COUNT, SPACING) < 1.5, np.zeros((COUNT, 1)), np.nan)
     face, middle = make_surface(ends, SPACING), (1.2, 1.2)

@@ -117,6 +117,16 @@ def test_a_turn_slides_farther_out():
     np.testing.assert_allclose(found.exposure, found.pressure_sum * slid, rtol=1e-9)
 
 
+def test_a_pose_in_which_the_stone_tips_over_wears_nothing():
+    poses = stroke().iloc[:2].assign(x_mm=[0.0, -3 * SIDE])
+    there = Gesture(rounded_counterface(HEIGHT, 50.0, MIDDLE), None, SIDE, MIDDLE, poses)
+    found = press_poses(HEIGHT, there, PATCHES, **OF_PATCHES)
+    assert found.contact_fraction.values[0] > 0
+    assert found.contact_fraction.values[1] == 0
+    alone = press_poses(HEIGHT, there._replace(poses=poses[:1]), PATCHES, **OF_PATCHES)
+    np.testing.assert_array_equal(found.exposure, alone.exposure)
+
+
 def test_a_stone_without_a_mesh_is_moved_by_its_point_of_force():
     """To move a paraboloid is to tilt it, and at rest it finds its tilt itself."""
     pose, there = stroke().iloc[:1].assign(x_mm=0.2, y_mm=-0.1), (MIDDLE[0] - 0.1, MIDDLE[1] + 0.2)

@@ -7,7 +7,6 @@ import scipy
 import xarray as xr
 from contacts import around
 from gstlib.contact import Interface, Load
-from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.specimen.randomness import smooth_field
@@ -15,7 +14,7 @@ from gstlib.surfaces.grid import coarser
 from gstlib.use.evidence import Grades, Losses, weigh
 from gstlib.use.infer import CHANCE, UNKNOWN, StatedUse, infer_use
 from gstlib.use.outcome import as_used, leave_one_out, losses_of, predicted_losses, use_table
-from gstlib.use.sampling import Sampling
+from gstlib.use.sampling import Sampling, effective_draws, sample
 
 # A square of 3 mm in a face of 4.2 mm, with sixteen patches of 0.5 mm.
 SIZE, ELEMENT, COUNT, PATCH = 3.0, 0.06, 70, 0.5
@@ -181,16 +180,46 @@ def test_heights_alone_explain_wear_of_the_heights(face, patches):
     assert not use.attrs["taken"]
 
 
-def test_too_few_draws_are_an_error(face, patches, losses):
-    with pytest.raises(InputError, match=r"use\.draws"):
-        infer(face, patches, losses, sampling=Sampling(10, 1, 1))
+# Beyond the face the stone tips over.
+FAR = STATED._replace(through=(9.0, 9.0), load_point_mm=0.1)
 
 
-def test_stated_use_far_from_every_patch_is_an_error(face, patches, losses):
-    # beyond the face the stone tips over
-    far = STATED._replace(through=(9.0, 9.0), load_point_mm=0.1)
-    with pytest.raises(InputError, match=r"load\.at_mm"):
-        infer(face, patches, losses, far)
+@pytest.mark.parametrize(
+    ("stated", "sampling", "remedy"),
+    [(STATED, Sampling(10, 1, 1), "use.draws"), (FAR, SAMPLING, "load.at_mm")],
+)
+def test_too_few_draws_are_no_answer(face, patches, losses, stated, sampling, remedy, caplog):
+    use = infer(face, patches, losses, stated, sampling)
+    assert_nothing_is_inferred(use, face, losses, stated)
+    assert remedy in caplog.text
+
+
+def assert_nothing_is_inferred(use, face, losses, stated):
+    """The study goes on as stated, and its table has the reason."""
+    table = use_table(use, stated)
+    assert table.answer.str.startswith(f"{UNKNOWN}, because ").all()
+    assert table["mean"].isna().all()
+    assert predicted_losses(use, losses, seed=1).empty
+    assert as_used(face, use, stated.through)[1] == stated.through
+
+
+@pytest.mark.parametrize("touching", [1, 2])
+def test_a_few_draws_that_touch_a_patch_lead_to_others(touching):
+    """Their covariance is singular: the stone tips over under all other uses."""
+    prior = scipy.stats.multivariate_normal(np.zeros(2), np.eye(2))
+    generator = np.random.default_rng(1)
+    far = np.sort(prior.rvs(40, np.random.default_rng(1))[:, 0])[-touching] - 1e-6
+
+    def pressures(points):
+        is_far = points[:, :1] > far
+        return np.where(is_far, np.exp(points[:, 1:] * [1.0, -1.0]), 0.0)
+
+    evidence = Losses(np.array([0.2, 0.3]))
+    draws = sample(prior, pressures, evidence, Sampling(40, 12, 1, 50), generator)
+    assert (draws.pressure[:40] > 0).any(axis=1).sum() == touching
+    weight = draws.seen.weights(draws.log_prior)
+    assert effective_draws(weight) > 50
+    assert (draws.points[weight > 0, 0] > far).all()
 
 
 @pytest.mark.parametrize(
@@ -278,16 +307,17 @@ def test_patches_that_lost_nothing_count_and_excluded_ones_do_not(patches):
 
 def test_four_worn_patches_of_six_tell_something(face, patches):
     losses = Losses(np.array([0.0, 0.3, 0.1, 0.0, 0.2, 0.2]))
-    assert infer(face, patches[:6], losses).attrs["answer"] != UNKNOWN
+    assert not infer(face, patches[:6], losses).attrs["answer"].startswith(UNKNOWN)
 
 
 @pytest.mark.parametrize(
-    "losses", [Losses(np.zeros(16)), Losses(np.ones(5)), Losses(np.ones(16), np.arange(16) < 3)]
+    "losses",
+    [
+        Losses(np.zeros(16), np.full(16, True)),
+        Losses(np.ones(5)),
+        Losses(np.ones(16), np.arange(16) < 3),
+    ],
 )
 def test_nothing_is_inferred_from_too_little(face, patches, losses):
     use = infer(face, patches[: len(losses.depth_um)], losses)
-    table = use_table(use, STATED)
-    assert set(table.answer) == {UNKNOWN}
-    assert table["mean"].isna().all()
-    assert predicted_losses(use, losses, seed=1).empty
-    assert as_used(face, use, STATED.through)[1] == STATED.through
+    assert_nothing_is_inferred(use, face, losses, STATED)
