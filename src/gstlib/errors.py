@@ -37,6 +37,7 @@ _MOST_LISTED = 3
 # What each fault says, by the name under which a config accepts it.
 FAULTS = {
     "placement": "patches do not lie on the mesh as the table and the config say",
+    "heights": "T1 matches T0, but its heights are half or twice as large",
     "epochs": "more rose than fell from T0 to T1 on most patches",
     "thickness": "the stone is thinner under the square than any tool",
     "units": "heights are in another unit than those of the other scans or of the mesh",

@@ -6,7 +6,12 @@ from pathlib import Path
 from gst.batches import files_of
 from gst.logs import run_script
 from gst.tables import write_table
-from gstlib.change.selection import exchanged_epochs, registration_table, rise_warnings
+from gstlib.change.selection import (
+    exchanged_epochs,
+    other_heights,
+    registration_table,
+    rise_warnings,
+)
 from gstlib.errors import raise_unless_accepted
 from gstlib.io.store import Stored
 
@@ -22,7 +27,7 @@ def main(
 ) -> None:
     changes = Stored(files_of(registered, worn), ["change", "loss", "gain"])
     table = registration_table(changes, selection, max_noise_fraction=max_noise_fraction)
-    raise_unless_accepted(exchanged_epochs(table), accept)
+    raise_unless_accepted([*other_heights(table), *exchanged_epochs(table)], accept)
     for doubt in rise_warnings(table, max_noise_fraction=max_noise_fraction):
         logging.getLogger("gst").warning("%s", doubt)
     write_table(registration, table)

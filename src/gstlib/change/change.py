@@ -12,8 +12,14 @@ Sel. Top. Appl. Earth Obs. 15:6456, do for repeat surveys); √b is the lateral 
 two measurements miss each other. Points whose height was not measured at both epochs (filled holes,
 outliers) are unknown: no change is stated there.
 
-A patch that was scanned twice without use between shows the same error with no wear in it. Where
-there are such repeats, they give a and b for all patches, and no patch scores its own.
+Neighbouring points err alike, because instruments scan lines, filter and drift. Noise therefore
+exceeds the level of detection in spots, the larger the farther errors correlate. A spot counts if
+it is larger than noise makes it (the cluster extent of neuroimaging: Forman et al. 1995, Magn.
+Reson. Med. 33:636).
+
+A patch that was scanned twice without use between shows the same error with no wear in it. If there
+are such repeats, they give a, b and the extent of correlation for all patches, and no patch scores
+its own.
 """
 
 import logging
@@ -60,6 +66,7 @@ _LEVEL_OF_DETECTION = 1.96
 # ASSUME: two measurements differ no finer than instruments store heights: in single precision, 1e-7
 # of their variation. Smaller differences are rounding, and would give traces of a scan given twice.
 _RESOLUTION = 1e-7
+_TINY = np.finfo(float).tiny
 # Points farther than this from the plane, in standard deviations, are left out of the fit.
 _TRIM = 3.0
 # The trimmed set settles in a few rounds, or soon alternates; this bound is only a safeguard.
@@ -75,9 +82,22 @@ _SLOPE_SMOOTHING = 1.0
 # How much deeper, or shallower, the dales of T1 may be than those of T0 before a warning. Wear of a
 # quarter of a patch makes them a tenth shallower (synthetic specimen).
 _ODD_HEIGHTS = 1.25
-# ASSUME: a repeat shows an unworn surface if at most this share of it lost, and gained, height in
-# spots beyond its own level of detection. Where neighbours err alike, noise alone marks 2.5 %.
-_MOST_CHANGED = 0.05
+# ASSUME: a repeat shows an unworn surface unless the shares that lost and that gained height differ
+# by more than this, and by more than this times the smaller one. Noise marks as much up as down.
+_CHANGED, _CHANGED_RATIO = 0.005, 2.0
+# ASSUME: errors of two points are alike if they correlate by more than a half. Without a repeat, all
+# that the unchanged part shows is taken for error, also wear below the level of detection.
+_ALIKE = 0.5
+# Farthest points whose errors are compared, as a share of the field.
+_REACH = 1 / 8
+# Spots count that have at least so many times the neighbours that err alike. Spots of Gaussian noise
+# beyond 1.96 sigma have 0.3 times as many on average, and their sizes are exponential (Friston et
+# al. 1994, Hum. Brain Mapp. 1:210): noise then marks 1e-4 of the area, and real errors, whose tails
+# are longer, below 0.5 %.
+_CLUSTER = 4.0
+# A smaller spot counts, too, if most of its points exceed the limit so many times: smooth errors
+# exceed it over large spots, and by little.
+_DEEP = 3.0
 # Other software lays T1 on T0 to whole points: a smaller shift is one of none.
 _CO_LOCATED = 0.5
 # How much more the unchanged part of a patch may scatter than repeats do before a warning.
@@ -93,10 +113,16 @@ class Detection(NamedTuple):
         a: the variance on level ground, mm².
     lateral_mm2 : float
         b: its growth with the squared slope, mm².
+    alike_mm2 : float
+        The area around a point on which errors correlate with its error by more than a half, mm².
+    limit : float
+        How many standard deviations one error in twenty exceeds: 1.96 if they are normal.
     """
 
     level_mm2: float
     lateral_mm2: float
+    alike_mm2: float
+    limit: float
 
     @classmethod
     def of(cls, attrs: Mapping) -> Self | None:
@@ -132,7 +158,7 @@ def measure_detection(
         None if no pair serves. A pair that does not is left out, with a warning: where the second
         scan is not found on the first, or where the surface changed between them.
     """
-    changes, slopes = [], []
+    changes, slopes, alike = [], [], []
     for patch in again:
         first, second = before[patch], again[patch]
         try:
@@ -152,20 +178,27 @@ def measure_detection(
             continue
         known = np.isfinite(change["change"].values)
         changes.append(change["change"].values[known])
-        slopes.append(_steepness(first.height)[known])
+        slopes.append(sum(_squared_slopes(first.height))[known])
+        alike.append(change.attrs["alike_um2"] * 1e-6)
     if not changes:
         return None
     pooled, steepness = np.concatenate(changes), np.concatenate(slopes)
     # ASSUME: a repeat errs as T1 does: taken off, put back, and scanned with the same settings. All
     # of it is unchanged; points off by more than three standard deviations are outliers.
-    found = Detection(*_variance_by_slope(pooled, steepness, np.ones(pooled.size, dtype=bool)))
+    level, lateral = _variance_by_slope(pooled, steepness, np.ones(pooled.size, dtype=bool))
+    # the errors of instruments have longer tails than normal ones
+    squares = pooled**2 / np.maximum(level + lateral * steepness, _TINY)
+    limit = max(_LEVEL_OF_DETECTION, math.sqrt(np.quantile(squares, 0.95)))
+    detection = Detection(level, lateral, float(max(alike)), limit)
     _log.info(
-        "%d repeats: standard deviation %.3g µm on level ground, lateral error %.3g µm",
+        "%d repeats: standard deviation %.3g µm on level ground, lateral error %.3g µm; errors are "
+        "alike over %.3g µm²",
         len(changes),
-        math.sqrt(found.level_mm2) * 1e3,
-        math.sqrt(found.lateral_mm2) * 1e3,
+        math.sqrt(detection.level_mm2) * 1e3,
+        math.sqrt(detection.lateral_mm2) * 1e3,
+        detection.alike_mm2 * 1e6,
     )
-    return found
+    return detection
 
 
 def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
@@ -178,7 +211,7 @@ def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
     if max(scale, 1 / scale) > _ODD_HEIGHTS:
         return f"its dales are {scale:.3g} times as deep as those of t0"
     lost, gained = (wear_summary(change)[f"{of}_fraction"] for of in ("loss", "gain"))
-    if max(lost, gained) > _MOST_CHANGED:
+    if abs(lost - gained) > max(_CHANGED, (_CHANGED_RATIO - 1) * min(lost, gained)):
         return (
             f"{100 * lost:.2g} % of it lost height and {100 * gained:.2g} % gained, so the surface "
             "was not the same"
@@ -208,7 +241,15 @@ def measured_change(
     t0, t1 = before.height, after.height
     on_t0, replaced = apply_registration(t1, replaced1, registration, like=t0)
     known = ~(replaced0 | replaced) & registration.found
-    change = height_change(t0, on_t0, known, minimum_points=minimum_points, detection=detection)
+    errors_mm = registration.shift_y_error_mm, registration.shift_x_error_mm
+    change = height_change(
+        t0,
+        on_t0,
+        known,
+        minimum_points=minimum_points,
+        detection=detection,
+        shift_errors_mm=tuple(np.nan_to_num(errors_mm)),
+    )
     return registration, change
 
 
@@ -240,7 +281,7 @@ def register_patch(
     if registration.found:
         _report(patch, registration, before, after, change)
     if detection is not None and change.attrs["known_fraction"]:
-        _warn_of_scatter(patch, change)
+        _warn_of_scatter(patch, change, detection)
     return change.assign_attrs(registration.as_attrs())
 
 
@@ -277,9 +318,9 @@ def _report(
         )
 
 
-def _warn_of_scatter(patch: str, change: xr.Dataset) -> None:
+def _warn_of_scatter(patch: str, change: xr.Dataset, detection: Detection) -> None:
     """Warn where T1 scatters more about T0 than repeated scans do."""
-    expected = change.attrs["level_of_detection_um"] / _LEVEL_OF_DETECTION
+    expected = change.attrs["level_of_detection_um"] / detection.limit
     scatter = change.attrs["change_sigma_um"] / expected
     if scatter > _ODD_SCATTER:
         _log.warning(
@@ -298,6 +339,7 @@ def height_change(
     *,
     minimum_points: int = 1,
     detection: Detection | None = None,
+    shift_errors_mm: tuple[float, float] = (0.0, 0.0),
 ) -> xr.Dataset:
     """Height change from T0 to T1, levelled on the unchanged part.
 
@@ -308,10 +350,13 @@ def height_change(
     known : (y, x) ndarray of bool, optional
         Where both heights were measured; everywhere by default.
     minimum_points : int
-        Fewest adjacent points (corners count) that make a loss or a gain.
+        Fewest adjacent points (corners count) that make a loss or a gain. If the errors of
+        neighbouring points correlate, more are needed, or deeper ones.
     detection : Detection, optional
         The error of a change as measured on repeated scans, from `measure_detection`; by default it
         is fitted to the unchanged part.
+    shift_errors_mm : (float, float)
+        Standard errors (y, x) of the registration, mm, which add to the error of repeated scans.
 
     Returns
     -------
@@ -325,7 +370,8 @@ def height_change(
         ``change_sigma_um`` (robust standard deviation of the unchanged part), ``lateral_sigma_um``
         (lateral distance by which the measurements miss each other), ``known_fraction`` (of T0's
         area), ``detection`` (where the level of detection comes from: ``repeat``, ``own``, or
-        empty). With fewer than 100 known points, all heights are NaN and nothing is known.
+        empty), ``alike_um2`` (area around a point on which errors are alike), ``cluster_points``
+        (fewest adjacent points that make a loss or a gain). With fewer than 100 known points, all heights are NaN and nothing is known.
     """
     before, after = t0.values, t1_on_t0.values
     difference = after - before
@@ -335,34 +381,37 @@ def height_change(
     if inside.sum() < LEAST_POINTS:
         inside[:] = False
     datum, limit = np.full((2, *t0.shape), np.nan)
-    sigma = lateral = typical = math.nan
-    source = ""
+    sigma = lateral = typical = alike_mm2 = math.nan
+    source, cluster = "", minimum_points
     if inside.any():
         places = [np.linspace(-0.5, 0.5, count, endpoint=False) for count in t0.shape]
         y, x = np.meshgrid(*places, indexing="ij")
         planes = np.stack([np.ones(t0.shape), y, x])
         plane, sigma, kept = _unchanged_plane(planes[:, inside], difference[inside])
         datum = np.einsum("i,ijk->jk", plane, planes)
-        steepness = _steepness(t0)
-        if detection is None:
-            source = "own"
-            left = (difference - datum)[inside]
-            level, lateral = _variance_by_slope(left, steepness[inside], kept)
-        else:
-            source = "repeat"
-            level, lateral = detection
-        resolution = _RESOLUTION * before[inside].std()
-        variance = np.maximum(level + lateral * steepness, resolution**2)
-        limit = np.where(inside, _LEVEL_OF_DETECTION * np.sqrt(variance), np.nan)
+        slopes = _squared_slopes(t0)
+        left = np.where(inside, difference - datum, np.nan)
+        smallest = float(_RESOLUTION * before[inside].std()) ** 2
+        cell_mm2 = math.prod(spacing_of(t0))
+        source, registered = "repeat", shift_errors_mm
+        if detection is None:  # it has the error of the registration in it
+            source, registered = "own", (0.0, 0.0)
+            detection = _own_detection(left, sum(slopes), kept, smallest, cell_mm2)
+        level, lateral, alike_mm2, sigmas = detection
+        variance = level + sum(
+            (lateral + error**2) * slope
+            for error, slope in zip(registered, slopes, strict=True)
+        )
+        limit = np.where(inside, sigmas * np.sqrt(np.maximum(variance, smallest)), np.nan)
         typical = np.median(limit[inside])
+        cluster = max(minimum_points, math.ceil(_CLUSTER * alike_mm2 / cell_mm2))
     change = np.where(inside, difference - datum, np.nan)
 
     def variable(values: np.ndarray, units: str, long_name: str) -> tuple:
         return ("y", "x"), values, {"units": units, "long_name": long_name}
 
     limit_name = "height change that noise exceeds on one point in twenty"
-    loss = _spots(change < -limit, minimum_points)
-    gain = _spots(change > limit, minimum_points)
+    loss, gain = (_spots(sign * change / limit, minimum_points, cluster) for sign in (-1, 1))
     return xr.Dataset(
         {
             "t1": variable(after - datum, "mm", "height at T1 on the grid of T0"),
@@ -378,6 +427,8 @@ def height_change(
             "lateral_sigma_um": float(np.sqrt(lateral) * 1e3),
             "known_fraction": float(inside.mean()),
             "detection": source,
+            "alike_um2": float(alike_mm2 * 1e6),
+            "cluster_points": int(cluster),
         },
     )
 
@@ -409,23 +460,65 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
     }
 
 
-def _spots(beyond: np.ndarray, minimum_points: int) -> np.ndarray:
-    """The points of `beyond` in spots of at least `minimum_points`; corners count as adjacent."""
-    # ASSUME: use leaves spots of several points; single points beyond the level of detection are
+def _spots(excess: np.ndarray, minimum_points: int, cluster_points: int) -> np.ndarray:
+    """The points beyond the level of detection in spots that count; corners count as adjacent.
+
+    `excess` is the change over the level of detection.
+    """
+    # ASSUME: use leaves spots of several points; smaller spots beyond the level of detection are
     # noise, though some may be true.
-    spot, _ = scipy.ndimage.label(beyond, np.ones((3, 3)))
-    large = np.bincount(spot.ravel()) >= minimum_points
-    large[0] = False
-    return large[spot]
+    spot, _ = scipy.ndimage.label(excess > 1, np.ones((3, 3)))
+    size = np.bincount(spot.ravel())
+    counts = size >= cluster_points
+    if cluster_points > minimum_points:
+        deep = np.bincount(spot[excess > _DEEP], minlength=size.size)
+        counts |= (size >= minimum_points) & (deep > size / 2)
+    counts[0] = False
+    return counts[spot]
 
 
-def _steepness(surface: xr.DataArray) -> np.ndarray:
-    """Squared slope of smoothed heights, free of single points' noise."""
+def _own_detection(
+    left: np.ndarray, steepness: np.ndarray, kept: np.ndarray, smallest: float, cell_mm2: float
+) -> Detection:
+    """The error of a change (NaN if unknown) from its unchanged part, of which `kept` marks some.
+
+    Its variance is at least `smallest`.
+    """
+    inside = np.isfinite(left)
+    level, lateral = _variance_by_slope(left[inside], steepness[inside], kept)
+    error = np.sqrt(np.maximum(level + lateral * steepness, smallest))
+    alike_mm2 = _alike_points(left / error) * cell_mm2
+    return Detection(level, lateral, alike_mm2, _LEVEL_OF_DETECTION)
+
+
+def _alike_points(error: np.ndarray) -> float:
+    """Points around a point whose errors correlate with its error by more than a half.
+
+    `error` is in standard deviations, NaN if unknown; what is beyond `_TRIM` is no error.
+    """
+    kept = np.abs(error) <= _TRIM
+    centred = np.where(kept, error - np.mean(error[kept]), 0.0)
+    reach = [max(1, int(_REACH * count)) for count in error.shape]
+    size = [
+        scipy.fft.next_fast_len(count + far, real=True)
+        for count, far in zip(error.shape, reach, strict=True)
+    ]
+    products, pairs = (
+        scipy.fft.irfft2(np.abs(scipy.fft.rfft2(of, size)) ** 2, size)
+        for of in (centred, kept.astype(float))
+    )
+    lags = np.ix_(*(np.arange(-far, far + 1) for far in reach))
+    covariance = products[lags] / np.maximum(pairs[lags], 1.0)
+    return float(np.sum(covariance > _ALIKE * covariance[*reach]) - 1)
+
+
+def _squared_slopes(surface: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
+    """Squared slopes along y and x of smoothed heights, free of single points' noise."""
     dy, dx = spacing_of(surface)
     heights = surface.values
     rise_y = scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=(1, 0))
     rise_x = scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=(0, 1))
-    return (rise_y / dy) ** 2 + (rise_x / dx) ** 2
+    return (rise_y / dy) ** 2, (rise_x / dx) ** 2
 
 
 def _variance_by_slope(

@@ -7,7 +7,12 @@ cross-correlation over the overlap (scikit-image, after Padfield 2012, IEEE Tran
 anywhere within a field, so they are removed first. Fine step: Gauss-Newton least squares of the
 height difference in shift, rotation and plane, coarse to fine, with Tukey's biweight so that worn
 points do not pull (inverse-compositional alignment: Baker and Matthews 2004, Int. J. Comput. Vis.
-56:221).
+56:221). A level of the fine step that leaves the peak of the search is dropped.
+
+A striated face has details across its striae and hardly any along them, so it fits its copy at
+many places along the striae. The shift along a direction is known only if the slopes along this
+direction correlate, too. The slopes that both surfaces share also give the standard errors of the
+shift.
 
 The fine step is the project's own: no library fits shift, rotation and tilt together and without
 the worn points. SimpleITK, in a loop that removes the plane and masks outliers, comes close to its
@@ -20,6 +25,7 @@ that of the moving surface, and rotation in radians.
 
 import math
 from dataclasses import asdict, dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 import scipy
@@ -32,8 +38,11 @@ from gstlib.surfaces.leveling import remove_plane
 
 __all__ = [
     "LEAST_POINTS",
+    "OTHER_HEIGHTS",
     "Registration",
     "apply_registration",
+    "is_one_way",
+    "is_other",
     "least_squares",
     "register",
     "robust_sigma",
@@ -46,8 +55,9 @@ _SEARCH_SIZES = 256, 1024
 # than this share of the field are removed.
 _NOISE_ELEMENTS = 1.5
 _LONGEST_FRACTION = 1 / 24
-# The smaller the overlap, the more chance matches: smaller overlaps than this are not searched.
-_LEAST_OVERLAP = 0.25
+# The smaller the overlap, the more chance matches: smaller overlaps than this are not searched. If
+# the best match is one that chance may give, larger overlaps are searched alone.
+_LEAST_OVERLAP, _LARGE_OVERLAP = 0.25, 0.6
 # Rotations (degrees) that the refinement may start from.
 _TURNS = 0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0
 # ASSUME: a registration is above the noise if the band-passed heights correlate by 0.5, and by
@@ -55,19 +65,32 @@ _TURNS = 0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0
 # seldom 0.3.
 _LEAST_CORRELATION = 0.5
 _BEYOND_CHANCE = 0.35
+# ASSUME: a shift is known along a direction if the slopes along it, too, correlate beyond chance.
+_LEAST_ALONG = 0.25
+_SLOPE_SMOOTHING = 2.0
+_AXES = (1, 0), (0, 1)  # orders of the derivatives along y and x
+_EDGE = 6  # elements at the edges of a surface where slopes are not known
+# Blocks along each side of the overlap, between which the standard errors of the shift are taken.
+_BLOCKS = 8
 # ASSUME: no wear makes the dales of a patch half or twice as deep.
-_OTHER_HEIGHTS = 2.0
+OTHER_HEIGHTS = 2.0
 # Smoothing (standard deviation, elements) and stride of the levels of the refinement.
 _LEVELS = (6.0, 4), (3.0, 3), (1.0, 2)
 # Gauss-Newton steps below this many elements change nothing measurable.
 _SMALLEST_STEP = 0.005
 _STEPS_PER_LEVEL = 12
+# Reweighted fits of the plane of the residuals, for the standard errors of the shift.
+_ERROR_STEPS = 3
+# A level of the refinement is dropped if it lowers the correlation of the details by more than
+# their interpolation does.
+_LOWERED = 0.02
 # Fewer points have no plane or pose that is worth fitting.
 LEAST_POINTS = 100
 # 95 % efficiency at the normal distribution (Holland and Welsch 1977).
 _BIWEIGHT = 4.685
 # Interpolation weights below this are rounding.
 _ROUNDING = 1e-6
+_TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -83,12 +106,15 @@ class Registration:
     rotation_deg: float  # of the moving surface, x towards y
     overlap: float  # share of the reference's area that the moving surface covers
     correlation: float  # Pearson's, of heights over the overlap, a plane removed from each
-    detail_correlation: (
-        float  # of band-passed heights, free of the long waves that match by chance
-    )
+    # of band-passed heights, free of the long waves that match by chance
+    detail_correlation: float
+    # of their slopes, in the direction in which these correlate least: striae match along one alone
+    slope_correlation: float
     height_scale: float  # depth of the moving surface's dales over the reference's, band-passed
     residual_mm: float  # robust standard deviation of the levelled height difference
-    found: bool  # whether the detail correlates well enough to believe the registration
+    shift_x_error_mm: float  # standard errors in the middle of the overlap
+    shift_y_error_mm: float  # NaN if no slopes that both surfaces share determine the shift
+    found: bool  # whether the details correlate well enough, in every direction, to believe it
 
     def as_attrs(self) -> dict[str, float]:
         """Attributes for a file: lengths in µm, `found` as 1 or 0."""
@@ -111,58 +137,55 @@ def register(
     point of the larger one: 350 MB for 2048 × 2048 points. Shifts are found up to
     `maximum_shift_mm` along each axis, if at least a quarter of the field overlaps, and rotations
     up to a few degrees. The result is the best registration; its `found` says whether to believe
-    it.
+    it. Surfaces whose heights differ by a factor of two (`OTHER_HEIGHTS`) are registered to an
+    element only: the refinement compares heights.
 
     Raises
     ------
     InputError
-        The spacings differ, or matching heights differ by a factor of two.
+        The spacings differ.
     """
-    spacing = spacing_of(reference)
+    spacing = np.asarray(spacing_of(reference))
     if not np.allclose(spacing, spacing_of(moving), rtol=1e-3):
         raise InputError(
             "T1",
-            f"spacing (y, x) {spacing_of(moving)} mm differs from T0's {spacing} mm",
+            f"spacing (y, x) {spacing_of(moving)} mm differs from T0's {spacing_of(reference)} mm",
             "Resample one of the two surfaces to the other's spacing.",
         )
     h0, h1 = reference.values, moving.values
     factor = max(
         math.ceil(max(h.shape) / size) for h, size in zip((h0, h1), _SEARCH_SIZES, strict=True)
     )
-    longest = math.ceil(max(h0.shape) / factor) * _LONGEST_FRACTION
-    detail0, detail1 = (_detail(h, factor, longest) for h in (h0, h1))
-    scale = np.array([factor, factor, 1.0])
-    left = 1 - maximum_shift_mm / np.asarray(spacing) / h0.shape
-    least = max(_LEAST_OVERLAP, float(np.prod(np.maximum(left, 0))))
-    start = _search(detail0, detail1, least)
-    quality, height_scale = _compare_details(detail0, detail1, start)
-    # the refinement assumes comparable heights, and would only lead away
-    if quality >= _LEAST_CORRELATION and max(height_scale, 1 / height_scale) > _OTHER_HEIGHTS:
-        raise InputError(
-            "T1",
-            f"its dales match those of T0, but are {height_scale:.3g} times as deep: no wear does "
-            "that",
-            "Give both scans in one unit and with one height calibration, or leave t1 empty.",
-        )
-    pose = _refine(h0, h1, start * scale)
-    quality, height_scale = _compare_details(detail0, detail1, pose / scale)
-    on_grid = reference.copy(data=_sample(_spline(h1), pose, h0.shape))
+    aspect = float(spacing[0] / spacing[1])
+    details = _Details.of(h0, h1, aspect, factor)
+    left = 1 - maximum_shift_mm / spacing / h0.shape
+    match = details.search(max(_LEAST_OVERLAP, float(np.prod(np.maximum(left, 0)))))
+    errors, height_scale = np.full(2, math.nan), details.height_scale(match.pose)
+    if not (match.is_beyond_chance and is_other(height_scale)):
+        match, errors = _refine(h0, h1, details, match, factor)
+        height_scale = details.height_scale(match.pose)
+    slope_correlation, _ = details.compare_slopes(match.pose)
+    pose = match.pose * (factor, factor, 1.0)
+    on_grid = reference.copy(data=_sample(_spline(h1), pose, h0.shape, aspect))
     inside = np.isfinite(on_grid.values)
     flat0, flat1 = (
         remove_plane(h.where(inside))[0].values[inside] for h in (reference, on_grid)
     )
-    beyond_chance = quality * math.sqrt(inside.sum() / min(h0.size, h1.size)) >= _BEYOND_CHANCE
     shift_y, shift_x = pose[:2] * spacing - _corner_offset(reference, moving)
+    error_y, error_x = errors * spacing
     return Registration(
         shift_x_mm=float(shift_x),
         shift_y_mm=float(shift_y),
         rotation_deg=math.degrees(pose[2]),
         overlap=float(inside.mean()),
         correlation=_pearson(flat0, flat1),
-        detail_correlation=quality,
+        detail_correlation=match.correlation,
+        slope_correlation=slope_correlation,
         height_scale=height_scale,
         residual_mm=robust_sigma(flat1 - flat0),
-        found=bool(quality >= _LEAST_CORRELATION and beyond_chance),
+        shift_x_error_mm=float(error_x),
+        shift_y_error_mm=float(error_y),
+        found=match.is_beyond_chance and slope_correlation >= _LEAST_ALONG,
     )
 
 
@@ -175,12 +198,23 @@ def apply_registration(
     four neighbours in `marked` (filled points, for example) is.
     """
     shift = np.array([registration.shift_y_mm, registration.shift_x_mm])
-    elements = (_corner_offset(like, moving) + shift) / spacing_of(like)
+    dy, dx = spacing_of(like)
+    elements = (_corner_offset(like, moving) + shift) / (dy, dx)
     pose = np.array([*elements, math.radians(registration.rotation_deg)])
-    heights = _sample(_spline(moving.values), pose, like.shape)
+    heights = _sample(_spline(moving.values), pose, like.shape, dy / dx)
     # ASSUME: of the sixteen points that cubic interpolation weighs, the four around dominate.
-    weight = _sample(marked.astype(float), pose, like.shape, order=1)
+    weight = _sample(marked.astype(float), pose, like.shape, dy / dx, order=1)
     return like.copy(data=heights), weight > _ROUNDING
+
+
+def is_one_way(detail_correlation: float, slope_correlation: float) -> bool:
+    """Whether details match, but leave the shift along one direction open, as striae do."""
+    return detail_correlation >= _LEAST_CORRELATION and slope_correlation < _LEAST_ALONG
+
+
+def is_other(height_scale: float) -> bool:
+    """Whether one of two surfaces is at least `OTHER_HEIGHTS` times as high as the other."""
+    return max(height_scale, 1 / height_scale) > OTHER_HEIGHTS
 
 
 def least_squares(
@@ -200,43 +234,156 @@ def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:
     return np.array(offset)
 
 
-def _detail(heights: np.ndarray, factor: int, longest: float) -> np.ndarray:
-    """Heights on every `factor`-th element without waves longer than `longest` of these elements.
-
-    They are clipped so that no spike dominates.
-    """
+def _thinned(heights: np.ndarray, factor: int) -> np.ndarray:
+    """Heights without noise, on every `factor`-th element."""
     fine = scipy.ndimage.gaussian_filter(heights, max(_NOISE_ELEMENTS, factor / 2))
-    coarse = fine[::factor, ::factor]
-    detail = coarse - scipy.ndimage.gaussian_filter(coarse, longest)
+    return fine[::factor, ::factor]
+
+
+def _detail(heights: np.ndarray, longest: float) -> np.ndarray:
+    """Heights without waves longer than so many elements, clipped so that no spike dominates."""
+    detail = heights - scipy.ndimage.gaussian_filter(heights, longest)
     bound = 3 * robust_sigma(detail)
     return np.clip(detail, -bound, bound)
 
 
-def _search(a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
-    """Pose of `b` on `a`: the peak of their masked correlation, and the best of a few rotations."""
-    # here: only registration needs it, and its import is slow
-    from skimage.registration import phase_cross_correlation
+def _slopes(heights: np.ndarray) -> np.ndarray:
+    """Slopes (y or x, rows, columns), shortened so that no spike dominates; NaN at the edges.
 
-    shift, _, _ = phase_cross_correlation(
-        a,
-        b,
-        reference_mask=np.ones(a.shape, dtype=bool),
-        moving_mask=np.ones(b.shape, dtype=bool),
-        overlap_ratio=least_overlap,
+    Finite differences, clipped components and mirrored edges would all show slopes along striae
+    that run between the axes.
+    """
+    slopes = np.stack(
+        [scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=axis) for axis in _AXES]
     )
-    # scikit-image counts from centre to centre, the shift here is from corner to corner
-    shift = np.asarray(shift, dtype=float) + np.subtract(a.shape, b.shape) / 2
-    # turned about the middle of what moves or, if it lies beyond the reference, the nearest edge
-    middle = shift + np.subtract(b.shape, 1) / 2
-    arm = np.clip(middle, 0, np.subtract(a.shape, 1)) - middle
-    poses = []
-    y, x = arm
-    for turn in np.radians(_TURNS):
-        sine, cosine = math.sin(turn), math.cos(turn)
-        turned = np.array([cosine * y + sine * x, cosine * x - sine * y])
-        poses.append(np.array([*(shift + arm - turned), turn]))
-    quality = [_compare_details(a, b, pose)[0] for pose in poses]
-    return poses[int(np.argmax(quality))]
+    steepness = np.hypot(*slopes)
+    bound = 3 * np.median(steepness)
+    slopes *= np.minimum(1.0, bound / np.maximum(steepness, _TINY))
+    edge = np.ones(heights.shape, dtype=bool)
+    edge[_EDGE:-_EDGE, _EDGE:-_EDGE] = False
+    return np.where(edge, np.nan, slopes)
+
+
+class _Match(NamedTuple):
+    """How well the details of two surfaces match at one pose."""
+
+    pose: np.ndarray
+    correlation: float
+    overlap: float  # share of the smaller surface
+
+    @property
+    def strength(self) -> float:
+        return self.correlation * math.sqrt(self.overlap)
+
+    @property
+    def is_beyond_chance(self) -> bool:
+        return self.correlation >= _LEAST_CORRELATION and self.strength >= _BEYOND_CHANCE
+
+
+class _Details(NamedTuple):
+    """Band-passed heights of the reference and the moving surface, which the search compares."""
+
+    reference: np.ndarray
+    moving: np.ndarray
+    slopes: list[np.ndarray]  # of both, from `_slopes`
+    aspect: float  # spacing along y over spacing along x
+    longest: float  # longest wave that they contain, elements
+
+    @classmethod
+    def of(cls, h0: np.ndarray, h1: np.ndarray, aspect: float, factor: int) -> Self:
+        longest = math.ceil(max(h0.shape) / factor) * _LONGEST_FRACTION
+        thinned = [_thinned(h, factor) for h in (h0, h1)]
+        details = [_detail(h, longest) for h in thinned]
+        return cls(*details, [_slopes(h) for h in thinned], aspect, longest)
+
+    def common(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The heights of both over their overlap."""
+        moved = _sample(self.moving, pose, self.reference.shape, self.aspect, order=1)
+        inside = np.isfinite(moved)
+        return self.reference[inside], moved[inside]
+
+    def match(self, pose: np.ndarray) -> _Match:
+        one, other = self.common(pose)
+        overlap = one.size / min(self.reference.size, self.moving.size)
+        return _Match(pose, _pearson(one, other), overlap)
+
+    def height_scale(self, pose: np.ndarray) -> float:
+        """How much deeper dales are on what moves. Dales, since wear takes summits."""
+        one, other = self.common(pose)
+        if not one.size:
+            return math.nan
+        low = one <= np.median(one)
+        first, second = _depth_of_dales(one, low), _depth_of_dales(other, low)
+        return math.sqrt(second / first) if first > 0 else math.nan
+
+    def search(self, least_overlap: float) -> _Match:
+        """The best match: the peak of the masked correlation, and the best of a few rotations."""
+        matches = []
+        for overlap in sorted({least_overlap, max(least_overlap, _LARGE_OVERLAP)}):
+            matches.append(self._turned(self._peak(self.reference, self.moving, overlap)))
+            if self.determine(matches[-1]):
+                return matches[-1]
+        best = max(matches, key=lambda match: match.strength)
+        if best.is_beyond_chance:  # striae that match: finer details say where along them
+            _, along = self.compare_slopes(best.pose)
+            match = self._turned(self._peak(*along, least_overlap))
+            if self.determine(match):
+                return match
+        return best
+
+    def determine(self, match: _Match) -> bool:
+        """Whether the details match beyond chance, and in every direction."""
+        return match.is_beyond_chance and self.compare_slopes(match.pose)[0] >= _LEAST_ALONG
+
+    def compare_slopes(self, pose: np.ndarray) -> tuple[float, list[np.ndarray]]:
+        """The least correlation of slopes along any direction, and the slopes along it."""
+        first, second = self.slopes
+        moved = np.stack(
+            [_sample(g, pose, first.shape[1:], self.aspect, order=1) for g in second]
+        )
+        inside = np.isfinite(first[0] + moved[0])
+        one, other = first[:, inside], _turn_back(pose[2], self.aspect) @ moved[:, inside]
+        if one.shape[1] < LEAST_POINTS:
+            return 0.0, self.slopes
+        one, other = (g - g.mean(axis=1, keepdims=True) for g in (one, other))
+        products = [np.einsum("ik,jk->ij", g, g) for g in (one, other)]
+        if not min(np.linalg.det(product) for product in products) > 0:
+            return 0.0, self.slopes
+        own = sum(product / np.trace(product) for product in products) / 2
+        shared = np.einsum("ik,jk->ij", one, other)
+        shared /= math.sqrt(math.prod(np.trace(product) for product in products))
+        correlations, directions = scipy.linalg.eigh((shared + shared.T) / 2, own)
+        along = [np.einsum("i,i...->...", directions[:, 0], g) for g in self.slopes]
+        return float(correlations[0]), [np.nan_to_num(g) for g in along]
+
+    def _peak(self, a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
+        """The shift (y, x) at the peak of the correlation."""
+        # here: only registration needs it, and its import is slow
+        from skimage.registration import phase_cross_correlation
+
+        shift, _, _ = phase_cross_correlation(
+            a,
+            b,
+            reference_mask=np.ones(a.shape, dtype=bool),
+            moving_mask=np.ones(b.shape, dtype=bool),
+            overlap_ratio=least_overlap,
+        )
+        # scikit-image counts from centre to centre, the shift here is from corner to corner
+        return np.asarray(shift, dtype=float) + np.subtract(a.shape, b.shape) / 2
+
+    def _turned(self, shift: np.ndarray) -> _Match:
+        """The best match at a shift of some rotations."""
+        a, b = self.reference, self.moving
+        # turned about the middle of the moving surface or, beyond the reference, the nearest edge
+        middle = shift + np.subtract(b.shape, 1) / 2
+        arm = np.clip(middle, 0, np.subtract(a.shape, 1)) - middle
+        matches = []
+        y, x = arm
+        for turn in np.radians(_TURNS):
+            sine, cosine = math.sin(turn), math.cos(turn)
+            turned = cosine * y + sine * x / self.aspect, cosine * x - sine * y * self.aspect
+            matches.append(self.match(np.array([*(shift + arm - turned), turn])))
+        return max(matches, key=lambda match: match.correlation)
 
 
 def _spline(heights: np.ndarray) -> np.ndarray:
@@ -248,17 +395,17 @@ def _sample(
     coefficients: np.ndarray,
     pose: np.ndarray,
     shape: tuple[int, ...],
+    aspect: float,
     *,
     stride: int = 1,
     order: int = 3,
 ) -> np.ndarray:
-    """The moving surface at every `stride`-th element of the reference; NaN outside."""
-    centre_y, centre_x = ((count - 1) / 2 for count in coefficients.shape)
+    """The moving surface at every `stride`-th element of the reference; NaN outside.
+
+    `aspect` is the spacing along y over that along x: surfaces turn in mm, not in elements.
+    """
     y, x = np.ogrid[: shape[0] : stride, : shape[1] : stride]
-    dy, dx = y - pose[0] - centre_y, x - pose[1] - centre_x
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-    rows = cosine * dy - sine * dx + centre_y
-    columns = sine * dy + cosine * dx + centre_x
+    rows, columns = _on_moving(pose, y, x, coefficients.shape, aspect)
     values = scipy.ndimage.map_coordinates(
         coefficients, [rows, columns], order=order, mode="mirror", prefilter=False
     )
@@ -269,26 +416,90 @@ def _sample(
     return np.where(inside_y & inside_x, values, np.nan)
 
 
-def _refine(h0: np.ndarray, h1: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """Gauss-Newton on shift, rotation and plane, from smooth to fine."""
-    pose = pose.copy()
-    half = max(h0.shape) / 2
-    plane = None
+def _on_moving(
+    pose: np.ndarray, y: np.ndarray, x: np.ndarray, shape: tuple[int, ...], aspect: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns on the moving surface, of that shape, of elements of the reference."""
+    centre_y, centre_x = ((count - 1) / 2 for count in shape)
+    dy, dx = y - pose[0] - centre_y, x - pose[1] - centre_x
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    rows = cosine * dy - sine / aspect * dx + centre_y
+    return rows, sine * aspect * dy + cosine * dx + centre_x
+
+
+def _turn_back(turn: float, aspect: float) -> np.ndarray:
+    """Matrix that turns slopes (y, x) of the moving surface, per element, onto the reference."""
+    cosine, sine = math.cos(turn), math.sin(turn)
+    return np.array([[cosine, sine * aspect], [-sine / aspect, cosine]])
+
+
+def _refine(
+    h0: np.ndarray, h1: np.ndarray, details: _Details, start: _Match, factor: int
+) -> tuple[_Match, np.ndarray]:
+    """Gauss-Newton on shift, rotation and plane, from smooth to fine, about the search's peak.
+
+    Long waves and worn points must not lead away from it: only levels count at which the details
+    still match, within their longest wave. Returns also the standard errors (y, x) of the shift.
+    """
+    scale = np.array([factor, factor, 1.0])
+    best, plane = start, None
     for smoothing, stride in _LEVELS:
-        smooth0 = scipy.ndimage.gaussian_filter(h0, smoothing)
-        smooth1 = _spline(scipy.ndimage.gaussian_filter(h1, smoothing))
-        slope_y, slope_x = (g[::stride, ::stride] for g in np.gradient(smooth0))
-        y, x = stride * np.indices(slope_y.shape)
+        level = _Level.of(h0, h1, details.aspect, smoothing, stride)
+        pose, level_plane = level.refined(best.pose * scale, plane)
+        refined = details.match(pose / scale)
+        is_near = _moved(start.pose, refined.pose, details) <= details.longest
+        if is_near and refined.correlation >= best.correlation - _LOWERED:
+            best, plane = refined, level_plane
+    return best, level.errors(best.pose * scale)
+
+
+def _moved(one: np.ndarray, other: np.ndarray, details: _Details) -> float:
+    """How far (elements) the middle of the overlap at one pose is from that at another."""
+    middle = [
+        (max(0.0, at) + min(n0, at + n1) - 1) / 2
+        for at, n0, n1 in zip(one, details.reference.shape, details.moving.shape, strict=False)
+    ]
+    shape, aspect = details.moving.shape, details.aspect
+    first, second = (_on_moving(pose, *middle, shape, aspect) for pose in (one, other))
+    return math.dist(first, second)
+
+
+class _Level(NamedTuple):
+    """Both surfaces, smoothed, on every `stride`-th element of the reference."""
+
+    reference: np.ndarray
+    moving: np.ndarray  # spline coefficients, on all of its elements
+    slopes: np.ndarray  # (y or x, rows, columns), of the reference
+    shape: tuple[int, ...]  # of the reference, with all elements
+    aspect: float
+    stride: int
+
+    @classmethod
+    def of(
+        cls, h0: np.ndarray, h1: np.ndarray, aspect: float, smoothing: float, stride: int
+    ) -> Self:
+        smooth0, smooth1 = (scipy.ndimage.gaussian_filter(h, smoothing) for h in (h0, h1))
+        slopes = np.stack([g[::stride, ::stride] for g in np.gradient(smooth0)])
+        coarse = smooth0[::stride, ::stride]
+        return cls(coarse, _spline(smooth1), slopes, h0.shape, aspect, stride)
+
+    def refined(
+        self, pose: np.ndarray, plane: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """A better pose, and the plane of the difference there, from those of the last level."""
+        pose, half = pose.copy(), max(self.shape) / 2
+        y, x = self.stride * np.indices(self.reference.shape)
         for _ in range(_STEPS_PER_LEVEL):
-            moved = _sample(smooth1, pose, h0.shape, stride=stride)
+            moved = _sample(self.moving, pose, self.shape, self.aspect, stride=self.stride)
             inside = np.isfinite(moved)
             if inside.sum() < LEAST_POINTS:
                 break  # the next level takes more points of the same overlap
-            residual = (moved - smooth0[::stride, ::stride])[inside]
-            dy = (y[inside] - pose[0] - (h1.shape[0] - 1) / 2) / half
-            dx = (x[inside] - pose[1] - (h1.shape[1] - 1) / 2) / half
-            gy, gx = slope_y[inside], slope_x[inside]
-            design = np.stack([np.ones_like(dy), dy, dx, gy, gx, gy * dx - gx * dy])
+            residual = (moved - self.reference)[inside]
+            dy = (y[inside] - pose[0] - (self.moving.shape[0] - 1) / 2) / half
+            dx = (x[inside] - pose[1] - (self.moving.shape[1] - 1) / 2) / half
+            gy, gx = self.slopes[:, inside]
+            turn = gy * dx / self.aspect - gx * dy * self.aspect
+            design = np.stack([np.ones_like(dy), dy, dx, gy, gx, turn])
             if plane is None:
                 # the start of the robust fit: a plane by reweighted least squares
                 plane = least_squares(design[:3], residual)
@@ -299,32 +510,48 @@ def _refine(h0: np.ndarray, h1: np.ndarray, pose: np.ndarray) -> np.ndarray:
             pose += step[3:] / (1, 1, half)
             if np.abs(step[3:]).max() < _SMALLEST_STEP:
                 break
-    return pose
+        return pose, plane
+
+    def errors(self, pose: np.ndarray) -> np.ndarray:
+        """Standard errors (y, x) of the shift, elements; NaN if shared slopes do not determine it.
+
+        The pull of the residuals on the shift scatters between blocks of the overlap, however far
+        the errors of neighbouring points correlate within a block.
+        """
+        moved = _sample(self.moving, pose, self.shape, self.aspect, stride=self.stride)
+        slopes = np.stack([np.gradient(self.reference), np.gradient(moved)]) / self.stride
+        inside = np.isfinite(slopes).all(axis=(0, 1))
+        if inside.sum() < LEAST_POINTS:
+            return np.full(2, math.nan)
+        first, second = slopes[:, :, inside]
+        y, x = np.nonzero(inside)
+        design = np.stack([np.ones(y.size), y / inside.shape[0], x / inside.shape[1]])
+        residual = (moved - self.reference)[inside]
+        plane = least_squares(design, residual)
+        for _ in range(_ERROR_STEPS):
+            plane = _robust_fit(design, residual, plane)
+        left = residual - np.einsum("i,ij->j", plane, design)
+        weight = _biweights(left - np.median(left))
+        shared = np.einsum("ik,jk->ij", first * weight, second)
+        shared = (shared + shared.T) / 2
+        if not np.linalg.eigvalsh(shared)[0] > 0:
+            return np.full(2, math.nan)
+        block = _BLOCKS * (_BLOCKS * y // inside.shape[0]) + _BLOCKS * x // inside.shape[1]
+        pulls = [np.bincount(block, weight * left * slope) for slope in (first + second) / 2]
+        return np.sqrt(np.sum(np.linalg.solve(shared, pulls) ** 2, axis=1))
 
 
 def _robust_fit(design: np.ndarray, values: np.ndarray, plane: np.ndarray) -> np.ndarray:
     """Least squares with biweights of the residuals of the last plane, the first three rows."""
     left = values - np.einsum("i,ij->j", plane, design[:3])
     left -= np.median(left)
+    return least_squares(design, values, _biweights(left))
+
+
+def _biweights(left: np.ndarray) -> np.ndarray | float:
+    """Tukey's weights of residuals."""
     bound = _BIWEIGHT * robust_sigma(left)
-    weight = np.clip(1 - (left / bound) ** 2, 0, None) ** 2 if bound > 0 else 1.0
-    return least_squares(design, values, weight)
-
-
-def _compare_details(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> tuple[float, float]:
-    """Correlation of band-passed heights over their overlap, and how much deeper dales are in `b`.
-
-    Dales, since wear takes summits.
-    """
-    moved = _sample(b, pose, a.shape, order=1)
-    inside = np.isfinite(moved)
-    one, other = a[inside], moved[inside]
-    if not one.size:
-        return 0.0, math.nan
-    low = one <= np.median(one)
-    first, second = _depth_of_dales(one, low), _depth_of_dales(other, low)
-    scale = math.sqrt(second / first) if first > 0 else math.nan
-    return _pearson(one, other), scale
+    return np.clip(1 - (left / bound) ** 2, 0, None) ** 2 if bound > 0 else 1.0
 
 
 def _depth_of_dales(heights: np.ndarray, low: np.ndarray) -> float:

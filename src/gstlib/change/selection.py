@@ -8,15 +8,18 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from gstlib.change.change import wear_summary
+from gstlib.change.registration import is_one_way, is_other
 from gstlib.errors import FaultError
 
-__all__ = ["exchanged_epochs", "is_more", "registration_table", "rise_warnings"]
-__all__ += ["select_patches"]
+__all__ = ["exchanged_epochs", "is_more", "other_heights", "registration_table"]
+__all__ += ["rise_warnings", "select_patches"]
 
 # Of each patch, in the order of the table, before it is said whether that excludes the patch.
-_REGISTRATION = ["patch", "found", "shift_x_um", "shift_y_um", "rotation_deg", "overlap"]
-_REGISTRATION += ["correlation", "detail_correlation", "height_scale", "residual_um"]
-_REGISTRATION += ["change_sigma_um", "lateral_sigma_um", "level_of_detection_um", "detection"]
+_REGISTRATION = ["patch", "found", "shift_x_um", "shift_y_um", "shift_x_error_um"]
+_REGISTRATION += ["shift_y_error_um", "rotation_deg", "overlap", "correlation"]
+_REGISTRATION += ["detail_correlation", "slope_correlation", "height_scale", "residual_um"]
+_REGISTRATION += ["change_sigma_um", "lateral_sigma_um", "level_of_detection_um"]
+_REGISTRATION += ["cluster_points", "detection"]
 _REGISTRATION += ["known_fraction", "loss_fraction", "gain_fraction", "loss_volume_um3"]
 _REGISTRATION += [
     "mean_depth_where_worn_um",
@@ -78,6 +81,24 @@ def exchanged_epochs(registration: pd.DataFrame) -> Iterator[FaultError]:
             "the area), and use only removes material",
             remedy,
         )
+
+
+def other_heights(registration: pd.DataFrame) -> Iterator[FaultError]:
+    """A `FaultError` for each patch whose T1 matches its T0, with other heights than wear leaves.
+
+    `registration` is from `registration_table`.
+    """
+    for row in registration[registration.found.astype(bool)].itertuples():
+        if is_other(row.height_scale):
+            yield FaultError(
+                "heights",
+                f"patch {row.patch}, T1",
+                f"its dales match those of T0, but are {row.height_scale:.3g} times as deep, which "
+                "no wear causes",
+                "Give both scans in one unit and with one height calibration, or leave t1 empty in "
+                "the patch table.",
+                patches=(row.patch,),
+            )
 
 
 def rise_warnings(registration: pd.DataFrame, *, max_noise_fraction: float) -> Iterator[str]:
@@ -146,7 +167,9 @@ def select_patches(
         if match["found"]:  # of the detail: the long waves of a stone match wherever T1 is laid
             values["correlation"] = match.get("detail_correlation")
         else:
-            found.append("T1 was not found on T0")
+            one_way = is_one_way(match["detail_correlation"], match["slope_correlation"])
+            why = ": its striae match, but nothing shows where along them" if one_way else ""
+            found.append(f"T1 was not found on T0{why}")
         for name, value in values.items():
             if value is not None and value < (least := selection[f"minimum_{name}"]):
                 found.append(f"T0/T1 {name} {value:.2f} below {least:.2f}")

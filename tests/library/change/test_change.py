@@ -11,7 +11,7 @@ from gstlib.change.change import (
     measured_change,
     wear_summary,
 )
-from gstlib.errors import InputError
+from gstlib.change.selection import other_heights, registration_table
 from gstlib.study import register_patch
 from gstlib.surfaces.grid import make_surface, spacing_of
 from hypothesis import given, settings
@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 SPACING = 1.66e-3
 SEARCH = {"maximum_shift_mm": 0.1, "minimum_points": 8}
+RULES = {"minimum_overlap": 0.7, "minimum_correlation": 0.5}
 
 
 def prepared(surface, replaced=False, mask="filled"):
@@ -236,18 +237,16 @@ def test_nothing_is_known_where_hardly_a_point_was_measured_at_both_epochs(remea
 
 @pytest.mark.parametrize(
     ("factor", "refused", "warned"),
-    [(1.0, 0, 0), (1.15, 0, 0), (1.4, 0, 1), (0.7, 0, 1), (2.5, 1, 0), (1e-3, 1, 0), (25.4, 1, 0)],
+    [(1.0, 0, 0), (1.15, 0, 0), (1.4, 0, 1), (0.7, 0, 1), (2.5, 1, 1), (1e-3, 1, 1), (25.4, 1, 1)],
 )
 def test_heights_of_another_scale_are_told_from_wear(remeasure, caplog, factor, refused, warned):
     t0, t1, _ = remeasure((20, -10), wear=0.05)
-    found = []
-    try:
-        register_patch(prepared(t0), prepared(factor * t1), patch="7", **SEARCH)
-    except InputError as error:
-        found.append(str(error))
-    assert len(found) == refused
+    change = register_patch(prepared(t0), prepared(factor * t1), patch="7", **SEARCH)
+    table = registration_table({"7": change}, RULES, max_noise_fraction=0.5)
+    faults = list(other_heights(table))
+    assert len(faults) == refused
+    assert all(fault.patches == ("7",) for fault in faults)
     assert sum("calibrated" in message for message in caplog.messages) == warned
-    assert all("patch 7" in message for message in [*found, *caplog.messages])
 
 
 # --- The level of detection as repeated scans give it ------------------------------------------
@@ -320,7 +319,7 @@ def test_wear_all_over_a_patch_does_not_hide_itself_from_repeats():
     t0 = scanned_twice(5e-3)[0].height
     depth = np.abs(scipy.ndimage.gaussian_filter(rng.standard_normal(t0.shape), 6))
     t1 = t0 - 2e-3 * depth / depth.max() + 0.14e-3 * rng.standard_normal(t0.shape)
-    found = Detection(level_mm2=(0.14e-3) ** 2, lateral_mm2=0.0)
+    found = Detection((0.14e-3) ** 2, 0.0, 0.0, 1.96)
     own, repeat = (height_change(t0, t1, detection=given) for given in (None, found))
     # one datum, whatever the level of detection
     np.testing.assert_array_equal(own["change"], repeat["change"])
@@ -332,7 +331,7 @@ def test_wear_all_over_a_patch_does_not_hide_itself_from_repeats():
 
 @pytest.mark.parametrize(("noise", "warned"), [(0.1e-3, 0), (0.15e-3, 0), (0.4e-3, 1)])
 def test_a_scan_that_errs_more_than_the_repeats_is_told(caplog, noise, warned):
-    found = Detection(level_mm2=2 * (0.1e-3) ** 2, lateral_mm2=0.0)
+    found = Detection(2 * (0.1e-3) ** 2, 0.0, 0.0, 1.96)
     epochs = scanned_twice(5e-3, noise=noise, scatter=0.0)
     register_patch(*epochs, patch="7", detection=found, **SEARCH)
     assert sum("error of repeated scans" in message for message in caplog.messages) == warned
@@ -342,7 +341,7 @@ def test_a_scan_that_errs_more_than_the_repeats_is_told(caplog, noise, warned):
 
 def test_a_measured_level_grows_with_the_slope():
     once, again = scanned_twice(5e-3)
-    found = Detection(level_mm2=1e-8, lateral_mm2=4e-6)
+    found = Detection(1e-8, 4e-6, 0.0, 1.96)
     change = register_patch(once, again, patch="7", detection=found, **SEARCH)
     variance = (change["level_of_detection"].values.astype(float) / 1.96) ** 2
     dy, dx = (
@@ -350,10 +349,53 @@ def test_a_measured_level_grows_with_the_slope():
         for order in ((1, 0), (0, 1))
     )
     known = np.isfinite(variance)
-    expected = 1e-8 + 4e-6 * (dy**2 + dx**2)
+    error_y, error_x = (1e-3 * change.attrs[f"shift_{axis}_error_um"] for axis in "yx")
+    expected = 1e-8 + (4e-6 + error_y**2) * dy**2 + (4e-6 + error_x**2) * dx**2
     np.testing.assert_allclose(variance[known], expected[known], rtol=1e-6)  # float32
     assert change.attrs["lateral_sigma_um"] == pytest.approx(2.0)
     assert change.attrs["detection"] == "repeat"
+
+
+def lines(size, along, rng, sigma=0.1e-3):
+    """Errors (mm) of scan lines, which correlate over so many points along x."""
+    error = scipy.ndimage.gaussian_filter1d(rng.standard_normal((size, size)), along, axis=1)
+    return sigma * error / error.std()
+
+
+@pytest.mark.parametrize("along", [0.0, 3.0, 12.0])
+def test_noise_of_whole_lines_is_no_trace_and_deep_wear_on_it_is(along):
+    rng = np.random.default_rng(5)
+    stone = scanned_twice(5e-3, noise=0.0)[0].height
+    once, again = (
+        stone + lines(200, along, rng) if along else stone + 0.1e-3 * rng.normal(size=stone.shape)
+        for _ in "ab"
+    )
+    change = height_change(once, again, minimum_points=8)
+    summary = wear_summary(change)
+    assert max(summary["loss_fraction"], summary["gain_fraction"]) < 0.002
+    # neighbours within 2.35 / 2 σ √2 of the kernel on each side err alike
+    reach = 2 * np.floor(np.sqrt(4 * np.log(2)) * along)
+    assert change.attrs["alike_um2"] == pytest.approx(reach * 1.66**2, rel=0.15, abs=0.1)
+    worn = again.copy()
+    worn[50:53, 60:63] -= 2e-3
+    assert height_change(once, worn, minimum_points=8)["loss"].values[50:53, 60:63].all()
+
+
+def test_repeats_hand_on_how_their_errors_correlate_and_spread():
+    rng = np.random.default_rng(6)
+    stone = scanned_twice(5e-3, noise=0.0)[0].height
+    errors = [lines(200, 6.0, rng) * (1 + 2 * (rng.random((200, 200)) < 0.1)) for _ in "ab"]
+    detection = measure_detection(
+        *split({"a": [prepared(stone + error) for error in errors]}), **SEARCH
+    )
+    assert detection.limit > 2.05  # a tenth of the points errs three times as much
+    assert detection.alike_mm2 > 0
+    change = height_change(stone, stone, detection=detection, minimum_points=8)
+    assert change.attrs["cluster_points"] == pytest.approx(
+        4 * detection.alike_mm2 / SPACING**2, abs=1
+    )
+    limit = 1e3 * detection.limit * detection.level_mm2**0.5
+    assert change["level_of_detection"].values.min() * 1e3 == pytest.approx(limit, rel=0.05)
 
 
 def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
@@ -378,7 +420,7 @@ def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
         "worn": "gained, so the surface was not the same",
         "deeper": "its dales are 1.4 times as deep",
         "shallower": "its dales are 0.7",
-        "deep": "its dales match those of T0, but are",
+        "deep": "its dales are 2.99 times as deep",
         "lacks": "hardly any point",
     }.items():
         assert said[patch].startswith(f"patch {patch}: its repeat is not used: ")
@@ -389,6 +431,6 @@ def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
 
 
 def test_a_measured_error_is_read_from_what_was_stored():
-    found = Detection(1.25e-8, 3e-9)
+    found = Detection(1.25e-8, 3e-9, 1e-5, 2.2)
     assert Detection.of(found._asdict() | {"settings": "{}"}) == found
     assert Detection.of({"settings": "{}"}) is None

@@ -77,8 +77,11 @@ def test_a_marked_point_marks_those_interpolated_from_it(shift, rows, columns):
         "overlap": 1.0,
         "correlation": 1.0,
         "detail_correlation": 1.0,
+        "slope_correlation": 1.0,
         "height_scale": 1.0,
         "residual_mm": 0.0,
+        "shift_x_error_mm": 0.0,
+        "shift_y_error_mm": 0.0,
     }
     shifted = Registration(shift[1] * SPACING, shift[0] * SPACING, 0.0, **quality, found=True)
     _, carried = apply_registration(like, mask, shifted, like)
@@ -121,6 +124,98 @@ def test_neither_unit_nor_datum_nor_wear_matter(remeasure):
     for scale, datum in [(1.0, 0.0), (1e-3, -0.5), (1e3, 1.0)]:
         found = register(scale * t0, scale * (t1 + datum), maximum_shift_mm=0.1)
         assert error_in_elements(found, shift) < 0.03
+
+
+def waves(seed, longest=0.2, count=250):
+    """A surface (mm) that can be sampled anywhere (y, x in mm), without interpolation."""
+    rng = np.random.default_rng(seed)
+    length = np.exp(rng.uniform(np.log(0.012), np.log(longest), count))
+    way, phase = rng.uniform(0, 2 * np.pi, (2, count))
+    height = length**0.8 * rng.normal(size=count)
+    height *= 3e-3 / np.sqrt(np.sum(height**2) / 2)
+
+    def at(y, x, *, striae=False):
+        along = np.zeros(count) if striae else np.sin(way)
+        angle = 2 * np.pi / length * (along * y[..., None] + np.cos(way) * x[..., None]) + phase
+        return np.sum(height * np.sin(angle), axis=-1)
+
+    return at
+
+
+def measured(heights, spacing, shift=(0.0, 0.0), turn_deg=0.0, noise=0.0, shape=(96, 112)):
+    """A scan of `heights` (y, x in mm) whose middle lies at `shift` (mm), turned x towards y."""
+    dy, dx = spacing
+    y, x = (np.indices(shape) - np.reshape(shape, (2, 1, 1)) / 2 + 0.5) * np.reshape(
+        spacing, (2, 1, 1)
+    )
+    sine, cosine = np.sin(np.radians(turn_deg)), np.cos(np.radians(turn_deg))
+    laid = heights(cosine * y + sine * x + shift[0], cosine * x - sine * y + shift[1])
+    rng = np.random.default_rng(round(1e6 * abs(shift[0])))
+    return make_surface(laid + noise * rng.standard_normal(shape), (dy, dx))
+
+
+@pytest.mark.parametrize("spacing", [(2e-3, 1e-3), (1.907e-3, 1.634e-3)])
+def test_a_turn_is_one_in_mm_on_points_that_are_not_square(spacing):
+    stone = waves(1, longest=0.1)
+    t0, t1 = (measured(stone, spacing, *place, noise=1e-5) for place in [(), ((0.01, -0.006), 1.5)])
+    found = register(t0, t1, maximum_shift_mm=0.05)
+    assert found.found
+    assert found.rotation_deg == pytest.approx(1.5, abs=0.02)
+    assert found.shift_y_mm == pytest.approx(0.01, abs=5e-5)
+    assert found.residual_mm < 3e-5
+    on_t0, _ = apply_registration(t1, t1.values > 1, found, t0)
+    assert float(abs(on_t0 - t0).median()) < 3e-5
+
+
+@pytest.mark.parametrize("relief", [0.1, 0.03, 0.0])
+@pytest.mark.parametrize("lean_deg", [0.0, 30.0])
+def test_striae_are_found_along_both_axes_or_not_at_all(relief, lean_deg):
+    stria, rough = waves(2), waves(3, longest=0.1)
+    lean = np.radians(lean_deg)
+
+    def ground(y, x):
+        across = np.cos(lean) * x + np.sin(lean) * y
+        return stria(y, across, striae=True) + relief * rough(y, x)
+
+    spacing, shift = (1.66e-3, 1.66e-3), (0.040, 0.010)
+    t0, t1 = (measured(ground, spacing, at, noise=2e-5, shape=(144, 144)) for at in [(0, 0), shift])
+    found = register(t0, t1, maximum_shift_mm=0.12)
+    assert found.detail_correlation > 0.9
+    assert found.found == (relief > 0)
+    if found.found:
+        error = np.hypot(found.shift_y_mm - shift[0], found.shift_x_mm - shift[1])
+        assert error < 3 * np.hypot(found.shift_y_error_mm, found.shift_x_error_mm)
+        assert error < 0.2e-3
+
+
+def test_standard_errors_are_those_of_the_shift():
+    """Over scans whose noise differs; along y the stone is smoother, and the shift less sure."""
+    stone = waves(4, longest=0.1)
+    flat = lambda y, x: stone(0.3 * y, x)  # noqa: E731
+    spacing, shift = (1.66e-3, 1.66e-3), (0.004, -0.003)
+    off, stated = [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        t0, t1 = (
+            s + 2e-4 * rng.standard_normal(s.shape)
+            for s in (measured(flat, spacing, at) for at in [(0, 0), shift])
+        )
+        found = register(t0, t1, maximum_shift_mm=0.05)
+        off.append((found.shift_y_mm - shift[0], found.shift_x_mm - shift[1]))
+        stated.append((found.shift_y_error_mm, found.shift_x_error_mm))
+    true, errors = (np.sqrt(np.mean(np.square(each), axis=0)) for each in (off, stated))
+    assert errors[0] > 2 * errors[1]
+    np.testing.assert_allclose(errors / true, 1.0, atol=0.45)
+
+
+def test_a_bow_does_not_lead_away_from_what_the_search_found(scans):
+    """An instrument's bow is a longer wave than the details, and many times as high."""
+    t0, t1 = scans(3, (4.0, -3.0))
+    y, x = np.indices(t1.shape) / len(t1) - 0.5
+    bowed = t1 + 60e-3 * (y + 0.2) ** 2 * (x + 0.3)
+    found = register(t0, bowed, maximum_shift_mm=0.05)
+    assert error_in_elements(found, (4.0, -3.0)) < 1.5
+    assert found.detail_correlation > 0.5
 
 
 def test_flat_surfaces_are_not_found():

@@ -23,7 +23,8 @@ def changed(rose, fell, *, found=True):
     order = np.arange(4200).reshape(60, 70)
     spots = {"loss": order < fell, "gain": (order >= fell) & (order < fell + rose)}
     change = change.assign({name: (("y", "x"), mask) for name, mask in spots.items()})
-    more = {"overlap": 1.0, "correlation": 1.0, "detail_correlation": 1.0}
+    alike = ["overlap", "correlation", "detail_correlation", "slope_correlation"]
+    more = dict.fromkeys(alike, 1.0)
     return change.assign_attrs(registration_found=int(found), **more)
 
 
@@ -83,10 +84,13 @@ def test_where_no_change_is_known_no_loss_is_believed():
 
 
 def test_patches_are_selected_by_pressure_overlap_and_correlation():
-    pressures = pd.DataFrame({"patch": list("12345"), "pressure_MPa": [0.0, 0.5, 8.0, 22.0, 70.0]})
-    registration = pd.DataFrame({"patch": list("1345"), "overlap": [0.52, 0.52, 0.95, 0.9]})
-    registration["detail_correlation"] = [0.99, 0.3, 0.99, 0.1]
-    registration["found"] = [True, True, True, False]
+    pressures = pd.DataFrame(
+        {"patch": list("123456"), "pressure_MPa": [0.0, 0.5, 8.0, 22.0, 70.0, 70.0]}
+    )
+    registration = pd.DataFrame({"patch": list("13456"), "overlap": [0.52, 0.52, 0.95, 0.9, 0.9]})
+    registration["detail_correlation"] = [0.99, 0.3, 0.99, 0.1, 0.9]
+    registration["slope_correlation"] = [0.9, 0.9, 0.9, 0.1, 0.1]
+    registration["found"] = [True, True, True, False, False]
     table = select_patches(pressures, registration, RULES)
     assert list(table.reason) == [
         "no macroscale contact; T0/T1 overlap 0.52 below 0.70",
@@ -94,8 +98,9 @@ def test_patches_are_selected_by_pressure_overlap_and_correlation():
         "T0/T1 overlap 0.52 below 0.70; T0/T1 correlation 0.30 below 0.50",
         "",
         "T1 was not found on T0",
+        "T1 was not found on T0: its striae match, but nothing shows where along them",
     ]
-    assert list(table.in_study) == [False, False, False, True, False]
+    assert list(table.in_study) == [False, False, False, True, False, False]
     without_t1 = select_patches(pressures, registration[:0], RULES)
-    assert list(without_t1.in_study) == [False, False, True, True, True]
+    assert list(without_t1.in_study) == [False, False, True, True, True, True]
     assert list(without_t1.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]
