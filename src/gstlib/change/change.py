@@ -85,15 +85,15 @@ _ODD_HEIGHTS = 1.25
 # ASSUME: a repeat shows an unworn surface unless the shares that lost and that gained height differ
 # by more than this, and by more than this times the smaller one. Noise marks as much up as down.
 _CHANGED, _CHANGED_RATIO = 0.005, 2.0
-# ASSUME: errors of two points are alike if they correlate by more than a half. Without a repeat, all
-# that the unchanged part shows is taken for error, also wear below the level of detection.
+# ASSUME: errors of two points are alike if they correlate by more than a half. Without a repeat,
+# all that the unchanged part shows is taken for error, also wear below the level of detection.
 _ALIKE = 0.5
 # Farthest points whose errors are compared, as a share of the field.
 _REACH = 1 / 8
-# Spots count that have at least so many times the neighbours that err alike. Spots of Gaussian noise
-# beyond 1.96 sigma have 0.3 times as many on average, and their sizes are exponential (Friston et
-# al. 1994, Hum. Brain Mapp. 1:210): noise then marks 1e-4 of the area, and real errors, whose tails
-# are longer, below 0.5 %.
+# Spots count that have at least so many times the neighbours that err alike. Spots of Gaussian
+# noise beyond 1.96 sigma have 0.3 times as many on average, and their sizes are exponential
+# (Friston et al. 1994, Hum. Brain Mapp. 1:210): noise then marks 1e-6 of the area. Real errors have
+# longer tails, and mark more (`benchmarks/measured_repeats.py`).
 _CLUSTER = 4.0
 # A smaller spot counts, too, if most of its points exceed the limit so many times: smooth errors
 # exceed it over large spots, and by little.
@@ -371,7 +371,8 @@ def height_change(
         (lateral distance by which the measurements miss each other), ``known_fraction`` (of T0's
         area), ``detection`` (where the level of detection comes from: ``repeat``, ``own``, or
         empty), ``alike_um2`` (area around a point on which errors are alike), ``cluster_points``
-        (fewest adjacent points that make a loss or a gain). With fewer than 100 known points, all heights are NaN and nothing is known.
+        (fewest adjacent points that make a loss or a gain). With fewer than 100 known points, all
+        heights are NaN and nothing is known.
     """
     before, after = t0.values, t1_on_t0.values
     difference = after - before
