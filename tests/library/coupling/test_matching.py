@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 import scipy
-from finding import OVERVIEW, PATCH, mesh, scan, stone
+from finding import FINE, OVERVIEW, PATCH, mesh, scan, stone
+from gstlib.coupling.aligning import _jackknife
 from gstlib.coupling.finding import find_on_map
-from gstlib.coupling.matching import Match, match_map, match_near, match_together
+from gstlib.coupling.matching import Match, _top, match_map, match_near, match_together
 from gstlib.surfaces.footprints import Place
 
 
@@ -104,8 +105,41 @@ def test_scans_near_places_by_hand_snap_together(mirrored):
         np.hypot(*np.subtract(one.place[:2], at)) for one, at in zip(matches, PATCHES, strict=True)
     ]
     assert np.median(off) < 0.05
-    assert max(far for far, match in zip(off, matches, strict=True) if match.found) < 0.1
+    pairs = [(far, match.error_mm) for far, match in zip(off, matches, strict=True) if match.found]
+    off_mm, error_mm = np.sqrt(np.square(pairs).mean(axis=0))
+    assert off_mm < 0.05
+    # scans err about as much as is said, which is along one axis
+    assert 0.5 < off_mm / 2**0.5 / error_mm < 1.6
     assert matches[0].place.rotation_deg == pytest.approx(30, abs=4)
+
+
+def test_the_turn_by_hand_is_at_the_top_of_a_parabola():
+    turns = np.arange(-12.0, 12.1, 3.0)
+    sums = 2 - (turns - 4.3) ** 2
+    assert _top(sums.argmax(), sums) == pytest.approx(4.3)
+    assert _top(len(turns) - 1, turns) == 12  # there is nothing beyond
+
+
+def test_a_scan_that_turned_by_itself_is_not_found_near_its_place_by_hand():
+    """It shows rings, which fit at every turn; only what is left of the stone tells the turn."""
+    places, turns = PATCHES[[0, 1, 4, 5]], (50.0, 30.0, 30.0, 30.0)
+    fine = stone(3)
+    y, x = np.indices(fine.shape) * FINE
+    away = np.hypot(y - places[0][0], x - places[0][1])
+    near = np.exp(-((away / 0.6) ** 4))
+    fine = fine * (1 - near / 2) + near * 0.1 * np.cos(2 * np.pi * away / 0.8)
+    scans = [patch(fine, Place(*at, turn)) for at, turn in zip(places, turns, strict=True)]
+    matches = match_near(mesh(fine), scans, [Place(*at, 28.0) for at in places])
+    assert [each.found for each in matches] == [False, True, True, True]
+    assert matches[0].correlation > 0.95
+
+
+def test_the_jackknife_of_a_mean_is_its_standard_error():
+    """Of two means, each of a value in every block, that of the one that is known less well."""
+    values = np.random.default_rng(1).normal(size=(9, 2)) * [1, 5]
+    jacobian, blocks = np.tile(np.eye(2), (9, 1)), np.repeat(np.arange(9), 2)
+    error = _jackknife(-jacobian, values.ravel(), blocks)
+    assert error == pytest.approx(values[:, 1].std(ddof=1) / 3)
 
 
 def test_scans_of_a_smooth_stone_do_not_snap():
@@ -125,6 +159,8 @@ def test_a_scan_that_is_not_found_on_a_map_is_where_the_stage_says():
     alone = find_on_map(on_map, scans, None)
     assert [match.found for match in alone.values()] == [True, True, False]
     tied = find_on_map(on_map, scans, np.array([offsets * (-1, 1), offsets]))
+    # heights say more exactly than the stage where a scan lies
+    assert [tied[name] == alone[name] for name in "abc"] == [True, True, False]
     for match, place in zip(tied.values(), at, strict=True):
         assert match.found
         expected = place - centre + np.array(OVERVIEW) / 2
