@@ -26,7 +26,14 @@ from gstlib.use.infer import (
     _orders,
     infer_use,
 )
-from gstlib.use.outcome import as_used, leave_one_out, losses_of, predicted_losses, use_table
+from gstlib.use.outcome import (
+    as_used,
+    leave_one_out,
+    losses_of,
+    predicted_losses,
+    use_of_study,
+    use_table,
+)
 from gstlib.use.sampling import Sampling
 
 # A square of 3 mm in a face of 4.2 mm, with sixteen patches of 0.5 mm.
@@ -194,17 +201,21 @@ def test_chance_is_the_share_of_orders_that_a_use_explains_as_well(count, shuffl
     assert 0.05 < p_value < 0.95 if shuffled else p_value == 1 / 200
 
 
-@pytest.mark.parametrize("mirror", [-1, 1])
-def test_chance_lays_the_wear_where_it_was_moved_and_mirrored(mirror):
-    """A small shift leaves each patch the nearest; of a symmetric set, so does mirroring."""
-    half = np.random.default_rng(1).uniform(-1, 1, (8, 2))
-    places = pd.DataFrame(np.append(half, half * [-1, 1], axis=0), columns=["y_mm", "x_mm"])
-    drawn = SimpleNamespace(
-        uniform=lambda *_: -0.01,  # of the angle, and of the shift
+@pytest.mark.parametrize(("mirror", "shift_mm"), [(1, 0), (-1, 0), (1, -0.95)])
+def test_chance_lays_the_wear_elsewhere_mirrored_and_shifted(mirror, shift_mm):
+    """Two halves that are each other's image, mirrored or shifted, change their places."""
+    half = np.random.default_rng(1).uniform(0, (1, 3 if mirror < 0 else 1), (8, 2))
+    half[:2, 0] = 0.02, 1.0
+    image = half * (-1, 1) if mirror < 0 else np.add(half, (1, 0))
+    both = np.append(half, image, axis=0)
+    shift = np.array([shift_mm, 0]) / np.ptp(both[:, 0])
+    drawn = SimpleNamespace(  # no turn
+        uniform=lambda low, high, size=0: shift if size else 0.0,
         choice=lambda signs: signs[0 if mirror < 0 else 1],
     )
-    order = next(_orders(places, drawn))
-    np.testing.assert_array_equal(order, np.roll(np.arange(16), 8 if mirror < 0 else 0))
+    order = next(_orders(pd.DataFrame(both, columns=["y_mm", "x_mm"]), drawn))
+    change = mirror < 0 or shift_mm
+    np.testing.assert_array_equal(order, np.roll(np.arange(16), 8 if change else 0))
 
 
 @pytest.mark.parametrize(
@@ -286,6 +297,19 @@ def test_likelihood_of_a_loss_is_a_density():
     assert given == pytest.approx(np.interp(0.1, depths, density), rel=1e-3)
 
 
+def test_grades_are_read_without_the_wear_of_the_whole_tool_too(face, patches, use, monkeypatch):
+    pressed = []
+    monkeypatch.setattr(
+        "gstlib.use.outcome.infer_use", lambda of, *_, **__: pressed.append(of) or use
+    )
+    bent = face.assign(height=face.height - face.height.x**2 / 50)
+    options = {"stated": STATED._asdict(), "sampling": SAMPLING._asdict()}
+    graded = patches.assign(wear_grade=1)
+    use_of_study(bent, graded, None, **options, modulus=MODULUS, patch_mm=PATCH)
+    curvatures = [float(of.height.polyfit("x", 2).polyfit_coefficients[0].mean()) for of in pressed]
+    assert curvatures == pytest.approx([-1 / 50, 0], abs=1e-3)
+
+
 def test_more_worn_patches_bore_more_pressure():
     pressure = np.array([[1.0, 5.0, 9.0, 20.0], [20.0, 9.0, 5.0, 1.0]])
     rising = weigh(Grades(np.array([0, 1, 1, 2])), pressure).log_evidence
@@ -293,6 +317,16 @@ def test_more_worn_patches_bore_more_pressure():
     # a grade at random is never impossible
     falling = weigh(Grades(np.array([0, 1, 1, 0])), pressure).log_evidence
     assert (falling > 4 * np.log(0.1 / 2)).all()
+
+
+def test_likelihood_of_a_grade_is_that_of_its_interval():
+    """Of two grades, the limit lies between the second and the third pressure."""
+    pressure = np.array([1.0, 9.0, 2.0, 8.0])
+    seen = np.log(pressure / 5.0 + 0.03)
+    away = (seen - seen[2:].mean()) * [-1, 1, -1, 1]
+    expected = np.log(0.9 * scipy.stats.norm.cdf(away / np.array([[0.25], [0.5], [1.0]])) + 0.05)
+    likelihood = Grades(np.array([0, 1, 0, 1])).log_likelihood(pressure[np.newaxis])
+    np.testing.assert_allclose(likelihood[0], expected)
 
 
 def test_use_that_tips_the_stone_over_counts_nothing():
