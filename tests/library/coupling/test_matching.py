@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import scipy
 from finding import FINE, OVERVIEW, PATCH, mesh, scan, stone
-from gstlib.coupling.aligning import _jackknife
+from gstlib.coupling.aligning import Fit, _jackknife
 from gstlib.coupling.finding import find_on_map
-from gstlib.coupling.matching import Match, _top, match_map, match_near, match_together
+from gstlib.coupling.matching import Match, _elsewhere, _top, match_map, match_near, match_together
 from gstlib.surfaces.footprints import Place
 
 
@@ -120,18 +120,37 @@ def test_the_turn_by_hand_is_at_the_top_of_a_parabola():
     assert _top(len(turns) - 1, turns) == 12  # there is nothing beyond
 
 
-def test_a_scan_that_turned_by_itself_is_not_found_near_its_place_by_hand():
-    """It shows rings, which fit at every turn; only what is left of the stone tells the turn."""
-    places, turns = PATCHES[[0, 1, 4, 5]], (50.0, 30.0, 30.0, 30.0)
-    fine = stone(3)
+def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it(monkeypatch):
+    """One turned by itself, hidden by rings, one is twice as high, and one fits worse."""
+    fine, (first, *_) = stone(6), PATCHES
     y, x = np.indices(fine.shape) * FINE
-    away = np.hypot(y - places[0][0], x - places[0][1])
-    near = np.exp(-((away / 0.6) ** 4))
+    away = np.hypot(y - first[0], x - first[1])
+    near = np.exp(-((away / 0.7) ** 6))
     fine = fine * (1 - near / 2) + near * 0.1 * np.cos(2 * np.pi * away / 0.8)
-    scans = [patch(fine, Place(*at, turn)) for at, turn in zip(places, turns, strict=True)]
-    matches = match_near(mesh(fine), scans, [Place(*at, 28.0) for at in places])
-    assert [each.found for each in matches] == [False, True, True, True]
-    assert matches[0].correlation > 0.95
+    scans = [patch(fine, Place(*at, 30.0)) for at in PATCHES]
+    scans[0], scans[2] = patch(fine, Place(*first, 50.0)), 2 * scans[2]
+    noise = scipy.ndimage.gaussian_filter(np.random.default_rng(1).normal(size=scans[4].shape), 6)
+    scans[4] = scans[4] + 0.5 * float(scans[4].std()) * noise / noise.std()
+    near_by = mesh(fine, 6), scans, [Place(*at, 28.0) for at in PATCHES + 0.2]
+    matches = match_near(*near_by)
+    assert [each.found for each in matches] == [False, True, False, True, False, True]
+    assert min(each.correlation for each in matches) > 0.8
+    assert min(each.lead for each in matches) > 0.2
+    monkeypatch.setattr("gstlib.coupling.matching._elsewhere", lambda *_: 0.99)
+    assert not any(each.found for each in match_near(*near_by))
+
+
+@pytest.mark.parametrize(("lead", "one", "two"), [(0.4, 1, 1), (0.3, 0, 1), (0.2, 0, 0)])
+def test_one_scan_needs_a_larger_lead_than_several(lead, one, two):
+    match = Match(Place(1.0, 1.0), False, False, 0.9, 0.1, 0.01, found=True)
+    elsewhere = np.tanh(np.arctanh(0.9) - lead)
+    assert [match.among([elsewhere], count).found for count in (1, 2)] == [one, two]
+
+
+@pytest.mark.parametrize(("count", "score"), [(4, 0.7), (3, 0.6), (2, 0.0)])
+def test_another_place_is_far_from_the_best_or_of_the_other_sign(count, score):
+    peaks = np.array([[0.9, 4, 4], [0.8, 5, 4], [0.6, 9, 4], [-0.7, 4, 5]])[:count]
+    assert _elsewhere(peaks, peaks[0], 3.0) == score
 
 
 def test_the_jackknife_of_a_mean_is_its_standard_error():
@@ -140,6 +159,9 @@ def test_the_jackknife_of_a_mean_is_its_standard_error():
     jacobian, blocks = np.tile(np.eye(2), (9, 1)), np.repeat(np.arange(9), 2)
     error = _jackknife(-jacobian, values.ravel(), blocks)
     assert error == pytest.approx(values[:, 1].std(ddof=1) / 3)
+    scans = 2 * [patch(stone(1), Place(4.5, 4.5))]
+    together = Fit.of(mesh(stone(1)), scans, np.zeros((2, 2)), False)
+    assert len(set(together.blocks)) == 2 * 9
 
 
 def test_scans_of_a_smooth_stone_do_not_snap():
