@@ -74,6 +74,8 @@ def test_summary_of_a_plateau_by_hand():
     )
     assert summary["mean_wear_depth_um"] == pytest.approx(0.5, rel=1e-3)
     assert summary["loss_volume_um3"] == pytest.approx(0.25 * area * 1e6 * 2.0, rel=1e-3)
+    noise = summary["gain_fraction"] / summary["loss_fraction"]
+    assert summary["noise_fraction"] == pytest.approx(noise)
     # shares and means are over the known points alone
     t1[:, :40] = np.nan
     half = wear_summary(height_change(t0, t1))
@@ -355,6 +357,8 @@ def test_a_measured_level_grows_with_the_slope():
     )
     expected = 1e-8 + 4e-6 * (dy**2 + dx**2)
     np.testing.assert_allclose(variance, expected, rtol=1e-6)  # float32
+    typical = 1960 * np.median(expected) ** 0.5
+    assert change.attrs["level_of_detection_um"] == pytest.approx(typical, rel=1e-6)
     assert change.attrs["lateral_sigma_um"] == pytest.approx(2.0)
     assert change.attrs["detection"] == "repeat"
 
