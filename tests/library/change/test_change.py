@@ -359,6 +359,10 @@ def test_a_measured_level_grows_with_the_slope():
     np.testing.assert_allclose(variance, expected, rtol=1e-6)  # float32
     typical = 1960 * np.median(expected) ** 0.5
     assert change.attrs["level_of_detection_um"] == pytest.approx(typical, rel=1e-6)
+    summary, area = wear_summary(change), variance.size * np.prod(spacing)
+    assert summary["loss_area_mm2"] == pytest.approx(summary["loss_fraction"] * area)
+    volume = summary["mean_wear_depth_um"] * area * 1e6
+    assert summary["loss_volume_um3"] == pytest.approx(volume)
     assert change.attrs["lateral_sigma_um"] == pytest.approx(2.0)
     assert change.attrs["detection"] == "repeat"
 
@@ -371,6 +375,7 @@ def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
     bad = {
         "other": (once, good[1]),
         "worn": scanned_twice(5e-3, seed=2, loss=2e-3),
+        "grown": scanned_twice(5e-3, seed=2, loss=-2e-3),
         "deeper": (once, again.assign(height=1.4 * again.height)),
         "shallower": (once, again.assign(height=again.height / 1.4)),
         "deep": (once, again.assign(height=3 * again.height)),
@@ -383,6 +388,7 @@ def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
     for patch, part in {
         "other": "it was not found on t0",
         "worn": "gained, so the surface was not the same",
+        "grown": "gained, so the surface was not the same",
         "deeper": "its dales are 1.4 times as deep",
         "shallower": "its dales are 0.7",
         "deep": "its dales match those of T0, but are",
