@@ -13,7 +13,7 @@ import pytest
 from gst.figures import study as figures
 from gst.figures.style import BLUE, save_figure
 from gst.provenance import commit, program_hash
-from gst.tables import TABLES
+from gst.tables import TABLES, write_table
 from gstlib.conditions import study_modulus
 from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.io.files import sha256
@@ -21,10 +21,11 @@ from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table
 from gstlib.specimen.score import true_face
 from gstlib.surfaces.grid import spacing_of
+from gstlib.use.outcome import use_of_study
 from gstlib.validation.single_scale import press_whole
 from matplotlib.colors import to_rgb
 from PIL import Image
-from power import merged
+from power import merged, specimen_config, specimen_studies, worn_patches
 from sweep import outcomes
 
 from .conftest import ROOT, in_memory, unrecorded
@@ -185,6 +186,22 @@ def test_every_stage_is_scored_against_the_truth(table):
     known = table("two_scales").query("variant == 'placed'").set_index("patch")
     np.testing.assert_array_equal(true, known.reference_pressure_MPa[true.index])
     assert np.abs(true - recovered).max() > 0.1
+
+
+def test_losses_tell_how_a_tool_was_used_as_expected(tmp_path):
+    """In memory, of more patches, which wore under a load point and a radius that none stated."""
+    config = specimen_config(ROOT / "config/tiny.yaml") | {"use": {"draws": 40, "rounds": 6}}
+    patches = worn_patches(config | {"patches": str(ROOT / "config/patches.tsv")})[::2]
+    patches = patches.reset_index(drop=True)
+    config["specimen"] |= {"worn_off_middle_mm": (-0.8, 0.6), "worn_radius_mm": 120.0}
+    ((_, study),) = specimen_studies(config, patches, config["specimen"]["seed"], ["archard"])
+    settings = study.settings["infer_use"]
+    _, table, _ = use_of_study(study.composite, patches, study.registration, **settings)
+    write_table(tmp_path / "tables/use.csv", table)
+    assert_as_expected(tmp_path, "losses", "use")
+    rows = table.set_index("parameter").loc[["load_point_y", "load_point_x", "radius"]]
+    true = np.array([2.5 - 0.8, 2.5 + 0.6, 120.0])
+    assert ((rows.low < true) & (true < rows.high)).all()
 
 
 # --- Figures ----------------------------------------------------------------------------------

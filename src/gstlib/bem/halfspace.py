@@ -103,8 +103,7 @@ class HalfSpace:
     Attributes
     ----------
     self_influence : float
-        Displacement of an element under unit pressure on itself (mm/MPa); if periodic, at least
-        half the largest difference to another's.
+        Displacement of an element under unit pressure on itself (mm/MPa), without the periods.
     uniform_influence : float
         Displacement under unit pressure all over (mm/MPa): infinite unless periodic.
 

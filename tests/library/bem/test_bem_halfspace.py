@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine
-from gstlib.bem import ContactInputError, HalfSpace, contact_modulus, solve_contact
+from gstlib.bem import ContactInputError, HalfSpace, Layer, contact_modulus, solve_contact
 from gstlib.bem.convolution import SplitConvolution, love_kernel
 from gstlib.bem.halfspace import APPROXIMATION_ERROR
 from gstlib.bem.window import Window
@@ -43,11 +43,12 @@ def test_displacement_is_the_dense_sum(shape, spacing):
     np.testing.assert_allclose(displacement.ravel(), expected, atol=1e-13 * abs(expected).max())
 
 
+@pytest.mark.parametrize("layer", [None, Layer(50.0, 0.4, 0.02)])
 @pytest.mark.parametrize("periodic", [False, True])
-def test_springs_give_way_to_the_pressure_on_them_its_mean_included(periodic):
+def test_springs_give_way_to_the_pressure_on_them_its_mean_included(periodic, layer):
     pressure = np.random.default_rng(1).random((9, 12))
     stiff, soft = (
-        HalfSpace(pressure.shape, 0.01, MODULUS, springs=springs, periodic=periodic)
+        HalfSpace(pressure.shape, 0.01, MODULUS, springs=springs, layer=layer, periodic=periodic)
         for springs in (0.0, 3e-6)
     )
     given = soft.displacement(pressure) - stiff.displacement(pressure)

@@ -112,6 +112,23 @@ def test_contact_conditions_hold_on_any_grid(shape, load):
         assert getattr(state, name) == pytest.approx(value, rel=1e-12)
 
 
+@pytest.mark.parametrize("mean_pressure", [1e-3, 1e-12])
+@pytest.mark.parametrize("shape", [(1, 64), (64, 64)])
+def test_two_summits_share_a_small_load(shape, mean_pressure):
+    """The higher one bears what brings it down to the other, and half of the rest."""
+    one = np.zeros(shape)
+    one[0, 0] = 1.0
+    sunk = displaced(one, 0.01)
+    far = np.unravel_index(sunk.argmin(), shape)
+    apart, force = sunk[0, 0] - sunk[far], mean_pressure * one.size
+    height = np.full(shape, -2 * apart * force)
+    height[0, 0], height[far] = 0.0, -0.7 * apart * force
+    options = {"mean_pressure": mean_pressure, "periodic": True, "tolerance": 1e-9}
+    state = solve_contact(height, 0.01, MODULUS, **options)
+    bearing = state.pressure[0, 0] / force, state.pressure[far] / force
+    assert bearing == pytest.approx((0.85, 0.15), rel=1e-6)
+
+
 def test_it_does_not_matter_where_the_period_begins():
     options = {"mean_pressure": 200.0, "periodic": True, "tolerance": 1e-9}
     height, *elastic = ROUGH
@@ -158,13 +175,17 @@ def test_a_cap_holds_and_a_flat_surface_carries_all_alike():
     assert capped.pressure.mean() == pytest.approx(300.0)
     flat = solve_contact(np.ones((6, 5)), 0.1, MODULUS, mean_pressure=7.0, periodic=True)
     assert np.all(flat.pressure == 7)
-    assert flat.displacement == 0
+    assert (flat.displacement, flat.periodic) == (0, True)
     worn = wear_path(np.ones((6, 5)), 0.1, MODULUS, mean_pressure=7.0, mean_loss=0, periodic=True)
     assert worn.depth.max() == worn.final.residual == 0
 
 
 @pytest.mark.parametrize(
-    "load", [{"mean_pressure": 9.0, "through": (0.1, 0.1)}, {"displacement": 1.0}]
+    "load",
+    [
+        {"mean_pressure": 9.0, "through": (0.1, 0.1)},
+        {"displacement": 1.001 * (ROUGH[0].max() - ROUGH[0].mean())},  # beyond full contact
+    ],
 )
 def test_what_a_periodic_surface_cannot_do_is_refused(load):
     with pytest.raises(ContactInputError, match="periodic"):

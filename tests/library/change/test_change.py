@@ -75,6 +75,8 @@ def test_summary_of_a_plateau_by_hand():
     )
     assert summary["mean_wear_depth_um"] == pytest.approx(0.5, rel=1e-3)
     assert summary["loss_volume_um3"] == pytest.approx(0.25 * area * 1e6 * 2.0, rel=1e-3)
+    noise = summary["gain_fraction"] / summary["loss_fraction"]
+    assert summary["noise_fraction"] == pytest.approx(noise)
     # shares and means are over the known points alone
     t1[:, :40] = np.nan
     half = wear_summary(height_change(t0, t1))
@@ -340,18 +342,28 @@ def test_a_scan_that_errs_more_than_the_repeats_is_told(caplog, noise, warned):
 
 
 def test_a_measured_level_grows_with_the_slope():
-    once, again = scanned_twice(5e-3)
+    """On points that are longer along x, and where the registration is unsure along one axis."""
+    once, again = (scan.height.values for scan in scanned_twice(5e-3, shift=(0, 0)))
+    spacing, errors = (SPACING, 2.5 * SPACING), (1e-3, 0.2e-3)
     found = Detection(1e-8, 4e-6, 0.0, 1.96)
-    change = register_patch(once, again, patch="7", detection=found, **SEARCH)
+    change = height_change(
+        *(make_surface(heights, spacing) for heights in (once, again)),
+        detection=found,
+        shift_errors_mm=errors,
+    )
     variance = (change["level_of_detection"].values.astype(float) / 1.96) ** 2
     dy, dx = (
-        scipy.ndimage.gaussian_filter(once.height.values, 1.0, order=order) / SPACING
-        for order in ((1, 0), (0, 1))
+        scipy.ndimage.gaussian_filter(once, 1.0, order=order) / step
+        for order, step in zip(((1, 0), (0, 1)), spacing, strict=True)
     )
-    known = np.isfinite(variance)
-    error_y, error_x = (1e-3 * change.attrs[f"shift_{axis}_error_um"] for axis in "yx")
-    expected = 1e-8 + (4e-6 + error_y**2) * dy**2 + (4e-6 + error_x**2) * dx**2
-    np.testing.assert_allclose(variance[known], expected[known], rtol=1e-6)  # float32
+    expected = 1e-8 + (4e-6 + errors[0] ** 2) * dy**2 + (4e-6 + errors[1] ** 2) * dx**2
+    np.testing.assert_allclose(variance, expected, rtol=1e-6)  # float32
+    typical = 1960 * np.median(expected) ** 0.5
+    assert change.attrs["level_of_detection_um"] == pytest.approx(typical, rel=1e-6)
+    summary, area = wear_summary(change), variance.size * np.prod(spacing)
+    assert summary["loss_area_mm2"] == pytest.approx(summary["loss_fraction"] * area)
+    volume = summary["mean_wear_depth_um"] * area * 1e6
+    assert summary["loss_volume_um3"] == pytest.approx(volume)
     assert change.attrs["lateral_sigma_um"] == pytest.approx(2.0)
     assert change.attrs["detection"] == "repeat"
 
@@ -406,6 +418,7 @@ def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
     bad = {
         "other": (once, good[1]),
         "worn": scanned_twice(5e-3, seed=2, loss=2e-3),
+        "grown": scanned_twice(5e-3, seed=2, loss=-2e-3),
         "deeper": (once, again.assign(height=1.4 * again.height)),
         "shallower": (once, again.assign(height=again.height / 1.4)),
         "deep": (once, again.assign(height=3 * again.height)),
@@ -418,6 +431,7 @@ def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
     for patch, part in {
         "other": "it was not found on t0",
         "worn": "gained, so the surface was not the same",
+        "grown": "gained, so the surface was not the same",
         "deeper": "its dales are 1.4 times as deep",
         "shallower": "its dales are 0.7",
         "deep": "its dales are 2.99 times as deep",

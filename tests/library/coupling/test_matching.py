@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 import scipy
-from finding import OVERVIEW, PATCH, mesh, scan, stone
+from finding import FINE, OVERVIEW, PATCH, mesh, scan, stone
+from gstlib.coupling.aligning import Fit, _jackknife
 from gstlib.coupling.finding import find_on_map
-from gstlib.coupling.matching import Match, match_map, match_near, match_together
+from gstlib.coupling.matching import Match, _elsewhere, _top, match_map, match_near, match_together
 from gstlib.surfaces.footprints import Place
 
 
@@ -104,8 +105,63 @@ def test_scans_near_places_by_hand_snap_together(mirrored):
         np.hypot(*np.subtract(one.place[:2], at)) for one, at in zip(matches, PATCHES, strict=True)
     ]
     assert np.median(off) < 0.05
-    assert max(far for far, match in zip(off, matches, strict=True) if match.found) < 0.1
+    pairs = [(far, match.error_mm) for far, match in zip(off, matches, strict=True) if match.found]
+    off_mm, error_mm = np.sqrt(np.square(pairs).mean(axis=0))
+    assert off_mm < 0.05
+    # scans err about as much as is said, which is along one axis
+    assert 0.5 < off_mm / 2**0.5 / error_mm < 1.6
     assert matches[0].place.rotation_deg == pytest.approx(30, abs=4)
+
+
+def test_the_turn_by_hand_is_at_the_top_of_a_parabola():
+    turns = np.arange(-12.0, 12.1, 3.0)
+    sums = 2 - (turns - 4.3) ** 2
+    assert _top(sums.argmax(), sums) == pytest.approx(4.3)
+    assert _top(len(turns) - 1, turns) == 12  # there is nothing beyond
+
+
+def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it(monkeypatch):
+    """One turned by itself, hidden by rings, one is twice as high, and one fits worse."""
+    fine, (first, *_) = stone(6), PATCHES
+    y, x = np.indices(fine.shape) * FINE
+    away = np.hypot(y - first[0], x - first[1])
+    near = np.exp(-((away / 0.7) ** 6))
+    fine = fine * (1 - near / 2) + near * 0.1 * np.cos(2 * np.pi * away / 0.8)
+    scans = [patch(fine, Place(*at, 30.0)) for at in PATCHES]
+    scans[0], scans[2] = patch(fine, Place(*first, 50.0)), 2 * scans[2]
+    noise = scipy.ndimage.gaussian_filter(np.random.default_rng(1).normal(size=scans[4].shape), 6)
+    scans[4] = scans[4] + 0.5 * float(scans[4].std()) * noise / noise.std()
+    near_by = mesh(fine, 6), scans, [Place(*at, 28.0) for at in PATCHES + 0.2]
+    matches = match_near(*near_by)
+    assert [each.found for each in matches] == [False, True, False, True, False, True]
+    assert min(each.correlation for each in matches) > 0.8
+    assert min(each.lead for each in matches) > 0.2
+    monkeypatch.setattr("gstlib.coupling.matching._elsewhere", lambda *_: 0.99)
+    assert not any(each.found for each in match_near(*near_by))
+
+
+@pytest.mark.parametrize(("lead", "one", "two"), [(0.4, 1, 1), (0.3, 0, 1), (0.2, 0, 0)])
+def test_one_scan_needs_a_larger_lead_than_several(lead, one, two):
+    match = Match(Place(1.0, 1.0), False, False, 0.9, 0.1, 0.01, found=True)
+    elsewhere = np.tanh(np.arctanh(0.9) - lead)
+    assert [match.among([elsewhere], count).found for count in (1, 2)] == [one, two]
+
+
+@pytest.mark.parametrize(("count", "score"), [(4, 0.7), (3, 0.6), (2, 0.0)])
+def test_another_place_is_far_from_the_best_or_of_the_other_sign(count, score):
+    peaks = np.array([[0.9, 4, 4], [0.8, 5, 4], [0.6, 9, 4], [-0.7, 4, 5]])[:count]
+    assert _elsewhere(peaks, peaks[0], 3.0) == score
+
+
+def test_the_jackknife_of_a_mean_is_its_standard_error():
+    """Of two means, each of a value in every block, that of the one that is known less well."""
+    values = np.random.default_rng(1).normal(size=(9, 2)) * [1, 5]
+    jacobian, blocks = np.tile(np.eye(2), (9, 1)), np.repeat(np.arange(9), 2)
+    error = _jackknife(-jacobian, values.ravel(), blocks)
+    assert error == pytest.approx(values[:, 1].std(ddof=1) / 3)
+    scans = 2 * [patch(stone(1), Place(4.5, 4.5))]
+    together = Fit.of(mesh(stone(1)), scans, np.zeros((2, 2)), False)
+    assert len(set(together.blocks)) == 2 * 9
 
 
 def test_scans_of_a_smooth_stone_do_not_snap():
@@ -125,6 +181,8 @@ def test_a_scan_that_is_not_found_on_a_map_is_where_the_stage_says():
     alone = find_on_map(on_map, scans, None)
     assert [match.found for match in alone.values()] == [True, True, False]
     tied = find_on_map(on_map, scans, np.array([offsets * (-1, 1), offsets]))
+    # heights say more exactly than the stage where a scan lies
+    assert [tied[name] == alone[name] for name in "abc"] == [True, True, False]
     for match, place in zip(tied.values(), at, strict=True):
         assert match.found
         expected = place - centre + np.array(OVERVIEW) / 2

@@ -1,5 +1,7 @@
 """How a tool was used, from losses and grades that a known use made."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,8 +14,25 @@ from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.specimen.randomness import smooth_field
 from gstlib.surfaces.grid import coarser
 from gstlib.use.evidence import Grades, Losses, weigh
-from gstlib.use.infer import CHANCE, UNKNOWN, StatedUse, infer_use
-from gstlib.use.outcome import as_used, leave_one_out, losses_of, predicted_losses, use_table
+from gstlib.use.infer import (
+    BETTER,
+    CHANCE,
+    CONSISTENT,
+    UNKNOWN,
+    StatedUse,
+    _answer,
+    _chance,
+    _orders,
+    infer_use,
+)
+from gstlib.use.outcome import (
+    as_used,
+    leave_one_out,
+    losses_of,
+    predicted_losses,
+    use_of_study,
+    use_table,
+)
 from gstlib.use.sampling import Sampling, effective_draws, sample
 
 # A square of 3 mm in a face of 4.2 mm, with sixteen patches of 0.5 mm.
@@ -92,10 +111,23 @@ def test_table_has_what_was_stated_beside_what_the_wear_says(use, pressure):
     table = use_table(use, STATED).set_index("parameter")
     assert table.stated["load_point_x"] == STATED.through[1]
     assert table.stated["radius"] == STATED.radius_mm
-    known = table.dropna(subset="low")
-    assert (known.low < known["mean"]).all()
-    assert (known["mean"] < known.high).all()
+    prior = STATED.prior
+    assert prior.mean == pytest.approx([*STATED.through, np.log(STATED.radius_mm)])
+    errors = [STATED.load_point_mm] * 2 + [STATED.radius_fraction]
+    assert prior.cov.diagonal() ** 0.5 == pytest.approx(errors)
+    weight = use.weight.values
+    for row, values in {"load_point_y": use.y_mm.values, "load_point_x": use.x_mm.values}.items():
+        assert table["mean"][row] == pytest.approx(weight @ values)
+        for limit, share in ((table.low[row], 0.025), (table.high[row], 0.975)):
+            assert weight @ (values < limit) < share <= weight @ (values <= limit)
+    radius = np.exp(weight @ np.log(use.radius_mm.values))
+    assert table["mean"]["radius"] == pytest.approx(radius)
     assert table["mean"]["p_value"] < 0.05
+    # patches are independent, so that the variance of their sum is that of all
+    gains = (use.log_score - use.heights_log_score).values
+    error = 1.96 * np.sqrt(len(gains) * gains.var(ddof=1))
+    limits = table.loc["gain", ["low", "mean", "high"]].to_numpy(float)
+    np.testing.assert_allclose(limits, gains.sum() + error * np.array([-1, 0, 1]))
     assert "within_95" not in table.index
     assert table.low["wear_coefficient"] < 0.01 < table.high["wear_coefficient"]
 
@@ -122,13 +154,15 @@ def test_its_own_loss_weighs_no_use_that_predicts_it():
         "weight_without": [[0.0], [1.0]],
         "wear_coefficient_without": [[0.1], [0.2]],
         "scatter_without": [[0.01], [0.01]],
-        "floor_without": [[0.0], [0.0]],
+        "floor_without": [[0.0], [0.008]],
     }
     known = {name: (("draw", "patch"), values) for name, values in by_patch.items()}
     use = xr.Dataset({"weight": ("draw", [1.0, 0.0])} | known, {"patch": ["a"]})
     (row,) = predicted_losses(use, Losses(np.array([0.1])), seed=1).itertuples()
     assert row.predicted_um == pytest.approx(0.6)
-    assert 0.57 < row.low_um < 0.6 < row.high_um < 0.63
+    # 97.5 % of Student's t of four degrees of freedom, times the scatter of 6 nm and the floor
+    limits = 0.6 + np.array([-1, 1]) * 2.776 * np.hypot(0.006, 0.008)
+    assert [row.low_um, row.high_um] == pytest.approx(limits, abs=0.003)
 
 
 def test_grades_tell_where_the_tool_was_pressed(face, patches, pressure):
@@ -151,8 +185,44 @@ def test_chance_is_asked_of_uses_that_do_not_know_the_wear(face, patches, losses
     np.testing.assert_array_equal(asked[0], use.pressure[: SAMPLING.draws])
 
 
-def test_same_seed_gives_the_same_use(face, patches, losses, use):
-    xr.testing.assert_identical(infer(face, patches, losses), use)
+@pytest.mark.parametrize(("count", "shuffled"), [(90, False), (90, True), (210, False)])
+def test_chance_is_the_share_of_orders_that_a_use_explains_as_well(count, shuffled):
+    """A tenth of the patches wore, those under the highest pressure.
+
+    Uses that touch nothing explain that far better, but every other order alike.
+    """
+    rng = np.random.default_rng(2)
+    places = pd.DataFrame(rng.uniform(0, 5, (count, 2)), columns=["y_mm", "x_mm"])
+    pressure = rng.uniform(9, 11, count)
+    worn = pressure > np.quantile(pressure, 0.9)
+    losses = Losses((rng.permutation(worn) if shuffled else worn).astype(float))
+    p_value = _chance(losses, np.stack([pressure, 0 * pressure]), places, rng)
+    assert 0.05 < p_value < 0.95 if shuffled else p_value == 1 / 200
+
+
+@pytest.mark.parametrize(("mirror", "shift_mm"), [(1, 0), (-1, 0), (1, -0.95)])
+def test_chance_lays_the_wear_elsewhere_mirrored_and_shifted(mirror, shift_mm):
+    """Two halves that are each other's image, mirrored or shifted, change their places."""
+    half = np.random.default_rng(1).uniform(0, (1, 3 if mirror < 0 else 1), (8, 2))
+    half[:2, 0] = 0.02, 1.0
+    image = half * (-1, 1) if mirror < 0 else np.add(half, (1, 0))
+    both = np.append(half, image, axis=0)
+    shift = np.array([shift_mm, 0]) / np.ptp(both[:, 0])
+    drawn = SimpleNamespace(  # no turn
+        uniform=lambda low, high, size=0: shift if size else 0.0,
+        choice=lambda signs: signs[0 if mirror < 0 else 1],
+    )
+    order = next(_orders(pd.DataFrame(both, columns=["y_mm", "x_mm"]), drawn))
+    change = mirror < 0 or shift_mm
+    np.testing.assert_array_equal(order, np.roll(np.arange(16), 8 if change else 0))
+
+
+@pytest.mark.parametrize(
+    ("p_value", "gain", "told"),
+    [(0.06, 9, (CHANCE, 0)), (0.05, 1.7, (BETTER, 1)), (0.05, 1.6, (CONSISTENT, 1))],
+)
+def test_a_use_is_better_than_heights_if_its_gain_is_clear(p_value, gain, told):
+    assert tuple(_answer(p_value, gain, gain_error=1.0).values()) == told
 
 
 def test_load_point_alone_where_the_face_of_the_active_tool_is_known(face, patches, losses):
@@ -256,6 +326,19 @@ def test_likelihood_of_a_loss_is_a_density():
     assert given == pytest.approx(np.interp(0.1, depths, density), rel=1e-3)
 
 
+def test_grades_are_read_without_the_wear_of_the_whole_tool_too(face, patches, use, monkeypatch):
+    pressed = []
+    monkeypatch.setattr(
+        "gstlib.use.outcome.infer_use", lambda of, *_, **__: pressed.append(of) or use
+    )
+    bent = face.assign(height=face.height - face.height.x**2 / 50)
+    options = {"stated": STATED._asdict(), "sampling": SAMPLING._asdict()}
+    graded = patches.assign(wear_grade=1)
+    use_of_study(bent, graded, None, **options, modulus=MODULUS, patch_mm=PATCH)
+    curvatures = [float(of.height.polyfit("x", 2).polyfit_coefficients[0].mean()) for of in pressed]
+    assert curvatures == pytest.approx([-1 / 50, 0], abs=1e-3)
+
+
 def test_more_worn_patches_bore_more_pressure():
     pressure = np.array([[1.0, 5.0, 9.0, 20.0], [20.0, 9.0, 5.0, 1.0]])
     rising = weigh(Grades(np.array([0, 1, 1, 2])), pressure).log_evidence
@@ -263,6 +346,16 @@ def test_more_worn_patches_bore_more_pressure():
     # a grade at random is never impossible
     falling = weigh(Grades(np.array([0, 1, 1, 0])), pressure).log_evidence
     assert (falling > 4 * np.log(0.1 / 2)).all()
+
+
+def test_likelihood_of_a_grade_is_that_of_its_interval():
+    """Of two grades, the limit lies between the second and the third pressure."""
+    pressure = np.array([1.0, 9.0, 2.0, 8.0])
+    seen = np.log(pressure / 5.0 + 0.03)
+    away = (seen - seen[2:].mean()) * [-1, 1, -1, 1]
+    expected = np.log(0.9 * scipy.stats.norm.cdf(away / np.array([[0.25], [0.5], [1.0]])) + 0.05)
+    likelihood = Grades(np.array([0, 1, 0, 1])).log_likelihood(pressure[np.newaxis])
+    np.testing.assert_allclose(likelihood[0], expected)
 
 
 def test_use_that_tips_the_stone_over_counts_nothing():

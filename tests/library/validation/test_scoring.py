@@ -59,6 +59,8 @@ def test_a_perfect_prediction_agrees_and_its_baselines_do_not(patch):
     true = float((predicted.depth.values[0] > 0)[known].mean())
     assert rows.marked_fraction["archard"] == pytest.approx(true)
     loss = change.loss.values[known]
+    assert rows.marked_fraction[ORACLE] == pytest.approx(loss.mean(), abs=1 / known.sum())
+    assert row["contact_fraction"] == float((predicted.depth > 0).mean())
     ideal = np.corrcoef(predicted.depth.values[0][known] > 0, loss)[0, 1]
     assert row["mcc"] == rows.mcc["archard"] == pytest.approx(ideal)
     assert row["attainable_mcc"] == pytest.approx(ideal)  # every point that it marks was lost
@@ -166,6 +168,8 @@ def test_baselines_know_the_losses_of_the_patches_that_the_prediction_is_fitted_
     known = {"7": contact, "8": contact}
     others = other_patches(pressures, registration, ["7", "8"], known, dict.fromkeys("78", change))
     assert others.table.loss_mm.tolist() == pytest.approx([1e-4, 2e-4])
+    height, is_known = contact.interface.height.values, np.isfinite(change.change.values)
+    assert others.displacements.max() == pytest.approx(height.max() - height[is_known].min())
     assert others.without("7").table.index.tolist() == ["8"]
     assert others.without("7").cut.columns.tolist() == ["8"]
     assert others.without("9").table.index.tolist() == ["7", "8"]

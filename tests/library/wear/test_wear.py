@@ -284,6 +284,7 @@ def test_summits_that_yield_spread_the_same_loss_wider(square, pressures):
     maps = wear_map(contact, found, "a", pressure_cap=100.0)
     elastic, yielding = maps.depth.values
     np.testing.assert_array_equal(elastic, wear_patch(contact, found, "a"))
+    assert dict(predict_wear({"a": contact}, found, pressure_cap=100.0))["a"].identical(maps)
     assert yielding.mean() == pytest.approx(elastic.mean(), rel=1e-9)
     assert yielding.max() < elastic.max()
     # a cap above all pressures, 607 MPa here, is not pressed against, with the same result
@@ -317,6 +318,8 @@ def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog)
     assert float(worn.path.fitted.sel(patch="a")) > 0
     out = pressures.assign(in_study=pressures.patch != "c")
     assert fit_wear(square, out, registration, **options) is None
+    bare = pressures.assign(pressure_MPa=pressures.pressure_MPa.where(pressures.patch != "c", 0))
+    assert fit_wear(square, bare, registration, **options) is None
 
 
 def test_a_gesture_that_stays_in_place_wears_as_the_single_pose_does(square):
