@@ -24,7 +24,7 @@ from gst.place_state import DECIMALS, known, mesh_of, rows_of, version_of
 from gst.scan_folder import OVERVIEW, scans_in
 from gst.todo import is_to_do
 from gstlib.coupling.matching import Match
-from gstlib.errors import ConfigError, GstError, InputError
+from gstlib.errors import ConfigError, GstError, InputError, accepting, concerning
 from gstlib.io.scans import read_scan
 from gstlib.io.stage import stage_of
 from gstlib.preprocess.scans import crop_of, cut_patch, mould_of, prepare_scan
@@ -216,7 +216,8 @@ def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
         if left := [value for value in (*settings, mould["invert"]) if is_to_do(value)]:
             raise ConfigError(path, f"has {left} in scans", "Give it first.")
         mirrored = bool(mould["invert"]), mould["flip"]
-        found.append(_scan(file, settings, mirrored, crop_of(row), version_of(file)))
+        with accepting(config["accept"]), concerning([row.patch]):
+            found.append(_scan(file, settings, mirrored, crop_of(row), version_of(file)))
     return found
 
 
