@@ -16,7 +16,7 @@ import yaml
 from gst.chain import PAGE, Step, given_to, write_record
 from gst.config import read_config
 from gst.place import PlaceServer
-from gst.place_matching import Found, seen_in
+from gst.place_matching import Found, _laid_alike, seen_in
 from gst.place_scans import picture_of
 from gstlib.coupling.matching import Match
 from gstlib.io.plu import write_plu
@@ -290,6 +290,13 @@ def test_scans_find_their_exact_places_near_those_by_hand(server, study, flip, s
     )
     (study / "study.yaml").write_text(CONFIG)
     assert "neither an overview" in ask(server, "find", {})[1]["error"]
+
+
+@pytest.mark.parametrize("odd", ["mirrored", "inverted"])
+def test_a_scan_that_is_laid_otherwise_than_most_is_not_found(odd):
+    match = Match(Place(1.0, 2.0), False, False, 0.9, 0.1, 0.01, found=True)
+    laid = _laid_alike({"A": match, "B": match, "C": replace(match, **{odd: True})})
+    assert [each.found for each in laid.values()] == [True, True, False]
 
 
 def test_what_is_found_on_one_square_lies_there_on_another():

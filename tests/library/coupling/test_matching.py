@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 import scipy
+import trimesh
 from finding import FINE, OVERVIEW, PATCH, mesh, scan, stone
 from gstlib.coupling.aligning import Fit, _jackknife
-from gstlib.coupling.finding import find_on_map
+from gstlib.coupling.finding import find_on_map, find_on_stone
 from gstlib.coupling.matching import Match, _elsewhere, _top, match_map, match_near, match_together
 from gstlib.surfaces.footprints import Place
 
@@ -201,6 +202,14 @@ def test_a_scan_of_another_stone_does_not_lie_where_the_stage_says():
     assert [one.found for one in each] == [True, True, True, False]
     expected = at - 4.5 + np.array(OVERVIEW) / 2
     np.testing.assert_allclose([one.place[:2] for one in each], expected, atol=0.001)
+
+
+def test_what_fits_two_sides_of_a_stone_alike_is_not_found(monkeypatch):
+    match = Match(Place(1.0, 1.0), False, False, 0.9, 0.1, 0.01, found=True)
+    monkeypatch.setattr("gstlib.coupling.finding.match_together", lambda *_: (match, 0))
+    heights = overview(stone(1), Place(4.5, 4.5))
+    found = find_on_stone(trimesh.creation.box((9.0, 7.0, 5.0)), [heights], np.zeros((1, 1, 2)))
+    assert (found.match.found, found.match.lead) == (False, 0)
 
 
 @pytest.mark.parametrize("mirrored", [(False, False), (False, True), (True, False), (True, True)])
