@@ -171,7 +171,9 @@ def _matching_nothing(
 
 def _filtered(study: Study, patch: str, scans: Sequence[xr.DataArray]) -> FaultError | None:
     """The fault of a patch, one of whose scans has lost its long waves to a filter."""
-    removed = _without_long_waves(*scans, study.config["registration"]["maximum_shift_mm"])
+    before, after = scans
+    shift_mm = study.config["registration"]["maximum_shift_mm"]
+    removed = _without_long_waves(before, after, shift_mm)
     if removed is None:
         return None
     epoch, length_mm = removed

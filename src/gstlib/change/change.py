@@ -178,7 +178,7 @@ def measure_detection(
             continue
         known = np.isfinite(change["change"].values)
         changes.append(change["change"].values[known])
-        slopes.append(sum(_squared_slopes(first.height))[known])
+        slopes.append(np.sum(_squared_slopes(first.height), axis=0)[known])
         alike.append(change.attrs["alike_um2"] * 1e-6)
     if not changes:
         return None
@@ -397,7 +397,7 @@ def height_change(
         source, registered = "repeat", shift_errors_mm
         if detection is None:  # it has the error of the registration in it
             source, registered = "own", (0.0, 0.0)
-            detection = _own_detection(left, sum(slopes), kept, smallest, cell_mm2)
+            detection = _own_detection(left, slopes[0] + slopes[1], kept, smallest, cell_mm2)
         level, lateral, alike_mm2, sigmas = detection
         variance = level + sum(
             (lateral + error**2) * slope

@@ -293,8 +293,8 @@ class _Details(NamedTuple):
     def of(cls, h0: np.ndarray, h1: np.ndarray, aspect: float, factor: int) -> Self:
         longest = math.ceil(max(h0.shape) / factor) * _LONGEST_FRACTION
         thinned = [_thinned(h, factor) for h in (h0, h1)]
-        details = [_detail(h, longest) for h in thinned]
-        return cls(*details, [_slopes(h) for h in thinned], aspect, longest)
+        a, b = (_detail(h, longest) for h in thinned)
+        return cls(a, b, [_slopes(h) for h in thinned], aspect, longest)
 
     def common(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The heights of both over their overlap."""
@@ -325,8 +325,8 @@ class _Details(NamedTuple):
                 return matches[-1]
         best = max(matches, key=lambda match: match.strength)
         if best.is_beyond_chance:  # striae that match: finer details say where along them
-            _, along = self.compare_slopes(best.pose)
-            match = self._turned(self._peak(*along, least_overlap))
+            _, (a, b) = self.compare_slopes(best.pose)
+            match = self._turned(self._peak(a, b, least_overlap))
             if self.determine(match):
                 return match
         return best
@@ -455,13 +455,17 @@ def _refine(
 
 def _moved(one: np.ndarray, other: np.ndarray, details: _Details) -> float:
     """How far (elements) the middle of the overlap at one pose is from that at another."""
-    middle = [
-        (max(0.0, at) + min(n0, at + n1) - 1) / 2
-        for at, n0, n1 in zip(one, details.reference.shape, details.moving.shape, strict=False)
-    ]
+    y, x = (
+        np.array((max(0.0, at) + min(n0, at + n1) - 1) / 2)
+        for at, n0, n1 in zip(
+            one[:2], details.reference.shape, details.moving.shape, strict=True
+        )
+    )
     shape, aspect = details.moving.shape, details.aspect
-    first, second = (_on_moving(pose, *middle, shape, aspect) for pose in (one, other))
-    return math.dist(first, second)
+    (row, column), (other_row, other_column) = (
+        _on_moving(pose, y, x, shape, aspect) for pose in (one, other)
+    )
+    return float(np.hypot(other_row - row, other_column - column))
 
 
 class _Level(NamedTuple):
@@ -488,7 +492,9 @@ class _Level(NamedTuple):
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """A better pose, and the plane of the difference there, from those of the last level."""
         pose, half = pose.copy(), max(self.shape) / 2
-        y, x = self.stride * np.indices(self.reference.shape)
+        y, x = np.meshgrid(
+            *(self.stride * np.arange(n) for n in self.reference.shape), indexing="ij"
+        )
         for _ in range(_STEPS_PER_LEVEL):
             moved = _sample(self.moving, pose, self.shape, self.aspect, stride=self.stride)
             inside = np.isfinite(moved)
