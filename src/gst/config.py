@@ -73,8 +73,8 @@ def read_config_file(path: str | Path) -> dict:
         problem = f"holds {config!r:.40}, not keys with values"
         remedy = "Write one 'key: value' per line, as in config/config.yaml."
         raise ConfigError(path, problem, remedy)
-    if problem := next(_impossible_texts(config), None):
-        raise ConfigError(path, problem, "No name of a file can have it.")
+    if impossible := next(_impossible_texts(config), None):
+        raise ConfigError(path, impossible, "No name of a file can have it.")
     return config
 
 

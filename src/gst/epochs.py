@@ -33,6 +33,7 @@ _CUTS = 1 / 4, 1 / 13
 # ASSUME: if two scans match in their short waves alone, and one has less than this share of the
 # other's long waves, a filter removed them. Wear leaves more of them (see `gstlib.change.form`).
 _MISSING = 0.3
+_FLAT_MM = 1e-12
 
 
 def epochs_on_each_other(study: Study) -> tuple[list[GstError], str]:
@@ -158,15 +159,16 @@ def _without_long_waves(
             lower, apart = _times(long, one, other), _times(short, one, other)
             # polish lowers short waves alone, and another unit both alike
             if max(lower, lower / apart) < _MISSING:
-                alike = [short[0], short[1] / _times(short, 1, 0)]
-                if _is_found(*alike, **settings):
+                alike = short[1] / _times(short, 1, 0)
+                if _is_found(short[0], alike, **settings):
                     return epoch, cut * side
     return None
 
 
 def _times(waves: Sequence[Any], one: int, other: int) -> float:
     """How many times as high (r.m.s.) the waves of one scan are as those of the other."""
-    return float(waves[one].std() / max(waves[other].std(), np.finfo(float).tiny))
+    heights = (max(float(waves[n].std()), _FLAT_MM) for n in (one, other))
+    return next(heights) / next(heights)
 
 
 def _filtered(row: Any, removed: tuple[str, float]) -> FaultError:
