@@ -17,7 +17,7 @@ FIELDS = {
 }
 # Steps between coordinates may differ by this share, and a stated spacing from their mean.
 _IRREGULAR = 1e-3
-# Coordinates are rounded in their sixteenth digit, and so is their mean step.
+# Coordinates that were shifted are rounded in their sixteenth digit, and so is their mean step.
 _DIGITS = 15
 
 
@@ -114,4 +114,8 @@ def _mean_step(dim, values):
             f"{values[at + 1]:.6g} mm at index {at}, and its mean step is {mean:.6g} mm. "
             "Resample the heights onto even coordinates"
         )
+    # of a grid that begins at 0, the first centre is half a step without any rounding
+    step = 2 * float(values[0])
+    if np.array_equal(values, (np.arange(values.size) + 0.5) * step):
+        return step
     return float(f"{mean:.{_DIGITS}g}")

@@ -74,6 +74,8 @@ def test_the_coordinates_decide_the_spacing():
         assert spacing_of(whole) == spacing_of(whole[100:, 50:]) == (spacing, spacing)
     assert spacing_of(whole[::2, ::4]) == (2 * spacing, 4 * spacing)
     assert spacing_of(whole.coarsen(y=2, x=4).mean()) == (2 * spacing, 4 * spacing)
+    for spacing in (5 / 3012, 1 / 3, 0.85 / 129):
+        assert spacing_of(make_surface(np.zeros((3, 3012)), spacing)) == (spacing, spacing)
 
 
 SURFACE = make_surface(np.random.default_rng(1).normal(size=(12, 16)), (0.002, 0.001))
