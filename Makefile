@@ -88,7 +88,7 @@ bench: $(READY) ## measure the contact solver against other codes (90 minutes)
 
 evidence: $(READY) ## print what the committed rows show, and how old they are
 	$(BIN)/python benchmarks/two_scales.py
-	for name in verdict use strikes left_out power chance statistics_of_contact; do \
+	for name in verdict use strikes left_out power chance statistics_of_contact false_stops measured_surfaces; do \
 	  echo "$$name:"; $(BIN)/python benchmarks/$$name.py --tables || exit 1; done
 	$(BIN)/python benchmarks/age.py
 

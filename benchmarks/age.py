@@ -33,6 +33,9 @@ SCRIPTS = {
     "power": ("power.py",),
     "verdict": ("verdict.py", "power.py"),
     "use": ("use.py", "power.py"),
+    "false_stops": ("false_stops.py", "power.py"),
+    "repeats": ("measured_surfaces.py", "power.py"),
+    "breech_faces": ("measured_surfaces.py", "power.py"),
     "margin": (),
     "scale": (),
 }

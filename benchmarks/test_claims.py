@@ -5,7 +5,9 @@ from pathlib import Path
 
 import age
 import chance
+import false_stops
 import left_out
+import measured_surfaces
 import numpy as np
 import pandas as pd
 import power
@@ -475,3 +477,43 @@ def test_rates_on_random_numbers():
         (r"of normal numbers in (\S+) % of cases", held["mean of 6"]),
     ):
         assert same(*said(pattern), value, 100)
+
+
+def test_repeats_on_measured_surfaces():
+    rows = read_table(measured_surfaces.RESULTS / "repeats.csv")
+    shown = table("**Repeats.**")
+    assert [cells[0] for cells in shown] == list(rows.pair)
+    for (name, shift, loss, gain, *said_of, neighbours, white), row in zip(
+        shown, rows.itertuples(), strict=True
+    ):
+        points = np.array([row.shift_x_um, row.shift_y_um]) / row.spacing_um
+        assert same(shift, f"{points[0]:.6f} {points[1]:.6f}"), name
+        for share, found in ((loss, row.loss_fraction), (gain, row.gain_fraction)):
+            assert same(share, found, 100) if share else np.isnan(found), name
+        assert said_of == [
+            {True: "yes", False: "no"}[of] for of in (row.above_noise, row.serves)
+        ]
+        assert same(neighbours, f"{row.neighbours_x} {row.neighbours_y}"), name
+        assert same(white, f"{row.white_loss} {row.white_gain}", 100), name
+
+
+def test_breech_faces_on_each_other():
+    found = measured_surfaces.summary(
+        read_table(measured_surfaces.RESULTS / "breech_faces.csv")
+    )
+    kinds = "related", "related, turned far", "unrelated"
+    for kind, (_, *cells) in zip(kinds, table("**Breech faces.**"), strict=True):
+        assert cells == [
+            "" if (kind, name) == ("unrelated", "wrong") else f"{number:,}"
+            for name, number in found.loc[kind].items()
+        ]
+
+
+def test_false_stops():
+    rows = read_table(false_stops.ROWS)
+    assert set(rows.seed) == {false_stops.FINE, *false_stops.SEEDS}
+    found = false_stops.summary(rows).drop(columns="largest_error_um")
+    shown = table("## False stops")
+    assert [int(cells[0].split()[0]) for cells in shown] == list(found.index)
+    for (_, *cells), (_, counts) in zip(shown, found.iterrows(), strict=True):
+        assert cells == [f"{number:,.0f}" for number in counts]

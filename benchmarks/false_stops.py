@@ -1,0 +1,280 @@
+"""Does a sound study stop, or believe a match that is wrong? For docs/explanation/evidence.md.
+
+    python benchmarks/false_stops.py [--seeds 5201 5240] [--processes 2]
+    python benchmarks/false_stops.py --tables
+
+Synthetic stones of fresh seeds go through the study up to the inference of the use. All their files
+are right, so no stage may stop. Use and statement are drawn apart: the load point of each lies up
+to 1.5 mm from the middle of the square, and the radius is 80 to 400 mm. Scans have 256 × 256
+points, which are as far apart as those on which the search of a registration runs in the default
+study; all else is as in config/config.yaml. The stone `FINE` has the default study's own scans of
+512 × 512 points, because a wrong match stopped its study once.
+
+Rows go to benchmarks/results/false_stops.csv as each stone is done. A stone that the file holds
+already is not made again. There is a row for each patch and one, ``all``, for the study:
+
+check, change, placement, use   the message with which the stage stops, empty if it does not: the
+                 check is `gst check` on the stone's files, the others are stages of the study;
+stated_*, worn_* the load point and radius that the study is told, and those that wore the stone;
+found            whether the registration is believed;
+error_um, turn_error_deg   of the registration against the true places of the two scans;
+overlap          the true share of the area of T0 that T1 covers;
+correlation, height_scale, residual_um   as the registration states them;
+status           of the placement of the patch;
+answer           of the inference of the use;
+cpu_s            of the whole study.
+
+`--tables` prints from the rows alone how many studies stop, how many patches are found at a wrong
+place, and how many are missed though T1 covers most of T0.
+"""
+
+import argparse
+import contextlib
+import io
+import logging
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+import yaml
+from age import record
+from power import merged, specimen_config, worn_patches
+
+from gst.checking import check_study
+from gstlib.change.selection import exchanged_epochs
+from gstlib.coupling.placement import ALL
+from gstlib.errors import raise_unless_accepted
+from gstlib.io.tables import read_table, write_table
+from gstlib.specimen.generate import Specimen, make_specimen, write_specimen
+from gstlib.specimen.randomness import SpecimenParameters
+from gstlib.specimen.scanning import relocation
+from gstlib.study import Study
+from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.grid import MM_TO_UM
+
+ROWS = Path(__file__).parent / "results/false_stops.csv"
+SEEDS = range(5201, 5241)
+FARTHEST_MM, RADII_MM = 1.5, (80.0, 400.0)
+COARSE = {"scan_points": 256, "scan_spacing_um": 3.32}
+# The stone of a full study that stopped, with what that study was told of its use.
+FINE = 5101
+OF_FINE = {"load": {"at_mm": [3.4, 1.7]}, "counterface": {"radius_mm": 120.0}}
+STAGES = ("check", "change", "placement", "use")
+# A match is wrong beyond this error; a patch is missed if T1 covers more than this share of T0.
+WRONG_UM, COVERED = 10.0, 0.6
+# The columns of the rows, in their order.
+_COLUMNS = ["seed", "scan_points", "patch", *STAGES, "stated_x_mm", "stated_y_mm"]
+_COLUMNS += [
+    "stated_radius_mm",
+    "worn_x_mm",
+    "worn_y_mm",
+    "worn_radius_mm",
+    "found",
+    "error_um",
+]
+_COLUMNS += ["turn_error_deg", "overlap", "correlation", "height_scale", "residual_um"]
+_COLUMNS += ["status", "answer", "cpu_s"]
+
+
+def drawn_use(generator: np.random.Generator) -> tuple[np.ndarray, float]:
+    """A load point (y, x) from the middle of the square, mm, and a radius, mm."""
+    way, share = generator.uniform([0, 0], [2 * np.pi, 1])
+    off = FARTHEST_MM * np.sqrt(share) * np.array([np.sin(way), np.cos(way)])
+    return off, float(np.exp(generator.uniform(*np.log(RADII_MM))))
+
+
+def config_of(seed: int) -> dict[str, Any]:
+    """The config of the study of a stone, with the use that wore it."""
+    changes: dict[str, Any] = {"specimen": {"seed": seed}, "reference_draws": None}
+    if seed == FINE:
+        return merged(specimen_config(), changes | OF_FINE)
+    generator = np.random.default_rng([seed, 13])
+    (worn, worn_radius_mm), (stated, radius_mm) = drawn_use(generator), drawn_use(generator)
+    changes["specimen"] |= COARSE | {
+        "worn_off_middle_mm": tuple(map(float, worn)),
+        "worn_radius_mm": worn_radius_mm,
+    }
+    config = merged(specimen_config(), changes)
+    y_mm, x_mm = config["square"]["size_mm"] / 2 + stated
+    told = {"load": {"at_mm": [float(x_mm), float(y_mm)]}}
+    return merged(config, told | {"counterface": {"radius_mm": radius_mm}})
+
+
+def message_of(stage: Callable[[], Any]) -> str:
+    """The message with which a stage stops; empty if it does not."""
+    try:
+        stage()
+    except Exception as error:  # a stage that dies stops the study as well
+        return " ".join(f"{type(error).__name__}: {error}".split())
+    return ""
+
+
+def check_files(config: Mapping[str, Any], specimen: Specimen) -> None:
+    """What `gst check` does with the files of a specimen."""
+    inputs = {"mesh": "mesh.stl", "mesh_unit": "mm", "scan_folder": "scans"}
+    measured = {"specimen": None, "inputs": inputs, "patches": "patches.tsv"}
+    maps = {name: Path(f"{name}.h5") for name in ("truth", "surface")}
+    # Messages have the paths, and rows must not depend on where they were made.
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        Path("scans").mkdir()
+        write_specimen(specimen, mesh="mesh.stl", scan_folder="scans", **maps)
+        shutil.copy(config["patches"], "patches.tsv")
+        text = yaml.safe_dump({**config, **measured, "results": "results"})
+        Path("config.yaml").write_text(text, encoding="utf-8")
+        with contextlib.redirect_stdout(io.StringIO()):
+            check_study(Path("config.yaml"))
+
+
+def registered(change: Mapping[str, float], at: xr.Dataset) -> dict[str, float]:
+    """What the attributes of a height change state of a patch, against the truth `at` it."""
+    t0, t1 = (Place.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
+    true_um = MM_TO_UM * np.array(relocation(t0, t1))
+    shift_um = change["shift_y_um"], change["shift_x_um"]
+    return {
+        "found": change["registration_found"],
+        "error_um": float(np.hypot(*(shift_um - true_um))),
+        "turn_error_deg": abs(change["rotation_deg"] - (t1.rotation_deg - t0.rotation_deg)),
+        "correlation": change["detail_correlation"],
+        "height_scale": change["height_scale"],
+        "residual_um": change["residual_um"],
+    }
+
+
+def patch_rows(study: Study, truth: xr.Dataset) -> Iterator[dict[str, Any]]:
+    """The registration of each patch; one that stops it leaves the study, as its message asks."""
+    for patch in list(study.worn):
+        at = truth.sel(patch=patch)
+        row = {"patch": patch, "overlap": float(at.overlap)}
+        row["change"] = message_of(partial(study.changes.__getitem__, patch))
+        if row["change"]:
+            study.worn.remove(patch)
+        else:
+            row |= registered(study.changes[patch].attrs, at)
+        yield row
+
+
+def stone_rows(seed: int) -> list[dict[str, Any]]:
+    """The rows of one stone."""
+    logging.disable()
+    start, config = time.process_time(), config_of(seed)
+    parameters = SpecimenParameters(**config["specimen"])
+    patches, size_mm = worn_patches(specimen_config()), config["square"]["size_mm"]
+    specimen = make_specimen(
+        patches, parameters, square_mm=size_mm, grid=config["macroscale"]["grid"]
+    )
+    whole = {"patch": ALL, "check": message_of(partial(check_files, config, specimen))}
+    study = Study(
+        config,
+        patches,
+        read_mesh=lambda: specimen.mesh,
+        read_scan=lambda *of: specimen.scans[of],
+    )
+    rows = list(patch_rows(study, specimen.truth))
+    whole["change"] = message_of(
+        lambda: raise_unless_accepted(exchanged_epochs(study.registration), config["accept"])
+    )
+    whole["placement"] = message_of(lambda: study.placement)
+    whole["use"] = message_of(lambda: study.use)
+    if not whole["placement"]:
+        status = study.placement.set_index("patch").status
+        rows = [row | {"status": status[row["patch"]]} for row in rows]
+        whole["status"] = status[ALL]
+    if not whole["use"]:
+        whole["answer"] = study.use.attrs["answer"] if study.use is not None else ""
+    x_mm, y_mm = config["load"]["at_mm"]
+    worn_y_mm, worn_x_mm = size_mm / 2 + np.array(parameters.worn_off_middle_mm)
+    whole |= {
+        "stated_x_mm": x_mm,
+        "stated_y_mm": y_mm,
+        "stated_radius_mm": config["counterface"]["radius_mm"],
+        "worn_x_mm": worn_x_mm,
+        "worn_y_mm": worn_y_mm,
+        "worn_radius_mm": parameters.worn_radius_mm,
+        "cpu_s": time.process_time() - start,
+    }
+    of_stone = {"seed": seed, "scan_points": parameters.scan_points}
+    return [of_stone | row for row in (whole, *rows)]
+
+
+def summary(rows: pd.DataFrame) -> pd.DataFrame:
+    """What the rows show, by the points of the scans.
+
+    ``studies``, and those that ``stop`` at any stage; ``patches`` with a T1, those ``found``, and
+    of these those at a ``wrong`` place; ``covered`` patches, whose T1 covers most of T0, and of
+    these those ``missed``; ``largest_error_um`` of a patch that is found at the right place.
+    """
+    known = {}
+    for points, of in rows.groupby("scan_points"):
+        stops = of[list(STAGES)].notna().any(axis=1)
+        patches = of[of.patch != ALL]
+        is_found, is_wrong = patches.found == 1, patches.error_um > WRONG_UM
+        is_covered = patches.overlap > COVERED
+        known[points] = {
+            "studies": of.seed.nunique(),
+            "stop": of.seed[stops].nunique(),
+            "patches": len(patches),
+            "found": is_found.sum(),
+            "wrong": (is_found & is_wrong).sum(),
+            "covered": is_covered.sum(),
+            "missed": (is_covered & ~is_found).sum(),
+            "largest_error_um": patches.error_um[is_found & ~is_wrong].max(),
+        }
+    return pd.DataFrame(known).T
+
+
+def stops(rows: pd.DataFrame) -> list[str]:
+    """A line for each message with which a study stops."""
+    return [
+        f"{row['seed']}, patch {row['patch']}, {stage}: {row[stage]}"
+        for _, row in rows.iterrows()
+        for stage in STAGES
+        if pd.notna(row[stage])
+    ]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--seeds", type=int, nargs=2, default=(FINE, SEEDS[-1]), help="these alone"
+    )
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--output", type=Path, default=ROWS)
+    parser.add_argument("--tables", action="store_true", help="from the rows alone")
+    options = parser.parse_args(arguments)
+    if not options.tables:
+        adds = options.output.exists()
+        rows = read_table(options.output) if adds else pd.DataFrame(columns=_COLUMNS)
+        first, last = options.seeds
+        todo = [seed for seed in (FINE, *SEEDS) if first <= seed <= last]
+        todo = [seed for seed in todo if seed not in set(rows.seed)]
+        # not forked: the transforms' threads would not come along
+        context = get_context("spawn")
+        with ProcessPoolExecutor(options.processes, mp_context=context) as processes:
+            jobs = {processes.submit(stone_rows, seed): seed for seed in todo}
+            for number, job in enumerate(as_completed(jobs), start=1):
+                if error := job.exception():  # the rows of the others are kept
+                    print(f"{jobs[job]}: {error!r}", flush=True)
+                    continue
+                made = pd.DataFrame(job.result(), columns=_COLUMNS)
+                made = made.replace({name: {"": np.nan} for name in (*STAGES, "answer")})
+                parts = [rows, made] if len(rows) else [made]
+                rows = pd.concat(parts, ignore_index=True).sort_values("seed", kind="stable")
+                write_table(options.output, rows)
+                record(options.output, adds=adds)
+                print(f"{number} of {len(jobs)} stones", flush=True)
+    rows = read_table(options.output)
+    print(summary(rows).to_string(float_format="%.4g"))
+    print("\n".join(stops(rows)))
+
+
+if __name__ == "__main__":
+    main()

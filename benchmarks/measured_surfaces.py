@@ -1,0 +1,305 @@
+"""What registration and height change do on measured surfaces, for docs/explanation/evidence.md.
+
+    python benchmarks/measured_surfaces.py [--only repeats]
+    python benchmarks/measured_surfaces.py --tables
+
+The files lie beside the project, in ../shared/data, whose PROVENANCE.md has their sources; without
+them the program ends with a message.
+
+**Repeats**, to benchmarks/results/repeats.csv: an atomic force microscope measures each line of a
+place twice, trace and retrace. Nothing changes between the two, so all loss and gain is false.
+Lengths are multiplied by 1000, because the limits of the project are those of confocal scans. A row
+has what the study states of the pair in its table ``registration``, and:
+
+serves           whether the pair is accepted as a repeat that gives the error of a change;
+points, spacing_um   of the scan, along a side;
+neighbours_*     correlation of the errors of points that are neighbours along y or x;
+length_*         distance in points along y or x from which on errors correlate by less than 1/e;
+white_loss, white_gain   loss and gain for white noise of the same size on the same surface;
+message          why the pair cannot be registered, if it cannot.
+
+**Breech faces**, to benchmarks/results/breech_faces.csv: confocal scans of three cartridge primers
+for each of five breech faces, which stamped them. Two of one breech face are *related*: they show
+one surface on two castings. Pieces of `SIDE` points are cut from both where they show the same
+place. The second is shifted by up to `SHIFT` of its side and turned by up to `TURN`, by chance.
+Pieces overlap, so they are no independent trials. Two of different breech faces are *unrelated*;
+their pieces are cut anywhere, and moved likewise. A row has the place, shift and turn of the piece,
+and:
+
+found            whether the registration is believed;
+error_um, turn_error_deg   its errors;
+correlation, height_scale   as it states them;
+message          why the pair cannot be registered, if it cannot.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from functools import cache
+from itertools import combinations, product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+import xarray as xr
+from age import record
+from power import specimen_config
+
+from gstlib.change.change import measure_detection, register_patch, wear_summary
+from gstlib.change.registration import register, robust_sigma
+from gstlib.change.selection import registration_table
+from gstlib.errors import InputError
+from gstlib.io.scans import read_scan
+from gstlib.io.tables import read_table, write_table
+from gstlib.preprocess.scans import prepare_scan
+from gstlib.surfaces.footprints import Place, spline_of
+from gstlib.surfaces.grid import MM_TO_UM, axis_coordinates, make_surface, spacing_of
+
+ROOT = Path(__file__).parents[1]
+DATA = ROOT.parent / "shared/data"
+RESULTS = ROOT / "benchmarks/results"
+# The shift that is searched for, in sides of a scan: that of the default study.
+REACH = 0.6 / 0.85
+SETTINGS = {"minimum_points": 8}
+
+# Files with trace and retrace of one place, and the channels of the two.
+REPEATS = {
+    "di-1": ("repeat-mit/di-1.di", 0, 1),
+    "di-2": ("repeat-mit/di-2.di", 0, 1),
+    "di-6": ("repeat-mit/di-6.di", 0, 1),
+    "nid-1, Z axis": ("repeat-mit/nid-1.nid", 0, 2),
+    "nid-1, Z sensor": ("repeat-mit/nid-1.nid", 1, 3),
+    "spot_1": ("repeat-mit/spot_1-1000nm.ibw", 0, 1),
+    "uncd35": ("repeat-ccby/uncd35.di", 0, 1),
+}
+LARGER = 1000.0
+
+SIDE, SHIFT, TURN = 80, 0.25, 12.0  # points, sides, degrees
+FACES, CASTINGS = ("TW01", "TW02", "TW03", "TW04", "TW05"), ("01", "02", "03")
+# How a casting lies on the first of its breech face: turn (degrees), then shift along y and x
+# (points). At these the whole scans correlate by 0.84 to 0.92; at the next turn of 2°, by 0.25.
+LAID = {
+    "TW01-02": (-8.0, -2, -14),
+    "TW01-03": (-11.2, 4, -14),
+    "TW02-02": (2.0, -2, -2),
+    "TW02-03": (-21.8, -5, -40),
+    "TW03-02": (-7.2, 15, -22),
+    "TW03-03": (-9.2, 14, 21),
+    "TW04-02": (-1.8, 30, 8),
+    "TW04-03": (-3.0, 10, 9),
+    "TW05-02": (-7.8, -12, 10),
+    "TW05-03": (-3.4, -12, 5),
+}
+# Turns (degrees) up to this are counted apart from those that a registration may not reach.
+NEAR = 6.0
+# Points of the common grid along a side, about whose middle castings are turned.
+GRID = 640
+# Pieces that are cut from each pair of castings, evenly from those `STEP` points apart, and how
+# much of a piece may be undefined before the second is shifted.
+RELATED, UNRELATED = 22, 17
+STEP, UNDEFINED = 16, 0.05
+# A match of two castings is wrong beyond this: the turns above are right to 0.1°, a point or two.
+WRONG_UM = 5 * 6.25
+
+
+def channel(file: str, number: int) -> xr.Dataset:
+    """One channel of a file as a prepared scan, `LARGER` than it is."""
+    from SurfaceTopography import open_topography
+    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
+
+    topography = open_topography(DATA / file).topography(channel_index=number)
+    factor = LARGER * get_unit_conversion_factor(topography.unit, "mm")
+    heights = np.asarray(topography.heights(), dtype=float).T * factor
+    spacing = topography.physical_sizes[0] * factor / heights.shape[1]
+    return prepare_scan(make_surface(heights, spacing))
+
+
+def neighbours(change: xr.Dataset) -> Iterator[tuple[str, float]]:
+    """How errors correlate along y and x: of neighbours, and over which distance."""
+    error = change["change"].values
+    bound = 3 * robust_sigma(error[np.isfinite(error)])
+    error = np.nan_to_num(np.clip(error, -bound, bound))
+    for name, along in (("y", error), ("x", error.T)):
+        spectrum = np.abs(scipy.fft.rfft(along, 2 * len(along), axis=0)) ** 2
+        lags = scipy.fft.irfft(spectrum, axis=0).sum(axis=1)[: len(along)]
+        correlation = lags / lags[0]
+        yield f"neighbours_{name}", float(correlation[1])
+        yield f"length_{name}_points", float(np.argmax(correlation < 1 / np.e))
+
+
+def repeat_row(name: str) -> dict[str, Any]:
+    """What the study says of one pair of `REPEATS`."""
+    file, *channels = REPEATS[name]
+    first, second = (channel(file, number) for number in channels)
+    points, spacing = len(first.height), spacing_of(first.height)[0]
+    settings: dict[str, Any] = SETTINGS | {"maximum_shift_mm": REACH * points * spacing}
+    row = {"pair": name, "points": points, "spacing_um": MM_TO_UM * spacing}
+    try:
+        change = register_patch(first, second, patch=name, **settings)
+    except InputError as error:
+        return row | {"message": error.problem}
+    config = specimen_config()
+    limit = config["validation"]["max_noise_fraction"]
+    table = registration_table({name: change}, config["selection"], max_noise_fraction=limit)
+    row |= table.iloc[0].drop("patch").to_dict()
+    again = {"before": {name: first}, "again": {name: second}}
+    row["serves"] = measure_detection(**again, **settings) is not None
+    if change.attrs["known_fraction"]:
+        row |= dict(neighbours(change))
+        noise = np.random.default_rng(1).standard_normal(first.height.shape)
+        noisy = first.height + noise * change.attrs["change_sigma_um"] / MM_TO_UM
+        white = register_patch(first, first.assign(height=noisy), patch=name, **settings)
+        row |= {f"white_{of}": wear_summary(white)[f"{of}_fraction"] for of in ("loss", "gain")}
+    return row
+
+
+class Casting(NamedTuple):
+    """A scan of a primer, and how its points lie on the common grid of its breech face."""
+
+    spline: Any
+    undefined: np.ndarray  # (ny, nx), 0 or 1
+    spacing: float
+    laid: tuple[float, int, int]
+
+    def piece(self, place: Place) -> xr.DataArray:
+        """Heights about a place (points of the common grid), mm, NaN where undefined."""
+        steps = np.arange(SIDE) - (SIDE - 1) / 2
+        return self._at(*place.points(steps[:, None], steps))
+
+    def on_grid(self) -> np.ndarray:
+        """Which points of the common grid are defined."""
+        return np.isfinite(self._at(*np.indices((GRID, GRID))).values)
+
+    def _at(self, y: np.ndarray, x: np.ndarray) -> xr.DataArray:
+        turn, *shift = self.laid
+        middle = (GRID - 1) / 2
+        # as `scipy.ndimage.rotate` turns, which is from y towards x
+        rows, columns = Place(middle, middle, turn).points(
+            y - shift[0] - middle, x - shift[1] - middle
+        )
+        outside = scipy.ndimage.map_coordinates(
+            self.undefined, [rows, columns], order=1, cval=1.0
+        )
+        heights = self.spline.ev(rows * self.spacing, columns * self.spacing)
+        return make_surface(np.where(outside > 0, np.nan, heights), self.spacing)
+
+
+@cache
+def casting(name: str) -> Casting:
+    """A scan by its name."""
+    scan = read_scan(DATA / f"breechface-ccby/{name}.x3p")
+    spacing = spacing_of(scan)[0]
+    along = {
+        axis: axis_coordinates(count, spacing) - spacing / 2
+        for axis, count in zip("yx", scan.shape, strict=True)
+    }
+    undefined = np.isnan(scan.values).astype(float)
+    laid = LAID.get(name, (0.0, 0, 0))
+    return Casting(spline_of(scan.assign_coords(along)), undefined, spacing, laid)
+
+
+@cache
+def places(name: str) -> frozenset[tuple[int, int]]:
+    """Places (y, x) of the common grid about which a casting is defined."""
+    share = scipy.ndimage.uniform_filter(casting(name).on_grid().astype(float), SIDE)
+    inside = range(SIDE, GRID - SIDE, STEP)
+    return frozenset((y, x) for y, x in product(inside, inside) if share[y, x] >= 1 - UNDEFINED)
+
+
+def evenly(common: frozenset[tuple[int, int]], count: int) -> list[tuple[int, int]]:
+    """So many of the places, from the first to the last."""
+    ordered = sorted(common)
+    return [ordered[round(at)] for at in np.linspace(0, len(ordered) - 1, count)]
+
+
+def breech_rows(first: str, second: str, *, is_related: bool) -> Iterator[dict[str, Any]]:
+    """Pieces of two castings on each other: of the same places, or of any that each has."""
+    if is_related:
+        chosen = evenly(places(first) & places(second), RELATED)
+        pairs = [*zip(chosen, chosen, strict=True)]
+    else:
+        each = (evenly(places(name), UNRELATED) for name in (first, second))
+        pairs = [*zip(*each, strict=True)]
+    for (y, x), (other_y, other_x) in pairs:
+        generator = np.random.default_rng([*first.encode(), *second.encode(), y, x])
+        v, u, turn = generator.uniform(-1, 1, 3) * (SHIFT * SIDE, SHIFT * SIDE, TURN)
+        moved = Place(other_y + v, other_x + u, turn)
+        pieces = casting(first).piece(Place(y, x)), casting(second).piece(moved)
+        t0, t1 = (prepare_scan(piece, maximum_unmeasured=1.0).height for piece in pieces)
+        row = {"first": first, "second": second, "y": y, "x": x}
+        row |= {"shift_y_points": v, "shift_x_points": u, "turn_deg": turn}
+        spacing = spacing_of(t0)[0]
+        try:
+            match = register(t0, t1, maximum_shift_mm=REACH * SIDE * spacing)
+        except InputError as error:
+            yield row | {"found": False, "message": error.problem}
+            continue
+        off_mm = match.shift_y_mm - v * spacing, match.shift_x_mm - u * spacing
+        yield row | {
+            "found": match.found,
+            "error_um": MM_TO_UM * np.hypot(*off_mm),
+            "turn_error_deg": abs(match.rotation_deg - turn),
+            "correlation": match.detail_correlation,
+            "height_scale": match.height_scale,
+        }
+
+
+def breech_face_rows() -> Iterator[dict[str, Any]]:
+    """All pairs of castings."""
+    names = [f"{face}-{number}" for face in FACES for number in CASTINGS]
+    for first, second in combinations(names, 2):
+        is_related = first[:4] == second[:4]
+        kind = "related" if is_related else "unrelated"
+        for row in breech_rows(first, second, is_related=is_related):
+            yield {"kind": kind} | row
+
+
+def summary(rows: pd.DataFrame) -> pd.DataFrame:
+    """Of the breech faces: pairs, those ``found``, and those that are ``refused``.
+
+    ``wrong`` are those of the found ones that lie elsewhere than they should. Related pairs are
+    counted by whether their turn is `NEAR`.
+    """
+    is_related, is_found = rows.kind == "related", rows.found.astype(bool)
+    is_far = is_related & (rows.turn_deg.abs() > NEAR)
+    counted = pd.DataFrame(
+        {
+            "pairs": 1,
+            "found": is_found,
+            "wrong": is_related & is_found & (rows.error_um > WRONG_UM),
+            "refused": rows.message.notna(),
+        }
+    )
+    return counted.groupby(rows.kind.mask(is_far, "related, turned far")).sum()
+
+
+MAKERS = {"repeats": lambda: map(repeat_row, REPEATS), "breech_faces": breech_face_rows}
+SHOWN = ["pair", "found", "shift_y_um", "shift_x_um", "loss_fraction", "gain_fraction"]
+SHOWN += ["above_noise", "serves", "neighbours_y", "neighbours_x", "white_loss", "white_gain"]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", choices=list(MAKERS), nargs="+", default=list(MAKERS))
+    parser.add_argument("--output", type=Path, default=RESULTS, help="folder of the rows")
+    parser.add_argument("--tables", action="store_true", help="from the rows alone")
+    options = parser.parse_args(arguments)
+    files = {name: options.output / f"{name}.csv" for name in options.only}
+    if not options.tables:
+        if not DATA.is_dir():
+            raise SystemExit(f"the measured files are not beside the project ({DATA})")
+        for name, file in files.items():
+            made = pd.DataFrame(MAKERS[name]())
+            if "message" not in made:
+                made["message"] = np.nan
+            write_table(file, made)
+            record(file)
+    if "repeats" in files:
+        print(read_table(files["repeats"]).reindex(columns=SHOWN).to_string(index=False))
+    if "breech_faces" in files:
+        print(summary(read_table(files["breech_faces"])).to_string())
+
+
+if __name__ == "__main__":
+    main()
