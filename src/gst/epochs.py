@@ -11,7 +11,7 @@ import xarray as xr
 
 from gst.patches import at_epoch
 from gstlib.change.form import form_warning
-from gstlib.change.registration import is_one_way, register
+from gstlib.change.registration import Registration, is_one_way, register
 from gstlib.change.selection import exchanged_epochs, other_heights, rise_warnings
 from gstlib.errors import FaultError, GstError, InputError
 from gstlib.preprocess.scans import mould_of
@@ -33,6 +33,8 @@ UNMATCHED = "unmatched"  # the fault's name, as which a config accepts it
 _MOST_LAID = 4
 # Among so many trials, an unrelated scan is found by chance: `_match` seldom exceeds 0.3.
 _SURE_MATCH = 0.5
+# ASSUME: a T1 that shows at least this share of the T0 of another patch belongs to that patch.
+_MOSTLY = 0.6
 # Long waves that may have been removed from a scan: those longer than these shares of its side.
 _CUTS = 1 / 4, 1 / 13
 # ASSUME: if two scans match in their short waves alone, and one has less than this share of the
@@ -251,11 +253,15 @@ def _laid_fault(study: Study, patches: list[str], how: str) -> FaultError:
 
 
 def _found_on(study: Study, patch: str, others: list[str]) -> str | None:
-    """The first of the other patches whose T0 is on this one's T1."""
+    """The first of the other patches whose T0 shows most of this one's T1.
+
+    A T1 that lies between two patches shows a part of the other, too, and is no mistake of names.
+    """
     after = study.prepared[patch, "T1"].height
     shift_mm = study.config["registration"]["maximum_shift_mm"]
     for other in others:
-        if _match(study.prepared[other, "T0"].height, after, shift_mm):
+        match = _registered(study.prepared[other, "T0"].height, after, shift_mm)
+        if match is not None and match.overlap >= _MOSTLY:
             return other
     return None
 
@@ -265,11 +271,19 @@ def _match(before: xr.DataArray, after: xr.DataArray, maximum_shift_mm: float) -
 
     It is the correlation of the detail, times the root of the overlap.
     """
+    match = _registered(before, after, maximum_shift_mm)
+    return 0.0 if match is None else match.detail_correlation * match.overlap**0.5
+
+
+def _registered(
+    before: xr.DataArray, after: xr.DataArray, maximum_shift_mm: float
+) -> Registration | None:
+    """Where a scan is found on another one; None if it is not found."""
     try:
         match = register(before, after, maximum_shift_mm=maximum_shift_mm)
     except InputError:  # of other spacings
-        return 0.0
-    return match.detail_correlation * match.overlap**0.5 if match.found else 0.0
+        return None
+    return match if match.found else None
 
 
 def _shifts(study: Study, found: pd.DataFrame) -> str:
