@@ -17,6 +17,7 @@ import click
 import yaml
 
 from gst.cli import main as gst
+from gst.config import config_schema
 from gst.tables import TABLES, Column, Table
 
 ROOT = Path(__file__).parents[1]
@@ -179,13 +180,13 @@ def main() -> None:
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
     schemas = ROOT / "workflow" / "schemas"
-    config, patches, poses, published = (
+    patches, poses, published = (
         yaml.safe_load((schemas / f"{name}.schema.yaml").read_text("utf-8"))
-        for name in ("config", "patches", "poses", "published")
+        for name in ("patches", "poses", "published")
     )
     documents = {
         "config/README.md": {
-            "config": config_table(config),
+            "config": config_table(config_schema()),
             "patches": table(patches),
             "poses": table(poses),
             "published": table(published),

@@ -127,6 +127,7 @@ def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[Fault
         f"its heights (patch {patch}) vary {factor:.3g} times as much as those of the other "
         "patches" + (", and do not fit the mesh under it" if scan and mesh else ""),
         "Export all scans in one unit and with one calibration; scans.unit applies to all files.",
+        [patch],
     )
     if off > unit:
         yield fault

@@ -18,18 +18,19 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
 from gst import ROOT
-from gst.contradictions import contradictions
+from gst.contradictions import accepted_patches, contradictions
 from gst.named_files import check_files
 from gst.patches import no_patches, read_patches
 from gst.poses import poses_of
 from gst.todo import is_to_do, left_in
 from gst.user_tables import cells_to_do, read_rows
 from gstlib.conditions import rounded_form, stage_settings
-from gstlib.errors import ConfigError
+from gstlib.errors import FAULTS, ConfigError
 from gstlib.io.files import check_size
 from gstlib.use.evidence import FEWEST_PATCHES
 
-__all__ = ["asked_of_files", "complete", "config_problems", "read_config", "read_config_file"]
+__all__ = ["asked_of_files", "complete", "config_problems", "config_schema", "read_config"]
+__all__ += ["read_config_file"]
 __all__ += ["read_study", "refuse_config", "refuse_study", "value_problems"]
 
 _SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
@@ -123,6 +124,7 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
         patch_size_mm=config["scans"]["size_mm"],
         scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
     )
+    refuse_config(accepted_patches(config, [*patches.patch]), source)
     if not (patches.t0 != "").any():
         _refuse_without_scans(config, patches.wear_grade.dropna())
     elif config["inputs"] is not None and config["inputs"]["scan_folder"] is None:
@@ -214,9 +216,18 @@ def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:
     return found
 
 
+def config_schema() -> dict[str, Any]:
+    """The JSON schema of a config, with the faults that the config can accept."""
+    schema = yaml.safe_load(_SCHEMA.read_text(encoding="utf-8"))
+    accept, faults = schema["properties"]["accept"], FAULTS.items()
+    listed = "; ".join(f"{name} ({meaning})" for name, meaning in faults)
+    accept["description"] = accept["description"].replace("{faults}", listed)
+    return schema
+
+
 @functools.cache
 def _validator() -> Draft202012Validator:
-    return Draft202012Validator(yaml.safe_load(_SCHEMA.read_text(encoding="utf-8")))
+    return Draft202012Validator(config_schema())
 
 
 def _unusable_numbers(value: Any, key: str = "") -> Iterator[str]:

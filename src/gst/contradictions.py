@@ -4,16 +4,18 @@ The config is whole and fits the schema, which says what else cannot go together
 sentence with its key, its value and the remedy.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+import difflib
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from gst.named_files import input_in_results, path_problem
 from gstlib.conditions import load_force, load_point
-from gstlib.errors import ConfigError
+from gstlib.errors import FAULTS, ConfigError
 from gstlib.surfaces.frames import frame_from_points
 
-__all__ = ["contradictions", "counterface_mesh", "thinner_than_a_point"]
+__all__ = ["accepted_patches", "contradictions", "counterface_mesh"]
+__all__ += ["thinner_than_a_point"]
 
 # Corners are clicked or typed: the square's sides may be off by this share.
 _SIDE_TOLERANCE = 0.1
@@ -23,6 +25,7 @@ _CRUSHING_MPA = 1000.0
 
 def contradictions(config: Mapping) -> Iterator[str]:
     """Every such problem of a config."""
+    yield from _in_accept(config)
     yield from _in_files(config)
     yield from _in_squares(config)
     yield from _in_load(config)
@@ -33,6 +36,35 @@ def contradictions(config: Mapping) -> Iterator[str]:
             f"'texture.l_filter_um' is {long}, not above texture.s_filter_um, {short}: no wave "
             "passes both filters; raise it, or set it to null"
         )
+
+
+def _in_accept(config: Mapping) -> Iterator[str]:
+    for entry in config["accept"]:
+        name, colon, _ = entry.partition(":")
+        if name not in FAULTS:
+            yield (
+                f"'accept' has {entry!r}, and no fault has that name: "
+                f"{_near(name, FAULTS)}write one of {', '.join(FAULTS)}"
+            )
+        elif colon and config["patches"] is None:
+            yield f"'accept' has {entry!r}, and the study has no patches: write {name} alone"
+
+
+def accepted_patches(config: Mapping, patches: Collection[str]) -> Iterator[str]:
+    """Each entry of ``accept`` for a patch that is not among the `patches` of the table."""
+    for entry in config["accept"]:
+        name, colon, patch = entry.partition(":")
+        if colon and patch not in patches:
+            yield (
+                f"'accept' has {entry!r}, and no patch of {config['patches']} has that name: "
+                f"{_near(patch, patches)}write {name} for all patches"
+            )
+
+
+def _near(name: str, possible: Collection[str]) -> str:
+    """Which of the `possible` names was probably meant, as the start of a remedy; "" if none."""
+    meant = difflib.get_close_matches(name, possible, n=1)
+    return f"did you mean {meant[0]}? " if meant else ""
 
 
 def _in_files(config: Mapping) -> Iterator[str]:

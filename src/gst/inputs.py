@@ -282,7 +282,7 @@ def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
     copied: dict[tuple[str, str], list[str]] = {}
     for patch, epoch in pieces:
         if epoch in _COPIED and (patch, "T0") in pieces:
-            yield from _unlike(pieces[patch, "T0"], pieces[patch, epoch])
+            yield from _unlike(patch, pieces[patch, "T0"], pieces[patch, epoch])
             for other in _COPIED[epoch]:
                 first = pieces.get((patch, other))
                 if first is not None and first.content == pieces[patch, epoch].content:
@@ -296,6 +296,7 @@ def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
             f"patch {patch} has the same heights {_AT[epoch]} as at {other} "
             f"({pieces[patch, other].path}){_and_so([f'patch {name}' for name in patches[1:]])}",
             _COPIED[epoch][other],
+            patches,
         )
 
 
@@ -305,7 +306,7 @@ def _apart(spacing: tuple[float, float]) -> str:
     return " × ".join(steps) + " µm"
 
 
-def _unlike(first: _Piece, second: _Piece) -> Iterator[GstError]:
+def _unlike(patch: str, first: _Piece, second: _Piece) -> Iterator[GstError]:
     """Two scans of a patch that differ in spacing, or in the unit of their heights."""
     (_, spacing_0), (_, spacing_1) = first.grid, second.grid
     if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
@@ -322,6 +323,7 @@ def _unlike(first: _Piece, second: _Piece) -> Iterator[GstError]:
             f"its heights vary {after / before:.3g} times as much as those of "
             f"{first.path}: one of the two is in another unit",
             "Export both epochs of a patch in one unit; scans.unit applies to all files.",
+            [patch],
         )
 
 
@@ -340,6 +342,7 @@ def _same_scans(pieces: _Pieces) -> Iterator[GstError]:
                 f"{at_epoch(*others[0])} has the same heights as {at_epoch(*first)} "
                 f"({pieces[first].path}){_and_so([at_epoch(*use) for use in others[1:]])}",
                 "Correct their names in the patch table: each patch has scans of its own.",
+                [*dict.fromkeys(patch for patch, _ in (first, *others))],
             )
 
 

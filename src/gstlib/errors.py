@@ -6,11 +6,13 @@ to know.
 """
 
 import copy
+import itertools
 import logging
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
 
 __all__ = [
+    "FAULTS",
     "NOTE",
     "ConfigError",
     "FaultError",
@@ -26,6 +28,15 @@ _log = logging.getLogger(__name__)
 # Between logging's INFO and WARNING.
 NOTE = 25
 logging.addLevelName(NOTE, "NOTE")
+
+# What each fault says, by the name under which a config accepts it.
+FAULTS = {
+    "placement": "patches do not lie on the mesh as the table and the config say",
+    "epochs": "more rose than fell from T0 to T1 on most patches",
+    "thickness": "the stone is thinner under the square than any tool",
+    "units": "heights are in another unit than those of the other scans or of the mesh",
+    "same_scan": "two scans have the same heights",
+}
 
 
 class GstError(Exception):
@@ -60,18 +71,44 @@ class ConfigError(InputError):
 
 
 class FaultError(InputError):
-    """What makes a result wrong, unless the user knows better and accepts it by its `name`.
+    """A judgement that a result is wrong, which a user who knows better can accept.
 
-    The other parameters are those of an `InputError`.
+    Parameters
+    ----------
+    name : str
+        A key of `FAULTS`, under which a config accepts the fault.
+    source, problem, remedy
+        As of an `InputError`.
+    patches : sequence of str
+        The patches that the fault concerns; empty if it does not concern single patches.
     """
 
-    def __init__(self, name: str, source: str | Path, problem: str, remedy: str):
+    def __init__(
+        self,
+        name: str,
+        source: str | Path,
+        problem: str,
+        remedy: str,
+        patches: Sequence[str] = (),
+    ):
+        assert name in FAULTS, name
         super().__init__(source, problem, remedy)
-        self.args, self.name = (name, source, problem, remedy), name
+        self.args = (name, source, problem, remedy, patches)
+        self.name, self.patches = name, tuple(map(str, patches))
 
     def __str__(self) -> str:
-        accept = f"If it is right as it is, write accept: [{self.name}] in the config."
-        return f"{super().__str__()} {accept}"
+        by_patch = [f"{self.name}:{patch}" for patch in self.patches]
+        accept = f"accept: [{', '.join(by_patch or [self.name])}]"
+        for_all = f", or accept: [{self.name}] for all patches" if by_patch else ""
+        hint = f"If it is right as it is, write {accept}{for_all} in the config."
+        return f"{super().__str__()} {hint}"
+
+    def is_accepted(self, accepted: Container[str]) -> bool:
+        """Whether `accepted` has the fault's name, or ``name:patch`` for each of its patches."""
+        if self.name in accepted:
+            return True
+        by_patch = [f"{self.name}:{patch}" in accepted for patch in self.patches]
+        return bool(by_patch) and all(by_patch)
 
 
 class OutputError(InputError):
@@ -87,8 +124,10 @@ class InputsError(GstError):
     def __str__(self) -> str:
         alike: dict[object, list[GstError]] = {}
         for error in self.args[0]:
-            own = (error.problem, error.remedy) if isinstance(error, InputError) else error
-            alike.setdefault(own, []).append(error)
+            same: object = error
+            if isinstance(error, InputError):
+                same = getattr(error, "name", None), error.problem, error.remedy
+            alike.setdefault(same, []).append(error)
         texts = [str(_as_one(errors)) for errors in alike.values()]
         if len(texts) == 1:
             return texts[0]
@@ -104,14 +143,21 @@ def _as_one(errors: list[GstError]) -> GstError:
         return first
     whole = copy.copy(first)
     whole.source = ", ".join(error.source for error in errors if isinstance(error, InputError))
+    if isinstance(whole, FaultError):
+        by_fault = [error.patches for error in errors if isinstance(error, FaultError)]
+        # a fault without patches can be accepted only as a whole
+        whole.patches = tuple(itertools.chain(*by_fault)) if all(by_fault) else ()
     return whole
 
 
 def unaccepted(errors: Iterable[GstError], accepted: Container[str]) -> list[GstError]:
-    """Those that stop a study; a fault that is `accepted` by its name is logged as an error."""
+    """The errors that stop a study; each fault that is `accepted` is logged as an error.
+
+    `accepted` holds names of faults, and ``name:patch`` for single patches.
+    """
     stopping = []
     for error in errors:
-        if isinstance(error, FaultError) and error.name in accepted:
+        if isinstance(error, FaultError) and error.is_accepted(accepted):
             _log.error("%s", InputError.__str__(error))
         else:
             stopping.append(error)
@@ -119,6 +165,6 @@ def unaccepted(errors: Iterable[GstError], accepted: Container[str]) -> list[Gst
 
 
 def raise_unless_accepted(errors: Iterable[GstError], accepted: Container[str]) -> None:
-    """Raise those that stop a study, as one error."""
+    """Raise the errors that stop a study, as one; `accepted` is that of `unaccepted`."""
     if stopping := unaccepted(errors, accepted):
         raise InputsError(stopping)

@@ -122,6 +122,7 @@ def test_defaults_come_in_as_snakemake_merges_the_template(config, name):
         ("results", "config", "contains the patch table (config/patches.tsv)"),
         ("patches", "nowhere.tsv", "'patches': nowhere.tsv does not exist: correct the path"),
         ("patches", "{nowhere}.tsv", "contains braces"),
+        ("accept", ["placemnt:1"], "no fault has that name: did you mean placement? write one of"),
         ("pressure_cap_MPa", 22.0, "not above the mean pressure on the square, 22 MPa"),
         ("texture.l_filter_um", 8.0, "no wave passes both filters"),
         (
@@ -300,6 +301,8 @@ BAD_VALUES = "quantity,patch,unit,value\nload,,MPa,22\n"
     [
         ({}, None),
         ({"seed": -1}, "'seed' is -1"),
+        ({"accept": ["epochs", "placement:7"]}, None),
+        ({"accept": ["placement:77"]}, "has that name: did you mean 7? write placement for"),
         ({"patches": "bad.csv"}, "bad.csv: 1 problem in this table"),
         ({"gesture": {"table": "poses.csv"}}, "poses.csv: missing columns"),
         ({"gesture": {"table": "gone.csv"}}, "gone.csv: cannot be read"),

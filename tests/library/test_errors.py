@@ -1,0 +1,37 @@
+"""Which faults a study's config accepts."""
+
+import pytest
+from gstlib.errors import FaultError, InputError, InputsError, raise_unless_accepted, unaccepted
+
+WHOLE = FaultError("epochs", "t0 and t1", "they are exchanged", "Exchange them.")
+OF_TWO = FaultError("placement", "patches", "they lie elsewhere", "Move them.", ("a1", "b2"))
+
+
+@pytest.mark.parametrize(
+    ("fault", "accepted", "is_accepted"),
+    [
+        (WHOLE, ["epochs"], True),
+        (WHOLE, ["placement", "epochs:a1"], False),
+        (OF_TWO, ["placement"], True),
+        (OF_TWO, ["placement:a1"], False),
+        (OF_TWO, ["placement:b2", "placement:a1"], True),
+    ],
+)
+def test_a_fault_is_accepted_by_its_name_or_for_each_of_its_patches(
+    fault, accepted, is_accepted, caplog
+):
+    assert unaccepted([fault], accepted) == ([] if is_accepted else [fault])
+    assert [record.levelname for record in caplog.records] == ["ERROR"] * is_accepted
+
+
+def test_an_error_that_is_no_judgement_cannot_be_accepted():
+    with pytest.raises(InputsError):
+        raise_unless_accepted([InputError("mesh", "is missing", "Give it.")], ["mesh", "placement"])
+
+
+def test_the_message_says_how_to_accept_what_it_lists():
+    """Like faults of several patches are one fault in the message, of all these patches."""
+    other = FaultError("placement", "c.plu", OF_TWO.problem, OF_TWO.remedy, ("c3",))
+    message = str(InputsError([OF_TWO, other]))
+    assert "accept: [placement:a1, placement:b2, placement:c3], or accept: [placement]" in message
+    assert "accept: [epochs] in" in str(WHOLE)
