@@ -68,7 +68,7 @@ def _at_rest(study: Study) -> dict[str, str]:
 
 
 def _placement(study: Study) -> dict[str, str]:
-    """Whether the patches fit the mesh under them, in a line, if it shows such short waves."""
+    """How many patches clearly fit the mesh under them, if it shows such short waves."""
     patch_mm = study.config["scans"]["size_mm"]
     if study.patches.empty or not shows_waves(study.face.height, patch_mm):
         return {}
@@ -78,8 +78,9 @@ def _placement(study: Study) -> dict[str, str]:
         return {
             "placement": f"not certain: patches and mesh correlate by {mean:.2f} on average"
         }
-    fitting = (status == AGREES).sum()
-    return {"placement": f"{fitting} of {len(status)} patches fit the mesh under them"}
+    fitting, unclear = (status == AGREES).sum(), (status == CANNOT_TELL).sum()
+    rest = f"; of {unclear} it cannot tell" if unclear else ""
+    return {"placement": f"{fitting} of {len(status)} patches clearly fit the mesh{rest}"}
 
 
 def _summary(

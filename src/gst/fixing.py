@@ -23,6 +23,7 @@ from gstlib.coupling.placement import (
     CANNOT_TELL,
     SHIFTED,
     Mould,
+    as_measured,
     lying_right,
     place_patches,
     shows_waves,
@@ -65,17 +66,23 @@ def cures_of(study: Study) -> list[Cure]:
 
 
 def _of_places(study: Study) -> Iterator[Cure]:
-    """Of scans that are laid wrongly, epochs that are exchanged, and a table that is shifted."""
+    """Of scans that are laid wrongly, epochs exchanged, and a table mirrored or shifted."""
     patch_mm = study.config["scans"]["size_mm"]
     if study.patches.empty or not shows_waves(study.face.height, patch_mm):
         return
     scans = {patch: study.prepared[patch, "T0"] for patch in study.patches.patch}
     settings = study.settings["place_patches"] | {"accept": [PLACEMENT]}
-    together = place_patches(study.face.height, study.patches, scans, **settings).iloc[-1]
+    table = place_patches(study.face.height, study.patches, scans, **settings)
+    together, mould = table.iloc[-1], Mould(**study.config["scans"]["mould"])
     if together.orientation not in ("", AS_GIVEN):
         if not study.patches.flip.any():  # in some rows, which are another matter
-            yield _laid_right(together.orientation, Mould(**study.config["scans"]["mould"]))
+            yield _laid_right(together.orientation, mould, study.config["square"]["size_mm"])
         return
+    for row in table.iloc[:-1].itertuples():
+        if row.orientation:
+            flip = study.patches.set_index("patch").flip[row.patch]
+            own = mould._replace(flip={"none": None, "": mould.flip}.get(flip, flip))
+            yield from _alone_laid_right(row.patch, row.orientation, own)
     if together.status == CANNOT_TELL:
         yield from _by_hand(study, scans)
         return
@@ -113,18 +120,40 @@ def _by_hand(study: Study, scans: Mapping[str, "xr.Dataset"]) -> Iterator[Cure]:
         yield Cure(why, {}, lambda row: cells.get(row["patch"], {}))
 
 
-def _laid_right(orientation: str, mould: Mould) -> Cure:
-    """Of scans that fit the mesh with another orientation than the config gives them."""
-    right, turn = lying_right(orientation, mould)
+def _laid_right(orientation: str, mould: Mould, size_mm: float) -> Cure:
+    """Of patches that all fit the mesh with another orientation or another table than as given."""
+    look, _, mistake = orientation.partition("with ")
+    right, turn = lying_right(look.strip(), mould)
     values = {
         f"scans.mould.{key}": value
         for key, value in right._asdict().items()
         if value != getattr(mould, key)
     }
+
+    def cells(row: Mapping[str, str]) -> Mapping[str, object]:
+        changed = {"rotation_deg": _plus(row, "rotation_deg", turn)} if turn else {}
+        if mistake:
+            x, y = as_measured(_number(row["x_mm"]), _number(row["y_mm"]), size_mm, mistake)
+            changed |= {"x_mm": f"{round(x, 4):g}", "y_mm": f"{round(y, 4):g}"}
+        return changed
+
     why = f"the patches fit the mesh {orientation}"
-    if not turn:
-        return Cure(why, values)
-    return Cure(why, values, lambda row: {"rotation_deg": _plus(row, "rotation_deg", turn)})
+    return Cure(why, values, cells if turn or mistake else None)
+
+
+def _alone_laid_right(patch: str, orientation: str, own: Mould) -> Iterator[Cure]:
+    """Of one patch with another orientation; heights in its file are not inverted here."""
+    right, turn = lying_right(orientation, own)
+    if right.invert != own.invert:
+        return
+
+    def cells(row: Mapping[str, str]) -> Mapping[str, object]:
+        if row["patch"] != patch:
+            return {}
+        changed = {"rotation_deg": _plus(row, "rotation_deg", turn)} if turn else {}
+        return changed | ({"flip": right.flip or "none"} if right.flip != own.flip else {})
+
+    yield Cure(f"patch {patch} fits the mesh {orientation}", {}, cells)
 
 
 def _are_exchanged(study: Study) -> bool:
@@ -146,10 +175,14 @@ def _exchanged(row: Mapping[str, str]) -> Mapping[str, object]:
 
 def _plus(row: Mapping[str, str], column: str, more: float) -> str:
     """A number of a row and something to add; angles stay within half a turn."""
-    total = float((row.get(column) or "0").replace(",", ".")) + more
+    total = _number(row.get(column) or "0") + more
     if column == "rotation_deg" and not -180 <= total <= 180:
         total -= math.copysign(360, total)
     return f"{round(total, 4):g}"
+
+
+def _number(cell: str) -> float:
+    return float(cell.replace(",", "."))
 
 
 def _of_face(study: Study) -> Iterator[Cure]:

@@ -391,7 +391,8 @@ def _how_sure(tables: Mapping[str, pd.DataFrame]) -> str:
         each = tables["placement"].iloc[:-1].status
         together = tables["placement"].status.iloc[-1]
         agreeing = int((each == AGREES).sum())
-        marks = 1 if together == CANNOT_TELL else 3 if (each == together).all() else 2
+        is_clear = together != CANNOT_TELL and 2 * agreeing >= len(each)
+        marks = 3 if (each == together).all() and is_clear else 2 if is_clear else 1
         where = f"{agreeing} of {len(each)} agree with the mesh"
         said.append(f"their places {_marks(marks)} ({where if agreeing else together})")
     if "registration" in tables:

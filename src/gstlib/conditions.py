@@ -106,8 +106,12 @@ def stage_settings(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         "solve_macroscale": at_load | {"through": through},
         "solve_square": at_load,
         "couple_scales": {"patch_mm": patch_mm},
-        "place_patches": {"patch_mm": patch_mm, "accept": config["accept"]}
-        | config["scans"]["mould"],
+        "place_patches": {
+            "patch_mm": patch_mm,
+            "placement_um": errors["placement_um"],
+            "accept": config["accept"],
+            **config["scans"]["mould"],
+        },
         "register_patches": config["registration"] | config["traces"],
         "select_patches": {
             "selection": config["selection"],

@@ -18,11 +18,18 @@ NINE = [(y, x) for y in (1.2, 2.5, 3.8) for x in (1.2, 2.5, 3.8)]
 
 
 def study(
-    laid="as given", shift=(0.0, 0.0), height=1.0, rose=(), fell=(), thickness=30.0, mould=None
+    laid="as given",
+    shift=(0.0, 0.0),
+    height=1.0,
+    rose=(),
+    fell=(),
+    thickness=30.0,
+    mould=None,
+    only=None,
 ):
-    """Nine patches of a stone, scanned so, of which some rose and some fell.
+    """Nine patches of a stone, of which some rose and some fell.
 
-    `height` is that of the mesh beside that of the scans.
+    They, or `only` one, are `laid` so; `height` is that of the mesh beside that of the scans.
     """
     rough = gaussian_filter(np.random.default_rng(5).normal(size=(100, 100)), 2)
     stone = make_surface(0.1 * rough, SQUARE / 100, mesh_edge_mm=0.1, thickness_mm=thickness)
@@ -32,7 +39,8 @@ def study(
     for name, (y, x) in zip(names, NINE, strict=True):
         place = Place(y + shift[0], x + shift[1], 0.0)
         heights = on_patch(spline_of(stone), place, (POINTS, POINTS), SIZE)
-        seen = make_surface(oriented(heights, laid), SIZE / POINTS)
+        is_laid = only in (None, name)
+        seen = make_surface(oriented(heights, laid) if is_laid else heights, SIZE / POINTS)
         scans[name, "T0"] = seen.to_dataset(name="height")
     y, x = np.transpose(NINE)
     patches = pd.DataFrame({"patch": names, "x_mm": x, "y_mm": y, "rotation_deg": 0.0, "flip": ""})
@@ -51,7 +59,7 @@ def study(
     )
 
 
-ROW = {"x_mm": "1,2", "y_mm": "1.2", "t0": "a", "t1": "b"}
+ROW = {"patch": "4", "x_mm": "1,2", "y_mm": "1.2", "t0": "a", "t1": "b"}
 
 
 @pytest.mark.parametrize(
@@ -66,6 +74,8 @@ ROW = {"x_mm": "1,2", "y_mm": "1.2", "t0": "a", "t1": "b"}
             {},
         ),
         ({"shift": (0.06, -0.09)}, {}, {"x_mm": 1.11, "y_mm": 1.26}),
+        ({"laid": "turned by 90°", "only": "4"}, {}, {"rotation_deg": -90}),
+        ({"laid": "turned by 90°", "only": "5"}, {}, {}),  # the row is that of patch 4
         ({"rose": range(6)}, {}, {"t0": "b", "t1": "a"}),
         ({"thickness": 12.34}, {"macroscale.face_mm": 12.3}, {}),
     ],
@@ -76,6 +86,13 @@ def test_what_has_one_cure(given, values, cells):
     written = {name: of for cure in found if cure.cells for name, of in cure.cells(ROW).items()}
     numbers = {name: float(of) for name, of in written.items() if name not in ("t0", "t1")}
     assert written | numbers == pytest.approx(cells, abs=5e-3)
+
+
+def test_a_mirrored_table_is_turned_back():
+    given = study()
+    given.patches["x_mm"] = SQUARE - given.patches.x_mm
+    (cure,) = cures_of(given)
+    assert cure.cells(ROW) == {"x_mm": "3.8", "y_mm": "1.2"}
 
 
 def test_places_by_hand_snap_to_the_mesh():

@@ -19,7 +19,7 @@ rule place_patches:
         patches=PLACES,
         code=code("place_patches.py"),
     message:
-        "Holding the patches against the square"
+        "Comparing the patches with the square under them"
     script:
         "../scripts/place_patches.py"
 

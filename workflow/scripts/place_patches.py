@@ -1,4 +1,4 @@
-"""Hold each patch against the macroscale surface under it, and warn of wrong places."""
+"""Compare each patch with the macroscale surface under it; a place that is wrong is a fault."""
 
 from pathlib import Path
 
@@ -18,14 +18,16 @@ def main(
     *,
     patches: dict[str, list],
     patch_mm: float,
+    placement_um: float,
     invert: bool,
     flip: str | None,
     accept: list[str],
 ) -> None:
     scans = Stored(files_of(t0, patches["patch"]), ["height"])
     given = read_dataset(face, only=["height"]).height, pd.DataFrame(patches), scans
-    settings = {"patch_mm": patch_mm, "invert": invert, "flip": flip, "accept": accept}
-    write_table(table, place_patches(*given, **settings))
+    lying = {"patch_mm": patch_mm, "placement_um": placement_um}
+    mould = {"invert": invert, "flip": flip}
+    write_table(table, place_patches(*given, **lying, **mould, accept=accept))
 
 
 if "snakemake" in globals():

@@ -1,16 +1,22 @@
 """Do the patches lie where the patch table says?
 
-The mesh and a scan show the same stone, so their heights must correlate where the patch truly lies.
-On the synthetic specimen this finds the place of one patch to some 45 µm, more than its patches are
-misplaced: a small shift of one patch cannot be detected. Three faults can: a shift that all patches
-share, moulds that were undone wrongly, and, half of the time, a patch that lies somewhere else.
+The mesh and a scan show the same stone, so where a patch truly lies their heights differ by no more
+than the errors of both. Each other way to lay the patches is compared with the stated one: all
+patches or some turned, reversed or inverted, the patch table mirrored or turned, scans exchanged. A
+way that is clearly more likely is a fault, which names what to set. A patch agrees only if all
+these ways are clearly less likely. Of any other patch the mesh cannot tell.
+
+A small shift of one patch cannot be detected: on the synthetic specimen one patch is found to some
+45 µm, more than its patches are misplaced. A shift that all patches share is found.
 """
 
+import itertools
 import logging
 import math
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -30,8 +36,8 @@ __all__ = [
     "ORIENTATIONS",
     "SHIFTED",
 ]
-__all__ += ["WAVE_PER_EDGE", "Mould", "lying_right", "oriented", "place_patches"]
-__all__ += ["shows_waves"]
+__all__ += ["TABLES", "WAVE_PER_EDGE", "Mould", "as_measured", "lying_right", "oriented"]
+__all__ += ["place_patches", "shows_waves"]
 
 _log = logging.getLogger(__name__)
 
@@ -57,48 +63,40 @@ ORIENTATIONS = {
 }
 AS_GIVEN, *_OTHERS = ORIENTATIONS
 _LOOKS = [*ORIENTATIONS, "inverted", *(f"inverted and {name}" for name in _OTHERS)]
-# Patch tables as they are mistaken: each gives (x, y) on a square of side 1 from the stated ones.
-_TABLES = {
-    "x_mm and y_mm exchanged": lambda x, y: (y, x),
-    "x_mm measured from the other side": lambda x, y: (1 - x, y),
-    "y_mm measured from the other side": lambda x, y: (x, 1 - y),
-    "x_mm and y_mm measured from the other sides": lambda x, y: (1 - x, 1 - y),
-    "x_mm and y_mm exchanged, and x_mm then measured from the other side": lambda x, y: (
-        1 - y,
-        x,
-    ),
-    "x_mm and y_mm exchanged, and y_mm then measured from the other side": lambda x, y: (
-        y,
-        1 - x,
-    ),
-    "x_mm and y_mm exchanged, and both then measured from the other sides": (
-        lambda x, y: (1 - y, 1 - x)
-    ),
+_OTHER_LOOKS = _LOOKS[1:]
+# Mistakes of a patch table: whether x_mm and y_mm are exchanged, and whether x_mm and y_mm are then
+# measured from the other side of the square.
+TABLES = {
+    "": (False, False, False),
+    "x_mm measured from the other side": (False, True, False),
+    "y_mm measured from the other side": (False, False, True),
+    "x_mm and y_mm measured from the other sides": (False, True, True),
+    "x_mm and y_mm exchanged": (True, False, False),
+    "x_mm and y_mm exchanged, then x_mm measured from the other side": (True, True, False),
+    "x_mm and y_mm exchanged, then y_mm measured from the other side": (True, False, True),
+    "x_mm and y_mm exchanged, then both measured from the other sides": (True, True, True),
 }
-# Level of the tests: one right study in a hundred is warned of.
+# One right study in a hundred may be called wrong, or shifted.
 _SIGNIFICANCE = 0.01
-# A mesh that is less than so high, beside the scans (r.m.s.), is too smooth to contradict them.
+# ASSUME: a patch shows the error of scan and mesh by three independent waves. On synthetic stones
+# its estimates scatter so. The median of such estimates is 0.79 of their mean.
+_WAVES, _MEDIAN_OF_WAVES = 3, 0.79
+_LEAST_VARIANCE = 1e-14  # mm², so that equal surfaces can be compared
+# A mesh that is less than so high, beside the scans (r.m.s.), is too smooth to contradict them all.
 _SMOOTH = 0.5
+# Another way to lay all patches must fit more of them than this better than no mesh at all.
+_MOST = 2 / 3
 # Points along a patch's side at which surfaces are compared: shorter waves the mesh does not hold.
 _POINTS = 24
-# Largest shift tried along each axis, and step between shifts, in sides of a patch: 0.2 mm and
-# 35 µm for the paper's, where a peak is 0.2 mm wide.
-_REACH, _STEP = 1 / 4, 1 / 24
-# Fewer patches have no scatter to score by: only how they are laid can show.
+# Shifts tried along each axis, in sides of a patch: up to 0.2 mm in steps of 35 µm for the paper's,
+# where a peak is 0.2 mm wide. A mistaken table is tried with shifts of 0.1 mm along either axis.
+_ALONG = np.arange(-6, 7) / 24
+_SHIFTS = np.array([*itertools.product(_ALONG, repeat=2)])
+_FEW_SHIFTS = np.array([(0, 0), (-3, 0), (3, 0), (0, -3), (0, 3)]) / 24
+# ASSUME: a patch lies within so many standard errors of its stated place.
+_ERRORS = 2.0
+# Fewer patches have no scatter by which a shift that all share could be told from chance.
 _FEWEST_PATCHES = 4
-# Another orientation than as given must fit by this over the root of the number of patches to
-# count: of 15, one may fit by chance. Where patches are not shifted, too, this much: of scans in
-# wrong places, 0.2 % of pairs, 0.6 % of triples and 0.7 % of fours fit so by chance (default
-# study); of pairs that lie right but reversed, 71 % are told, of triples 98 %, of single ones
-# none.
-_BY_CHANCE, _BY_CHANCE_UNMOVED = 1.2, 1.0
-_CLEAR_LEAD = 0.25
-# Below this mean correlation the mesh does not show where patches lie, or none lies right. With
-# every place right it is 0.7 to 0.8 on synthetic specimens; with none, 0.
-_LOW = 0.5
-# A patch that correlates by less lies elsewhere. Of 525 patches in their right places none does, on
-# synthetic specimens with meshes coarse and noisy, too; of patches in wrong places, half do.
-_ELSEWHERE = 0.0
 
 
 def place_patches(
@@ -107,13 +105,12 @@ def place_patches(
     scans: Mapping[str, xr.Dataset],
     *,
     patch_mm: float,
+    placement_um: float = 30.0,
     invert: bool = False,
     flip: str | None = None,
     accept: Container[str] = (),
 ) -> pd.DataFrame:
     """Compare each patch with the square under it; places that cannot be right are a `FAULT`.
-
-    Others that look wrong are warned of.
 
     Parameters
     ----------
@@ -126,63 +123,40 @@ def place_patches(
         The prepared T0 scans by patch, with ``height`` (y, x), mm; each is looked up once.
     patch_mm : float
         Side of a patch.
+    placement_um : float
+        Standard error of a patch's place along each axis.
     invert, flip
         How their moulds were undone, as in `gstlib.preprocess.scans.prepare_scan`.
     accept : container of str
-        Names of faults that do not stop the study.
+        Names of faults that do not stop the study, or ``name:patch``.
 
     Returns
     -------
     pandas.DataFrame
         A row for each patch, and one (`ALL`) for all together: ``correlation`` where the patch
-        table puts them, or, where all are shifted, after that shift; ``status``. For all together
-        also the shift that they share (true less stated place, along the square's axes),
-        ``shift_x_um, shift_y_um``, and its standard errors, NaN where there is no peak; and how
-        they look laid (``orientation``), empty where that is not clear.
+        table puts them, or, where all are shifted, after that shift; ``status``; and how they look
+        laid (``orientation``), empty where that is not clear, and of a patch alone if it is as
+        given. For all together also the shift that they share (true less stated place, along the
+        square's axes), ``shift_x_um, shift_y_um``, and its standard errors, NaN where there is no
+        peak or there are fewer than four patches.
 
     Raises
     ------
     InputsError
-        Of a `FaultError`: the patches fit the mesh only if they are laid otherwise, or not at all.
+        Of a `FaultError`: patches fit the mesh only if they are laid otherwise, or not at all.
     """
-    half = round(_REACH / _STEP)
-    steps = np.arange(-half, half + 1) * _STEP * patch_mm
-    looks = np.array([_laid(scans[patch].height) for patch in patches.patch])
-    maps = _correlations(surface, patches, looks, patch_mm, steps)
-    as_given, mould = maps[:, 0], Mould(invert, flip)
-    correlation = as_given[:, half, half]
-    if len(patches) < _FEWEST_PATCHES:
-        orientation = _unmoved_orientation(maps)
-        if orientation:
-            fault = _orientation_fault(orientation, correlation.mean(), mould)
-            raise_unless_accepted([fault], accept)
-        return _table(patches, correlation, orientation)
-    shared = _shared_shift(as_given, steps)
-    if shared.is_sure:
-        row, column = (np.abs(steps - along).argmin() for along in shared.shift)
-        correlation = as_given[:, row, column]
-    orientation = _orientation(maps)
-    table = _table(patches, correlation, orientation, shared)
-    if orientation not in ("", AS_GIVEN):
-        faults = [_orientation_fault(orientation, correlation.mean(), mould)]
-    elif apart := _laid_apart(patches, maps, mould):
-        faults = apart  # what else does not fit may follow from these
-    elif correlation.mean() < _LOW and _tells(surface, patches, looks[:, 0], patch_mm):
-        faults = [*_table_faults(surface, patches, looks[:, 0], patch_mm, correlation)]
-    else:
-        faults = []
-    if not faults:
-        _warn_of_places(correlation.mean(), shared)
-    raise_unless_accepted(faults, accept)
-    elsewhere = table[table.status == ELSEWHERE]
-    if len(elsewhere):
-        _log.warning(
-            "patch%s %s: no correlation with the macroscale (at most %.2f): check the place in the "
-            "patch table, and whether the scan is that of another patch",
-            "es" * (len(elsewhere) > 1),
-            ", ".join(elsewhere.patch),
-            elsewhere.correlation.max(),
-        )
+    coarse = np.array([_coarse(scans[patch].height) for patch in patches.patch])
+    looks = _flat(_in_each_look(coarse))
+    compared = _Compared(surface, patches, looks, patch_mm=patch_mm, placement_um=placement_um)
+    mould = Mould(invert, flip)
+    whole, is_as_given = _of_all(compared, mould)
+    ways = whole, _of_instruments(compared, mould), _of_patches(compared, mould)
+    claims = max(ways, key=lambda claims: sum(claim.margin for claim in claims))
+    table = _table(compared, claims, is_as_given=is_as_given)
+    names = [*patches.patch]
+    raise_unless_accepted([claim.fault(names) for claim in claims], accept)
+    if not claims:
+        _warn_of_places(table, compared.shared)
     return table
 
 
@@ -191,55 +165,12 @@ def shows_waves(surface: xr.DataArray, patch_mm: float) -> bool:
     return bool(WAVE_PER_EDGE * surface.attrs.get("mesh_edge_mm", 0.0) <= patch_mm)
 
 
-def _is_elsewhere(correlation: np.ndarray) -> bool:
-    """Whether patches correlate no better than others would that lie anywhere."""
-    error = correlation.std(ddof=1) / np.sqrt(correlation.size)
-    least = scipy.special.stdtrit(correlation.size - 1, 1 - _SIGNIFICANCE) * error
-    return bool(correlation.mean() < min(least, _LOW))
-
-
-def _tells(
-    surface: xr.DataArray, patches: pd.DataFrame, scans: np.ndarray, patch_mm: float
-) -> bool:
-    """Whether the mesh is rough enough to contradict scans (patches, points, points)."""
-    under = _under(spline_of(surface), patches, patch_mm)
-    mesh, scan = (np.linalg.norm(_flat(heights), axis=-1) for heights in (under, scans))
-    return shows_waves(surface, patch_mm) and bool(np.median(mesh) > _SMOOTH * np.median(scan))
-
-
-def _table_faults(
-    surface: xr.DataArray,
-    patches: pd.DataFrame,
-    scans: np.ndarray,
-    patch_mm: float,
-    correlation: np.ndarray,
-) -> Iterator[FaultError]:
-    """Of a table that fits the mesh if it is mirrored or turned, or whose patches are elsewhere."""
-    size_mm = float(surface.x[0] + surface.x[-1])  # the square lies in the middle of the face
-    looks, spline = _level(scans), spline_of(surface)
-    x, y = (patches[column] / size_mm for column in ("x_mm", "y_mm"))
-    fits = {}
-    for name, given in _TABLES.items():
-        other = dict(zip(("x_mm", "y_mm"), (size_mm * of for of in given(x, y)), strict=True))
-        under = _level(_under(spline, patches.assign(**other), patch_mm))
-        fits[name] = float(np.mean(np.sum(looks * under, axis=-1)))
-    best, mean = max(fits, key=lambda name: fits[name]), correlation.mean()
-    problem = (
-        "they do not lie where the table says: they correlate with the mesh under them by "
-        f"{mean:.2f} on average"
-    )
-    # some patches of a grid lie on the axis about which their table was mirrored
-    by_chance = max(_LOW, _BY_CHANCE_UNMOVED / np.sqrt(len(patches)), mean + _CLEAR_LEAD)
-    if fits[best] > by_chance:
-        remedy = f"They fit ({fits[best]:.2f}) with {best}: correct the patch table so."
-        yield FaultError(FAULT, "patches", problem, remedy)
-    elif _is_elsewhere(correlation):
-        problem += ", no more than patches from anywhere would"
-        remedy = (
-            "Check x_mm and y_mm of the patch table, square.points_mm, and the units of mesh and "
-            "scans."
-        )
-        yield FaultError(FAULT, "patches", problem, remedy)
+def as_measured(x: Any, y: Any, size_mm: float, mistake: str) -> tuple[Any, Any]:
+    """The right x and y from those of a patch table that has one of the mistakes in `TABLES`."""
+    is_exchanged, other_x, other_y = TABLES[mistake]
+    if is_exchanged:
+        x, y = y, x
+    return (size_mm - x if other_x else x), (size_mm - y if other_y else y)
 
 
 class Mould(NamedTuple):
@@ -247,6 +178,21 @@ class Mould(NamedTuple):
 
     invert: bool
     flip: str | None
+
+
+class _Claim(NamedTuple):
+    """Patches lie otherwise than as given."""
+
+    rows: list[int] | None  # all patches together, if it is None
+    margin: float  # of the lead over its limit
+    orientation: str
+    problem: str
+    remedy: str
+
+    def fault(self, names: Sequence[str]) -> FaultError:
+        named = [] if self.rows is None else [names[row] for row in self.rows]
+        source = f"patch{'es' * (len(named) != 1)} {', '.join(named)}".rstrip()
+        return FaultError(FAULT, source, self.problem, self.remedy, named)
 
 
 class _Shift(NamedTuple):
@@ -266,36 +212,332 @@ class _Shift(NamedTuple):
         return 1e3 * self.shift[::-1], 1e3 * self.errors[::-1]
 
 
-def _table(
-    patches: pd.DataFrame,
-    correlation: np.ndarray,
-    orientation: str,
-    shared: _Shift | None = None,
-) -> pd.DataFrame:
-    """The result of `place_patches`; of too few patches nothing is shared."""
-    last, mean = len(patches), correlation.mean()
-    names, correlations = [*patches.patch, ALL], [*correlation, mean]
-    table = pd.DataFrame({"patch": names, "correlation": correlations})
-    table = table.reindex(columns=[*table, *_SHIFT]).assign(status=CANNOT_TELL, orientation="")
-    table.loc[last, "orientation"] = orientation
-    if shared is None:
-        return table
+class _Compared:
+    """Scans and the mesh under them, and how likely it is that the scans lie otherwise.
+
+    The error of scan and mesh is taken as normal. A misfit is the negative logarithm of a
+    likelihood: half the squared error over its variance. A lead is how much smaller a misfit is
+    than the one as given, in nats.
+    """
+
+    def __init__(
+        self,
+        surface: xr.DataArray,
+        patches: pd.DataFrame,
+        looks: np.ndarray,
+        *,
+        patch_mm: float,
+        placement_um: float,
+    ):
+        self.surface, self.patches, self.patch_mm = surface, patches, patch_mm
+        self.looks, self.spline = looks, spline_of(surface)
+        self.is_few = len(patches) < _FEWEST_PATCHES
+        self.scan = np.sum(looks[:, 0] ** 2, axis=-1)
+        shifts = _SHIFTS * patch_mm
+        self.products, self.mesh = self.products_at(patches, shifts)
+        maps = self.correlation(self.products[:, 0], self.mesh).reshape(-1, *2 * _ALONG.shape)
+        self.shared = _shared_shift(maps, patch_mm * _ALONG)
+        off = np.hypot(*(shifts - (self.shared.shift if self.shared.is_sure else 0)).T)
+        self.at = int(off.argmin())
+        self.under = self._under(moved(patches, shifts[self.at], surface, patch_mm))
+        self.fits = self.correlation(self.products[..., self.at], self.mesh[:, [self.at]])
+        self.gain, self.variance = self._errors()
+        # as given, each patch may be misplaced
+        misfits = self.misfit(self.products[:, 0], self.mesh)
+        near = off <= max(off[self.at], _ERRORS * placement_um * 1e-3)
+        self.as_given = misfits[:, near].min(axis=-1)
+        there = self.misfit(self.products[..., self.at], self.mesh[:, [self.at]])
+        self.leads = self.as_given[:, np.newaxis] - there[:, 1:]
+        flat = np.zeros(len(patches))
+        self.anywhere = self.misfit(flat, flat)
+        self.lead_anywhere = self.as_given - self.anywhere
+
+    @property
+    def size_mm(self) -> float:
+        """Side of the square, which lies in the middle of the face."""
+        return float(self.surface.x[0] + self.surface.x[-1])
+
+    def products_at(
+        self, patches: pd.DataFrame, shifts: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Products of scan and mesh (patches, looks, k), and squares of the mesh (patches, k).
+
+        They are means over the points, mm², at shifts (k, 2) of all patches along y and x, mm.
+        """
+        products = np.empty((*self.looks.shape[:2], len(shifts)))
+        squares = np.empty((len(products), len(shifts)))
+        for number, shift in enumerate(shifts):
+            under = self._under(moved(patches, shift, self.surface, self.patch_mm))
+            products[..., number] = np.einsum("pln,pn->pl", self.looks, under)
+            squares[:, number] = np.sum(under**2, axis=-1)
+        return np.concatenate([products, -products], axis=1), squares
+
+    def correlation(self, products: np.ndarray, mesh: np.ndarray) -> np.ndarray:
+        """Correlation from (patches, ...) products and squares of the mesh; of flat ones, 0."""
+        size = np.sqrt(_beside(self.scan, products) * mesh)
+        return products / np.where(size > 0, size, np.inf)
+
+    def misfit(self, products: np.ndarray, mesh: np.ndarray) -> np.ndarray:
+        """Misfit from (patches, ...) products and squares of the mesh."""
+        scan, variance = (_beside(each, products) for each in (self.scan, self.variance))
+        return (scan / self.gain**2 - 2 * products / self.gain + mesh) / (2 * variance)
+
+    def limit(self, tests: int) -> float:
+        """The lead that the best of so many wrong ways has in one right study of a hundred.
+
+        Under a normal error, the lead of a wrong way exceeds q²/2 no more often than a normal
+        number exceeds q. Student's t stands for it, because the variance is estimated.
+        """
+        freedom = _WAVES * len(self.scan)
+        return float(scipy.special.stdtrit(freedom, 1 - _SIGNIFICANCE / tests) ** 2 / 2)
+
+    @cached_property
+    def across(self) -> np.ndarray:
+        """Misfit (patches, patches) of each scan at the place of each patch."""
+        misfits = self.misfit(self.looks[:, 0] @ self.under.T, np.sum(self.under**2, axis=-1))
+        np.fill_diagonal(misfits, self.as_given)
+        return misfits
+
+    @cached_property
+    def rivals(self) -> np.ndarray:
+        """Highest lead (patches,) of another look, of another patch's place, or of any place."""
+        others = self.as_given[:, np.newaxis] - self.across
+        np.fill_diagonal(others, -np.inf)
+        return np.column_stack([self.leads, others, self.lead_anywhere]).max(axis=1)
+
+    @property
+    def status(self) -> np.ndarray:
+        """Status of each patch."""
+        number = len(self.rivals)
+        each = number + len(_LOOKS) - 1  # the ways of one patch
+        status = np.full(number, CANNOT_TELL, dtype=object)
+        if shows_waves(self.surface, self.patch_mm):
+            status[self.rivals < -self.limit(each)] = AGREES
+            status[self.rivals > self.limit(number * each)] = ELSEWHERE
+        return status
+
+    def _under(self, patches: pd.DataFrame) -> np.ndarray:
+        """Heights (patches, points) of the square under each patch."""
+        size, places = 2 * (_POINTS,), places_of(patches).values()
+        under = [on_patch(self.spline, place, size, self.patch_mm) for place in places]
+        return _flat(np.array(under))
+
+    @cached_property
+    def tables(self) -> dict[str, tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]]:
+        """For each of `TABLES`, the right patches, shifts that all may share, and `products_at`."""
+        patches, at = self.patches, [self.at] if self.is_few else slice(None)
+        shifts = self.patch_mm * _SHIFTS[at]
+        tables = {"": (patches, shifts, self.products[..., at], self.mesh[:, at])}
+        shifts = self.patch_mm * _FEW_SHIFTS[: 1 if self.is_few else None]
+        for mistake in [*TABLES][1:]:
+            x, y = as_measured(patches.x_mm, patches.y_mm, self.size_mm, mistake)
+            right = patches.assign(x_mm=x, y_mm=y)
+            tables[mistake] = right, shifts, *self.products_at(right, shifts)
+        return tables
+
+    def _errors(self) -> tuple[float, np.ndarray]:
+        """Gain of the scans over the mesh, and the variance of each patch's error along a wave.
+
+        They are those in the table, and of each patch in the look, that fit best, which need not be
+        the ones as given. The error of a patch is taken along the waves by which the looks of the
+        mesh differ. The variance is the mean of its own and of the usual one among the patches.
+        """
+        best, under = self.fits, self.under
+        for mistake, (patches, shifts, products, mesh) in self.tables.items():
+            fits = self.correlation(products, mesh[:, np.newaxis])
+            at = fits.max(axis=1).sum(axis=0).argmax()
+            if mistake and fits[..., at].max(axis=1).sum() > best.max(axis=1).sum():
+                best = fits[..., at]
+                under = self._under(moved(patches, shifts[at], self.surface, self.patch_mm))
+        rows, look = np.arange(len(best)), best.argmax(axis=1)
+        sign = np.where(look < len(ORIENTATIONS), 1, -1)[:, np.newaxis]
+        laid = sign * self.looks[rows, look % len(ORIENTATIONS)]
+        mesh = np.maximum(np.sum(under**2, axis=-1), _LEAST_VARIANCE)
+        gain = float(np.median(np.sum(laid * under, axis=-1) / mesh)) or 1.0
+        turned = _in_each_look(under.reshape(-1, _POINTS, _POINTS)).reshape(self.looks.shape)
+        waves = np.concatenate([turned, -turned], axis=1)[:, 1:] - under[:, np.newaxis]
+        squares = np.sum(waves**2, axis=-1)
+        along = np.einsum("pn,pwn->pw", laid / gain - under, waves) ** 2
+        own = np.mean(along / np.where(squares > 0, squares, np.inf), axis=1)
+        variance = (own + np.median(own) / _MEDIAN_OF_WAVES) / 2
+        return gain, np.maximum(variance, _LEAST_VARIANCE)
+
+
+def _beside(each: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A number for each patch, with the dimensions of (patches, ...) values."""
+    return each.reshape(-1, *(1,) * (values.ndim - 1))
+
+
+def _of_all(compared: _Compared, mould: Mould) -> tuple[list[_Claim], bool]:
+    """All patches in another look, in a mistaken table, or anywhere; whether all are as given."""
+    ways = {}
+    for mistake, (_, _, products, mesh) in compared.tables.items():
+        misfits = compared.misfit(products, mesh[:, np.newaxis])
+        fits = compared.correlation(products, mesh[:, np.newaxis]).mean(axis=0)
+        shifts = misfits.sum(axis=0).argmin(axis=1)
+        for look, at in enumerate(shifts):
+            ways[_LOOKS[look], mistake] = misfits[:, look, at], fits[look, at]
+    as_given = min(ways[AS_GIVEN, ""][0].sum(), compared.as_given.sum())
+    anywhere, limit = compared.anywhere.sum(), compared.limit(len(ways))
+    best = min([*ways][1:], key=lambda way: ways[way][0].sum())
+    misfits, other = ways[best]
+    is_as_given = bool(min(misfits.sum(), anywhere) - as_given > limit)
+    fit = compared.fits[:, 0].mean()
+    margin = min(as_given, anywhere) - misfits.sum() - limit
+    if margin > 0 and (misfits < compared.anywhere).mean() > _MOST:
+        look, mistake = best
+        table = f" with {mistake}" * bool(mistake)
+        orientation = f"{look * (look != AS_GIVEN)}{table}".strip()
+        problem = _problem("they fit", orientation, other, fit)
+        remedy = _remedy(look, mould, table=_of_table(mistake, compared.size_mm))
+        return [_Claim(None, margin, orientation, problem, remedy)], False
+    margin = as_given - anywhere
+    if margin > 0 and _contradicts(compared):
+        problem = (
+            "they do not lie where the table says: they correlate with the mesh under them by "
+            f"{fit:.2f} on average, no more than patches from anywhere would"
+        )
+        remedy = (
+            "Check x_mm and y_mm of the patch table, square.points_mm, and the units of mesh and "
+            "scans."
+        )
+        return [_Claim(None, margin, "", problem, remedy)], False
+    return [], is_as_given
+
+
+def _contradicts(compared: _Compared) -> bool:
+    """Whether the mesh is fine and rough enough to contradict all scans together."""
+    ratio = math.sqrt(np.median(compared.mesh[:, compared.at]) / np.median(compared.scan))
+    return shows_waves(compared.surface, compared.patch_mm) and ratio > _SMOOTH
+
+
+def _of_instruments(compared: _Compared, mould: Mould) -> list[_Claim]:
+    """Scans of one instrument, as their format tells, that alone are in another look."""
+    patches = compared.patches
+    if "t0" not in patches:
+        return []
+    kinds = patches.t0.map(lambda name: Path(name).suffix.lower())
+    flips = patches["flip"] if "flip" in patches else kinds.map(lambda _: "")
+    groups = patches.groupby([kinds, flips], sort=True).indices.values()
+    claims = (
+        _in_another_look(compared, [*rows], mould, tests=len(groups) * len(_OTHER_LOOKS))
+        for rows in groups
+        if 1 < len(rows) < len(patches)
+    )
+    return [claim for claim in claims if claim]
+
+
+def _of_patches(compared: _Compared, mould: Mould) -> list[_Claim]:
+    """Scans that are exchanged, and patches that do not lie as given.
+
+    The latter only where as many others agree: where few do, the error may be that of all.
+    """
+    status, number = compared.status, len(compared.scan)
+    if (status == CANNOT_TELL).all():
+        return []
+    claims = [*_exchanged(compared)]
+    exchanged = [row for claim in claims for row in claim.rows]
+    wrong = set(np.flatnonzero(status == ELSEWHERE)) - {*exchanged}
+    if len(wrong) > len(exchanged) + (status == AGREES).sum():
+        return claims
+    for row in sorted(wrong):
+        tests = number * (number + len(_OTHER_LOOKS))
+        claim = _in_another_look(compared, [row], mould, tests=tests)
+        claims.append(claim or _not_there(compared, row, tests=tests))
+    return claims
+
+
+def _in_another_look(
+    compared: _Compared, rows: list[int], mould: Mould, *, tests: int
+) -> _Claim | None:
+    """Patches that all fit in one other look, if that is clear."""
+    leads = compared.leads[rows].sum(axis=0)
+    best = int(leads.argmax())
+    anywhere = max(0.0, compared.lead_anywhere[rows].sum())
+    margin = leads[best] - anywhere - compared.limit(tests)
+    if margin <= 0:
+        return None
+    orientation, patches = _OTHER_LOOKS[best], compared.patches.iloc[rows]
+    fit, other = compared.fits[rows].mean(axis=0)[[0, 1 + best]]
+    problem = _problem("it fits" if len(rows) == 1 else "they fit", orientation, other, fit)
+    return _Claim(rows, margin, orientation, problem, _remedy(orientation, mould, patches))
+
+
+def _not_there(compared: _Compared, row: int, *, tests: int) -> _Claim:
+    """A patch that does not fit where it is, in no look that is clear."""
+    problem = (
+        "its scan does not fit the mesh where the table puts it (correlation "
+        f"{compared.fits[row, 0]:.2f})"
+    )
+    remedy = "Check its x_mm and y_mm, and whether its scan is that of another place."
+    margin = compared.rivals[row] - compared.limit(tests)
+    return _Claim([row], margin, "", problem, remedy)
+
+
+def _exchanged(compared: _Compared) -> Iterator[_Claim]:
+    """Patches whose scans fit at each other's places, two or more in a ring."""
+    across = compared.across
+    # the limit of a longer ring grows with the number of such rings
+    for_each = compared.limit(len(across) ** 2) / 2
+    _, place = scipy.optimize.linear_sum_assignment(across)
+    left = set(np.flatnonzero(place != np.arange(len(place))))
+    while left:
+        ring = [left.pop()]
+        while (following := int(place[ring[-1]])) != ring[0]:
+            ring.append(following)
+        left -= {*ring}
+        leads = across[ring, ring] - across[ring, place[ring]]
+        anywhere = max(0.0, compared.lead_anywhere[ring].sum())
+        margin = leads.sum() - anywhere - for_each * len(ring)
+        if min(margin, *leads) <= 0:
+            continue
+        rows, names = sorted(ring), compared.patches.patch
+        problem = (
+            "their scans fit the mesh at each other's places, and not at their own (correlation "
+            f"{compared.fits[rows, 0].mean():.2f})"
+        )
+        at = ", ".join(f"{names.iloc[row]} at that of {names.iloc[place[row]]}" for row in rows)
+        remedy = f"Exchange their x_mm and y_mm, or the names of their scans: {at}."
+        yield _Claim(rows, margin, "", problem, remedy)
+
+
+def _problem(they_fit: str, orientation: str, other: float, fit: float) -> str:
+    return (
+        f"{they_fit} the mesh {orientation} (correlation {other:.2f}), and not as given "
+        f"({fit:.2f})"
+    )
+
+
+def _table(compared: _Compared, claims: list[_Claim], *, is_as_given: bool) -> pd.DataFrame:
+    """The result of `place_patches`."""
+    last, correlation, shared = len(compared.scan), compared.fits[:, 0], compared.shared
+    table = pd.DataFrame(
+        {
+            "patch": [*compared.patches.patch, ALL],
+            "correlation": [*correlation, correlation.mean()],
+        }
+    )
+    table = table.reindex(columns=[*table, *_SHIFT])
     table.loc[last, _SHIFT] = np.concatenate(shared.along_x_and_y)
-    if mean >= _LOW:
-        each = np.where(correlation < _ELSEWHERE, ELSEWHERE, AGREES)
-        together = SHIFTED if shared.is_sure else AGREES
-        table["status"] = [*each, together if np.isfinite(shared.p_value) else CANNOT_TELL]
+    tells = is_as_given and shows_waves(compared.surface, compared.patch_mm)
+    together = SHIFTED if shared.is_sure else AGREES
+    table["status"] = [*compared.status, together if tells else CANNOT_TELL]
+    table["orientation"] = ""
+    table.loc[last, "orientation"] = AS_GIVEN if is_as_given else ""
+    for claim in claims:
+        table.loc[claim.rows or last, "orientation"] = claim.orientation
     return table
 
 
-def _warn_of_places(correlation: float, shared: _Shift) -> None:
-    """Warn where few patches, or none, may lie where the table says, or all are shifted."""
-    if correlation < _LOW:
+def _warn_of_places(table: pd.DataFrame, shared: _Shift) -> None:
+    """Warn where the mesh does not show how the patches lie, or all are shifted."""
+    together = table.iloc[-1]
+    if together.orientation != AS_GIVEN:
         _log.warning(
-            "the patches together correlate with the macroscale by no more than %.2f: either the "
-            "mesh is too smooth to show them, or few lie where the patch table says; check its "
-            "x_mm and y_mm, square.points_mm, and the units of mesh and scans",
-            correlation,
+            "the patches together correlate with the macroscale by %.2f, which does not show that "
+            "they lie as the patch table says: either the mesh is too smooth or too coarse, or few "
+            "lie so; check x_mm and y_mm, square.points_mm, and the units of mesh and scans",
+            together.correlation,
         )
     elif shared.is_sure:
         (x, y), (error_x, error_y) = shared.along_x_and_y
@@ -306,40 +548,16 @@ def _warn_of_places(correlation: float, shared: _Shift) -> None:
         )
 
 
-def _correlations(
-    surface: xr.DataArray,
-    patches: pd.DataFrame,
-    looks: np.ndarray,
-    patch_mm: float,
-    steps: np.ndarray,
-) -> np.ndarray:
-    """Correlation (patches, orientations, k, k) of scans and square, at shifts (mm) along y, x.
-
-    `looks` (patches, orientations, points, points) are the scans, from `_laid`.
-    """
-    looks, spline = _level(looks), spline_of(surface)
-    found = np.empty((*looks.shape[:2], len(steps), len(steps)))
-    for row, column in np.ndindex(found.shape[2:]):
-        shifted = moved(patches, (steps[row], steps[column]), surface, patch_mm)
-        under = _level(_under(spline, shifted, patch_mm))
-        found[:, :, row, column] = np.einsum("pln,pn->pl", looks, under)
-    return np.concatenate([found, -found], axis=1)
-
-
-def _under(
-    spline: "scipy.interpolate.RectBivariateSpline", patches: pd.DataFrame, patch_mm: float
-) -> np.ndarray:
-    """Heights (patches, points, points) of the square under each patch."""
-    places = places_of(patches).values()
-    return np.array([on_patch(spline, place, 2 * (_POINTS,), patch_mm) for place in places])
-
-
-def _laid(height: xr.DataArray) -> list[np.ndarray]:
-    """A scan on coarse points, laid in each of the ways."""
+def _coarse(height: xr.DataArray) -> np.ndarray:
+    """A scan on coarse points."""
     from skimage.transform import resize_local_mean
 
-    coarse = resize_local_mean(height.values, 2 * (_POINTS,))
-    return [oriented(coarse, name) for name in ORIENTATIONS]
+    return resize_local_mean(height.values, 2 * (_POINTS,))
+
+
+def _in_each_look(heights: np.ndarray) -> np.ndarray:
+    """Heights (patches, points, points) in each orientation, (patches, orientations, ...)."""
+    return np.array([[oriented(one, name) for name in ORIENTATIONS] for one in heights])
 
 
 def oriented(heights: np.ndarray, name: str) -> np.ndarray:
@@ -349,19 +567,12 @@ def oriented(heights: np.ndarray, name: str) -> np.ndarray:
 
 
 def _flat(heights: np.ndarray) -> np.ndarray:
-    """Heights (..., points, points) less their planes, as vectors."""
+    """Heights (..., points, points) less their planes, as vectors of the length of their r.m.s."""
     y, x = np.indices(2 * (_POINTS,))
     powers = np.stack([np.ones_like(x), y, x], axis=-1)
     planes, _ = np.linalg.qr(powers.reshape(-1, 3))
-    flat = heights.reshape(*heights.shape[:-2], -1)
+    flat = heights.reshape(*heights.shape[:-2], -1) / _POINTS
     return flat - flat @ planes @ planes.T
-
-
-def _level(heights: np.ndarray) -> np.ndarray:
-    """Heights (..., points, points) less their planes, as vectors of length 1; flat ones are 0."""
-    flat = _flat(heights)
-    length = np.linalg.norm(flat, axis=-1, keepdims=True)
-    return flat / np.where(length > 0, length, 1.0)
 
 
 def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> _Shift:
@@ -370,6 +581,8 @@ def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> _Shift:
     The errors are those of the jackknife over the patches, the test is Hotelling's.
     """
     number, total = len(maps), maps.sum(axis=0)
+    if number < _FEWEST_PATCHES:
+        return _Shift(*np.full((2, 2), np.nan), np.nan)
     shift = _peak(total, steps)
     without = [_peak(total - one, steps) for one in maps]
     covariance = (number - 1) * np.cov(without, rowvar=False, bias=True)
@@ -394,78 +607,47 @@ def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
     return np.array(shift)
 
 
-def _orientation(maps: np.ndarray) -> str:
-    """Which of `_LOOKS` maps (patches, orientations, k, k) fit clearly best; empty if none does."""
-    tops = [np.unravel_index(one.argmax(), one.shape) for one in maps.mean(axis=0)]
-    values = np.array([maps[:, look, *top] for look, top in enumerate(tops)])
-    fits = values.mean(axis=1)
-    second, best = np.argsort(fits)[-2:]
-    lead = values[best] - values[second]
-    error = lead.std(ddof=1) / np.sqrt(lead.size)
-    clear = lead.mean() > scipy.special.stdtrit(lead.size - 1, 1 - _SIGNIFICANCE) * error
-    by_chance = max(_LOW, _BY_CHANCE / np.sqrt(len(maps)))
-    if clear and (best == 0 or fits[best] > by_chance):
-        return _LOOKS[best]
-    return _unmoved_orientation(maps)
+def _remedy(
+    orientation: str, mould: Mould, rows: pd.DataFrame | None = None, table: Sequence[str] = ()
+) -> str:
+    """What to set so that patches with this orientation, whose moulds were undone so, lie right.
 
-
-def _unmoved_orientation(maps: np.ndarray) -> str:
-    """Which of `_LOOKS` but the first fits better where the patches are; empty if none does."""
-    middle = maps.shape[-1] // 2
-    unmoved = maps[:, :, middle, middle].mean(axis=0)
-    best = int(unmoved.argmax())
-    by_chance = max(_LOW, _BY_CHANCE_UNMOVED / np.sqrt(len(maps)))
-    is_better = unmoved[best] > max(by_chance, unmoved[0] + _CLEAR_LEAD)
-    return _LOOKS[best] if is_better else ""
-
-
-def _orientation_fault(orientation: str, correlation: float, mould: Mould) -> FaultError:
-    problem = (
-        f"they fit the mesh {orientation}, and not as given (correlation {correlation:.2f})"
-    )
-    return FaultError(FAULT, "patches", problem, _remedy(orientation, mould))
-
-
-def _laid_apart(patches: pd.DataFrame, maps: np.ndarray, mould: Mould) -> list[FaultError]:
-    """Scans of one instrument, as their format tells, that alone are laid wrongly."""
-    if "t0" not in patches:
-        return []
-    kinds = patches.t0.map(lambda name: Path(name).suffix.lower())
-    flips = patches["flip"] if "flip" in patches else kinds.map(lambda _: "")
-    faults = []
-    for (kind, own), rows in patches.groupby([kinds, flips], sort=True).indices.items():
-        if not _FEWEST_PATCHES <= len(rows) < len(patches):
-            continue
-        orientation = _orientation(maps[rows])
-        if orientation in ("", AS_GIVEN):
-            continue
-        flip = {"none": None, "": mould.flip}.get(own, own)
-        remedy = _remedy(orientation, mould._replace(flip=flip), in_rows=True)
-        names = f"patches {', '.join(patches.patch.iloc[rows])} ({kind})"
-        problem = f"they fit the mesh {orientation}, and not as given"
-        faults.append(FaultError(FAULT, names, problem, remedy))
-    return faults
-
-
-def _remedy(orientation: str, mould: Mould, *, in_rows: bool = False) -> str:
-    """The keys to set so that patches with this orientation, whose mould was undone so, lie right.
-
-    They are those of the config, or those in the patches' rows of the patch table.
+    These are keys of the config, or cells of the patches' `rows`; and what to do to the `table`.
     """
+    whose, invert, flip, none = "every patch", "scans.mould.invert", "scans.mould.flip", "null"
+    if rows is not None:
+        own = rows["flip"].iloc[0] if "flip" in rows else ""
+        mould = mould._replace(flip={"none": None, "": mould.flip}.get(own, own))
+        whose = f"patch{'es' * (len(rows) > 1)} {', '.join(rows.patch)}"
+        flip, none = f"flip of {whose}", "none"
     right, turn = lying_right(orientation, mould)
-    parts, key, none = [], "scans.mould.flip", "null"
-    if in_rows:
-        key, none = "flip in their rows of the patch table", "none"
+    parts = []
     if right.invert != mould.invert:
-        inverted = f"scans.mould.invert to {str(right.invert).lower()}"
-        parts.append("the heights in their files to negative ones" if in_rows else inverted)
+        key = f"set {invert} to {str(right.invert).lower()}"
+        parts.append(key if rows is None else f"invert the heights in the files of {whose}")
     if right.flip != mould.flip:
-        parts.append(f"{key} to {right.flip or none}")
-    said = f"set {' and '.join(parts)}" if parts else ""
-    if turn:
-        whose = "each" if in_rows else "every patch"
-        said += f"{', and ' if said else ''}add {turn} to the rotation_deg of {whose}"
+        parts.append(f"set {flip} to {right.flip or none}")
+    if turn and rows is not None and len(rows) == 1:
+        total = 180 - (180 - rows.rotation_deg.iloc[0] - turn) % 360  # above -180, up to 180
+        parts.append(f"set rotation_deg of {whose} to {total:g}")
+    elif turn:
+        parts.append(f"add {turn} to the rotation_deg of {whose}")
+    said = ", and ".join([*parts, *table])
     return f"{said[0].upper()}{said[1:]}."
+
+
+def _of_table(mistake: str, size_mm: float) -> list[str]:
+    """What to do to the columns of a patch table with a mistake."""
+    is_exchanged, *others = TABLES[mistake]
+    columns = ["x_mm", "y_mm"]
+    sources = columns[::-1] if is_exchanged else columns
+    values = [
+        f"{size_mm:g} - {source}" if is_other else source
+        for source, is_other in zip(sources, others, strict=True)
+    ]
+    pairs = zip(columns, values, strict=True)
+    cells = [f"{column} to {value}" for column, value in pairs if column != value]
+    return [f"set {' and '.join(cells)} in every row"] * bool(cells)
 
 
 def lying_right(orientation: str, mould: Mould) -> tuple[Mould, int]:

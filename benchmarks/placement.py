@@ -1,0 +1,176 @@
+"""How often does the check of places see a mistake, and how often one where there is none?
+
+    python benchmarks/placement.py [--first-seed 6001] [--specimens 20] [--processes 2]
+    python benchmarks/placement.py --tables
+
+Synthetic specimens are scanned where the patch table says, up to the errors of placing. Then a
+mistake is made: one patch is laid in another orientation, or its scan is that of another place; two
+scans are exchanged; the table is mirrored. The stones differ in mesh and places; all 25 patches are
+used, or a few. Rows go to `results/placement.csv`: of how many studies a fault stopped, how many
+had the fault that names the mistake, and which share of the right patches agreed. `--tables` prints
+the rows alone.
+"""
+
+import argparse
+import logging
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from age import record
+from power import merged, specimen_config, specimen_studies
+
+from gst.config import read_study
+from gstlib.coupling.placement import (
+    AGREES,
+    AS_GIVEN,
+    ORIENTATIONS,
+    TABLES,
+    as_measured,
+    oriented,
+    place_patches,
+)
+from gstlib.errors import InputsError
+from gstlib.io.tables import read_table, write_table
+from gstlib.study import Study
+
+ROWS = Path(__file__).parent / "results/placement.csv"
+# The default specimen, with scans that are as coarse as the check makes them.
+COARSE = {"scan_points": 64, "scan_spacing_um": 13.28, "unmeasured_size_um": 30.0}
+# What differs from it, and the error of placing (µm), which each study states as it is.
+STONES = {
+    "default": ({}, 30.0),
+    "mesh noise 3 µm": ({"mesh_noise_um": 3.0}, 30.0),
+    "mesh edges 0.45 mm": ({"mesh_edge_mm": 0.45, "cut_off_wavelength_mm": 0.9}, 30.0),
+    "placed to 60 µm": ({}, 60.0),
+}
+NONE, EXCHANGED, ELSEWHERE = "none", "two exchanged", "one elsewhere"
+ORIENTED = [name for name in ORIENTATIONS if name != AS_GIVEN]
+MIRRORED = [name for name in TABLES if name]
+MISTAKES = [NONE, *ORIENTED, EXCHANGED, ELSEWHERE, *MIRRORED]
+COUNTS = 25, 8, 4, 3, 2
+SQUARE_MM = 5.0
+
+
+class Mistaken(NamedTuple):
+    """What a study states, the patches that are wrong in it, and what a fault must say of them."""
+
+    table: pd.DataFrame
+    scans: dict[str, xr.Dataset]
+    wrong: tuple[str, ...]  # empty if all are
+    words: str
+
+
+def of_stone(seed: int) -> list[dict]:
+    """Rows of a specimen: each stone, number of patches and mistake."""
+    logging.disable()
+    rows, generator = [], np.random.default_rng(seed)
+    for stone, (changes, error_um) in STONES.items():
+        config = specimen_config()
+        patches = read_study(config, "config")
+        specimen = COARSE | changes | {"placement_error_um": error_um}
+        config = merged(config, {"specimen": specimen, "macroscale": {"face_mm": 7.0}})
+        [(_, study)] = specimen_studies(config, patches, seed, ["summits"])
+        scans = {patch: study.prepared[patch, "T0"][["height"]] for patch in patches.patch}
+        for count in COUNTS if stone == "default" else COUNTS[:2]:
+            chosen = np.sort(generator.choice(len(patches), count, replace=False))
+            table = patches.iloc[chosen].reset_index(drop=True)
+            for mistake in MISTAKES:
+                made = mistaken(table, scans, mistake, generator)
+                said = judged(study, made, error_um)
+                rows.append({"stone": stone, "patches": count, "mistake": mistake} | said)
+    return rows
+
+
+def mistaken(
+    table: pd.DataFrame,
+    scans: Mapping[str, xr.Dataset],
+    mistake: str,
+    generator: np.random.Generator,
+) -> Mistaken:
+    """A study with a mistake, of the patches of a table."""
+    own = {patch: scans[patch] for patch in table.patch}
+    one, other = generator.permutation(list(own))[:2]
+    if mistake in ORIENTED:
+        height = scans[one].height
+        laid = height.copy(data=oriented(height.values, mistake)).to_dataset(name="height")
+        return Mistaken(table, own | {one: laid}, (one,), f"mesh {undoing(mistake)} (")
+    if mistake == EXCHANGED:
+        exchanged = {one: scans[other], other: scans[one]}
+        return Mistaken(table, own | exchanged, (one, other), "each other's")
+    if mistake == NONE:
+        return Mistaken(table, own, (), NONE)
+    if mistake == ELSEWHERE:
+        unused = generator.choice([patch for patch in scans if patch not in own] or [other])
+        return Mistaken(table, own | {one: scans[unused]}, (one,), "")
+    x, y = as_measured(table.x_mm, table.y_mm, SQUARE_MM, mistake)
+    return Mistaken(
+        table.assign(x_mm=x, y_mm=y), own, (), f"mesh with {undoing_table(mistake)} ("
+    )
+
+
+def undoing(mistake: str) -> str:
+    """The orientation that undoes another one."""
+    corner = np.arange(4).reshape(2, 2)
+    laid = {name: oriented(oriented(corner, mistake), name) for name in ORIENTATIONS}
+    return next(name for name, again in laid.items() if (again == corner).all())
+
+
+def undoing_table(mistake: str) -> str:
+    """The mistake of a table that undoes another one."""
+    again = {
+        name: as_measured(*as_measured(0.1, 0.3, 1.0, mistake), 1.0, name) for name in TABLES
+    }
+    return next(name for name, place in again.items() if np.allclose(place, (0.1, 0.3)))
+
+
+def judged(study: Study, made: Mistaken, error_um: float) -> dict[str, float]:
+    """Whether a fault stops the study and names the mistake, or else which patches agree."""
+    settings = study.settings["place_patches"] | {"placement_um": error_um}
+    faults, agrees = [], pd.Series(dtype=bool)
+    try:
+        found = place_patches(study.face.height, made.table, made.scans, **settings)
+        agrees = found.set_index("patch").status[:-1] == AGREES
+    except InputsError as error:
+        faults = error.args[0]
+    is_wrong = agrees.index.isin(made.wrong)
+    return {
+        "stopped": bool(faults),
+        "named": any(
+            {*fault.patches} == {*made.wrong} and made.words in fault.problem
+            for fault in faults
+        ),
+        "others_named": any({*fault.patches} - {*made.wrong} for fault in faults),
+        "right_agree": agrees[~is_wrong].mean(),
+        "wrong_agree": bool(agrees[is_wrong].any()),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--first-seed", type=int, default=6001)
+    parser.add_argument("--specimens", type=int, default=20)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--output", type=Path, default=ROWS)
+    parser.add_argument("--tables", action="store_true", help="from the rows alone")
+    options = parser.parse_args()
+    if not options.tables:
+        seeds = range(options.first_seed, options.first_seed + options.specimens)
+        rows = []
+        with ProcessPoolExecutor(options.processes) as processes:
+            for seed, of_seed in zip(seeds, processes.map(of_stone, seeds), strict=True):
+                rows += of_seed
+                print(f"specimen {seed}", flush=True)
+        groups = pd.DataFrame(rows).groupby(["stone", "patches", "mistake"], sort=False)
+        table = groups.mean(numeric_only=False).assign(studies=groups.size()).reset_index()
+        write_table(options.output, table)
+        record(options.output)
+    print(read_table(options.output).round(3).to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
