@@ -276,8 +276,7 @@ def register_patch(
             detection=detection,
         )
     except InputError as error:  # it names the epoch, but not the patch
-        source = f"patch {patch}, {error.source}"
-        raise InputError(source, error.problem, error.remedy) from error
+        raise error.about(f"patch {patch}, {error.source}", error.problem) from error
     if registration.found:
         _report(patch, registration, before, after, change)
     if detection is not None and change.attrs["known_fraction"]:

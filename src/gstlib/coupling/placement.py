@@ -299,7 +299,7 @@ class _Compared:
         return misfits
 
     @cached_property
-    def rivals(self) -> np.ndarray:
+    def alternatives(self) -> np.ndarray:
         """Highest lead (patches,) of another look, of another patch's place, or of any place."""
         others = self.as_given[:, np.newaxis] - self.across
         np.fill_diagonal(others, -np.inf)
@@ -308,12 +308,12 @@ class _Compared:
     @property
     def status(self) -> np.ndarray:
         """Status of each patch."""
-        number = len(self.rivals)
+        number = len(self.alternatives)
         each = number + len(_LOOKS) - 1  # the ways of one patch
         status = np.full(number, CANNOT_TELL, dtype=object)
         if shows_waves(self.surface, self.patch_mm):
-            status[self.rivals < -self.limit(each)] = AGREES
-            status[self.rivals > self.limit(number * each)] = ELSEWHERE
+            status[self.alternatives < -self.limit(each)] = AGREES
+            status[self.alternatives > self.limit(number * each)] = ELSEWHERE
         return status
 
     def _under(self, patches: pd.DataFrame) -> np.ndarray:
@@ -385,11 +385,11 @@ def _of_all(compared: _Compared, mould: Mould) -> tuple[list[_Claim], bool]:
     fit = compared.fits[:, 0].mean()
     margin = min(as_given, anywhere) - misfits.sum() - limit
     if margin > 0 and (misfits < compared.anywhere).mean() > _MOST:
-        look, mistake = best
+        name, mistake = best
         table = f" with {mistake}" * bool(mistake)
-        orientation = f"{look * (look != AS_GIVEN)}{table}".strip()
+        orientation = f"{name * (name != AS_GIVEN)}{table}".strip()
         problem = _problem("they fit", orientation, other, fit)
-        remedy = _remedy(look, mould, table=_of_table(mistake, compared.size_mm))
+        remedy = _remedy(name, mould, table=_of_table(mistake, compared.size_mm))
         return [_Claim(None, margin, orientation, problem, remedy)], False
     margin = as_given - anywhere
     if margin > 0 and _contradicts(compared):
@@ -436,11 +436,11 @@ def _of_patches(compared: _Compared, mould: Mould) -> list[_Claim]:
     if (status == CANNOT_TELL).all():
         return []
     claims = [*_exchanged(compared)]
-    exchanged = [row for claim in claims for row in claim.rows]
+    exchanged = [row for claim in claims for row in claim.rows or []]
     wrong = set(np.flatnonzero(status == ELSEWHERE)) - {*exchanged}
     if len(wrong) > len(exchanged) + (status == AGREES).sum():
         return claims
-    for row in sorted(wrong):
+    for row in sorted(map(int, wrong)):
         tests = number * (number + len(_OTHER_LOOKS))
         claim = _in_another_look(compared, [row], mould, tests=tests)
         claims.append(claim or _not_there(compared, row, tests=tests))
@@ -470,7 +470,7 @@ def _not_there(compared: _Compared, row: int, *, tests: int) -> _Claim:
         f"{compared.fits[row, 0]:.2f})"
     )
     remedy = "Check its x_mm and y_mm, and whether its scan is that of another place."
-    margin = compared.rivals[row] - compared.limit(tests)
+    margin = compared.alternatives[row] - compared.limit(tests)
     return _Claim([row], margin, "", problem, remedy)
 
 
@@ -480,7 +480,7 @@ def _exchanged(compared: _Compared) -> Iterator[_Claim]:
     # the limit of a longer ring grows with the number of such rings
     for_each = compared.limit(len(across) ** 2) / 2
     _, place = scipy.optimize.linear_sum_assignment(across)
-    left = set(np.flatnonzero(place != np.arange(len(place))))
+    left = {row for row, at in enumerate(place) if at != row}
     while left:
         ring = [left.pop()]
         while (following := int(place[ring[-1]])) != ring[0]:
@@ -582,7 +582,8 @@ def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> _Shift:
     """
     number, total = len(maps), maps.sum(axis=0)
     if number < _FEWEST_PATCHES:
-        return _Shift(*np.full((2, 2), np.nan), np.nan)
+        unknown = np.full(2, np.nan)
+        return _Shift(unknown, unknown, np.nan)
     shift = _peak(total, steps)
     without = [_peak(total - one, steps) for one in maps]
     covariance = (number - 1) * np.cov(without, rowvar=False, bias=True)

@@ -37,7 +37,7 @@ _JOINED = 0.5
 _EDGE_ON = 1e-12
 # ASSUME: a stone is as thick as the thinnest twentieth of it under the square, in percent: what
 # fewer rays meet is a flap, a speck or the rim, and does not let the whole bend.
-_THIN_SHARE = 5.0
+_THIN_PERCENTILE = 5.0
 # How far beyond the grid the cloud is cropped: the paper says "bigger than the square".
 _MARGIN_MM = 1.0
 
@@ -137,7 +137,7 @@ def find_use_face(
         edge=_mean_edge(crop.points[own]),
         ends=(folded | bare) & ~layout.in_square,
         bare=bare & layout.in_square,
-        thickness=float(np.percentile(through, _THIN_SHARE)) if len(through) else np.nan,
+        thickness=float(np.percentile(through, _THIN_PERCENTILE)) if len(through) else np.nan,
     )
 
 
