@@ -511,7 +511,7 @@ def test_breech_faces_on_each_other():
 
 def test_false_stops():
     rows = read_table(false_stops.ROWS)
-    assert set(rows.seed) == {false_stops.FINE, *false_stops.SEEDS}
+    assert set(rows.seed) == {false_stops.STOPPED, *false_stops.SEEDS}
     found = false_stops.summary(rows).drop(columns="largest_error_um")
     shown = table("## False stops")
     assert [int(cells[0].split()[0]) for cells in shown] == list(found.index)
