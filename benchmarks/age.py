@@ -26,6 +26,7 @@ SCRIPTS = {
     "statistics_of_contact": ("statistics_of_contact.py",),
     "registration": ("registration.py",),
     "finding": ("finding.py",),
+    "placement": ("placement.py", "power.py"),
     "chance": ("chance.py",),
     "two_scales": ("two_scales.py", "power.py"),
     "left_out": ("left_out.py", "strikes.py", "power.py"),

@@ -143,7 +143,7 @@ def _laid_right(orientation: str, mould: Mould, size_mm: float) -> Cure:
 
 def _alone_laid_right(patch: str, orientation: str, own: Mould) -> Iterator[Cure]:
     """Of one patch with another orientation; heights in its file are not inverted here."""
-    right, turn = lying_right(orientation, own)
+    right, turn = lying_right(orientation, own, is_alone=True)
     if right.invert != own.invert:
         return
 

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from contacts import pressed
 from gst.patches import read_patches
+from gstlib.coupling import placement
 from gstlib.coupling.matching import match_map, match_together
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import cut_scan, read_scan
@@ -19,6 +20,8 @@ from gstlib.preprocess.scans import prepare_patch
 from gstlib.preprocess.use_face import Layout, find_use_face
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import spacing_of
+from power import specimen_config
+from sweep import study_of
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"
@@ -160,3 +163,30 @@ def test_the_map_of_the_pebble_is_found_on_its_face():
     together, reading = match_together(face, pieces, np.array([offsets * (1, -1), offsets]))
     assert (together.found, together.mirrored, reading) == (True, True, 1)
     assert together.place[:2] == pytest.approx(match.place[:2], abs=0.06)
+
+
+@pytest.fixture(scope="module")
+def pebble():
+    """The study of the measured pebble."""
+    files = "config/config.yaml", "config/pebble.yaml"
+    return study_of(specimen_config(*(ROOT / file for file in files)), ROOT)
+
+
+@pytest.mark.parametrize("mistake", placement.TABLES)
+def test_a_mistaken_table_of_the_pebble_is_named(pebble, mistake, caplog):
+    table, settings = pebble.patches, pebble.settings["place_patches"]
+    scans = {patch: pebble.prepared[patch, "T0"] for patch in table.patch}
+    x, y = placement.as_measured(table.x_mm, table.y_mm, 5.0, mistake)
+    found = placement.place_patches(
+        pebble.face.height,
+        table.assign(x_mm=x, y_mm=y),
+        scans,
+        **settings | {"accept": [placement.FAULT]},
+    )
+    named = found.orientation.iloc[-1].removeprefix("with ")
+    assert [record.levelname for record in caplog.records] == ["ERROR"] * bool(mistake)
+    if mistake:
+        right = placement.as_measured(x, y, 5.0, named)
+        np.testing.assert_allclose(right, (table.x_mm, table.y_mm))
+    else:
+        assert named == placement.AS_GIVEN

@@ -335,18 +335,29 @@ class _Compared:
             tables[mistake] = right, shifts, *self.products_at(right, shifts)
         return tables
 
+    def _exchanged(self) -> tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]:
+        """As one of the `tables`, with each scan at the patch's place that suits it best."""
+        squares = np.sum(self.under**2, axis=-1)
+        fits = self.correlation(self.looks[:, 0] @ self.under.T, squares)
+        _, place = scipy.optimize.linear_sum_assignment(-fits)
+        columns = ["x_mm", "y_mm", "rotation_deg"]
+        patches = self.patches.assign(**self.patches.iloc[place][columns].to_dict("list"))
+        shifts = self.patch_mm * _SHIFTS[[self.at]]
+        return patches, shifts, *self.products_at(patches, shifts)
+
     def _errors(self) -> tuple[float, np.ndarray]:
         """Gain of the scans over the mesh, and the variance of each patch's error along a wave.
 
-        They are those in the table, and of each patch in the look, that fit best, which need not be
-        the ones as given. The error of a patch is taken along the waves by which the looks of the
-        mesh differ. The variance is the mean of its own and of the usual one among the patches.
+        They are those in the table, or with the exchanges, and of each patch in the look, that fit
+        best, which need not be the ones as given. The error of a patch is taken along the waves by
+        which the looks of the mesh differ. The variance is the mean of its own and of the usual one
+        among the patches.
         """
         best, under = self.fits, self.under
-        for mistake, (patches, shifts, products, mesh) in self.tables.items():
+        for patches, shifts, products, mesh in [*self.tables.values(), self._exchanged()][1:]:
             fits = self.correlation(products, mesh[:, np.newaxis])
             at = fits.max(axis=1).sum(axis=0).argmax()
-            if mistake and fits[..., at].max(axis=1).sum() > best.max(axis=1).sum():
+            if fits[..., at].max(axis=1).sum() > best.max(axis=1).sum():
                 best = fits[..., at]
                 under = self._under(moved(patches, shifts[at], self.surface, self.patch_mm))
         rows, look = np.arange(len(best)), best.argmax(axis=1)
@@ -621,14 +632,15 @@ def _remedy(
         mould = mould._replace(flip={"none": None, "": mould.flip}.get(own, own))
         whose = f"patch{'es' * (len(rows) > 1)} {', '.join(rows.patch)}"
         flip, none = f"flip of {whose}", "none"
-    right, turn = lying_right(orientation, mould)
+    is_alone = rows is not None and len(rows) == 1
+    right, turn = lying_right(orientation, mould, is_alone=is_alone)
     parts = []
     if right.invert != mould.invert:
         key = f"set {invert} to {str(right.invert).lower()}"
         parts.append(key if rows is None else f"invert the heights in the files of {whose}")
     if right.flip != mould.flip:
         parts.append(f"set {flip} to {right.flip or none}")
-    if turn and rows is not None and len(rows) == 1:
+    if turn and rows is not None and is_alone:
         total = 180 - (180 - rows.rotation_deg.iloc[0] - turn) % 360  # above -180, up to 180
         parts.append(f"set rotation_deg of {whose} to {total:g}")
     elif turn:
@@ -651,17 +663,21 @@ def _of_table(mistake: str, size_mm: float) -> list[str]:
     return [f"set {' and '.join(cells)} in every row"] * bool(cells)
 
 
-def lying_right(orientation: str, mould: Mould) -> tuple[Mould, int]:
+def lying_right(orientation: str, mould: Mould, *, is_alone: bool = False) -> tuple[Mould, int]:
     """How to undo the moulds of patches with an orientation so that they lie right.
 
     `orientation` is that of `place_patches`, with the moulds undone as `mould` says. There may be
-    degrees to add to the rotation of each patch, too, from -90 to 180.
+    degrees to add to the rotation of each patch, too, from -90 to 180. A half turn is one of the
+    mould, which is flipped along the other axis, or, if `is_alone`, one of the patch.
 
     >>> lying_right("reversed along y", Mould(invert=False, flip=None))
     (Mould(invert=False, flip='y'), 0)
     """
     laid = orientation.removeprefix("inverted").removeprefix(" and ")
     reversed_x, turn = ORIENTATIONS[laid or AS_GIVEN]
+    invert = mould.invert != orientation.startswith("inverted")
+    if is_alone and not reversed_x:
+        return Mould(invert, mould.flip), (turn + 179) % 360 - 179
     # to reverse along y is to reverse along x and turn by 180°
     turn += 180 * (mould.flip == "y")
     if reversed_x == (mould.flip is not None):
@@ -669,5 +685,4 @@ def lying_right(orientation: str, mould: Mould) -> tuple[Mould, int]:
     else:
         flip = "x" if turn % 360 in (0, 90) else "y"
         turn += 180 * (flip == "y")
-    invert = mould.invert != orientation.startswith("inverted")
     return Mould(invert, flip), (turn + 179) % 360 - 179

@@ -157,6 +157,14 @@ def test_one_patch_in_another_orientation_is_named_with_what_to_set(orientation,
     assert (place(stone.square(), again, rotation_deg=rotations).status == AGREES).all()
 
 
+def test_a_half_turn_of_one_patch_is_its_own_and_not_that_of_its_mould():
+    stone = Waves(7)
+    heights = seen([stone.patch(y, x, 10.0) for y, x in NINE], 0.5)
+    heights[3].values = heights[3].values[::-1, ::-1]
+    with pytest.raises(InputsError, match="Set rotation_deg of patch 4 to -170"):
+        place(stone.square(), heights, rotation_deg=10.0, flip="x")
+
+
 @pytest.mark.parametrize("ring", [(1, 7), (0, 4, 8)])
 def test_exchanged_scans_are_named(ring):
     stone = Waves(6)
