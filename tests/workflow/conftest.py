@@ -116,6 +116,12 @@ def assert_stored(found: pd.DataFrame, file: Path, folder: Path) -> None:
     pd.testing.assert_frame_equal(again, stored, rtol=1e-4, atol=1e-9)
 
 
+def patch_of(name: str) -> str | None:
+    """The patch whose file this is in the folder of a batch, such as ``change/1/5.h5``."""
+    found = re.search(r"/\d+/([\w-]+?)(_T\d|_repeat)?\.h5$", name)
+    return found and found[1]
+
+
 def unrecorded(results: Path) -> set[tuple[str, str]]:
     """Steps and inputs that the datasets of a study do not name, though their step was given them.
 
@@ -129,6 +135,10 @@ def unrecorded(results: Path) -> set[tuple[str, str]]:
         named: set[str] = set()
         for dataset in made:
             named |= set(json.loads(read_attributes(dataset).get("input_sha256", "{}")).values())
+        # a batch's folder has files of patches that the step does not work on
+        patches = record["params"].get("patches")
+        if isinstance(patches, list):
+            given = {name: of for name, of in given.items() if patch_of(name) in (None, *patches)}
         step = file.stem.partition("_T")[0].rstrip("_0123456789")
         if made and step not in NOT_OF_INPUTS:
             found |= {(step, name) for name, digest in given.items() if digest not in named}
