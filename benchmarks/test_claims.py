@@ -10,6 +10,7 @@ import left_out
 import measured_surfaces
 import numpy as np
 import pandas as pd
+import placement
 import power
 import pytest
 import scale
@@ -466,6 +467,35 @@ def test_places_by_heights():
     told, wrong = said(r"the stage shows it on (\d+) of 20; .*?hand, (\d+) of these 20")
     assert int(told) == 20 * (1 - elsewhere.found_fraction["tied by the stage"])
     assert int(wrong) == elsewhere.found_and_wrong["by hand"]
+
+
+def test_mistakes_in_the_places():
+    """As the evidence has them in words."""
+    keys = ["stone", "patches", "mistake"]
+    found = pd.read_csv(power.ROOT / "benchmarks/results/placement.csv").set_index(keys)
+    found = found.sort_index()
+    assert found.xs("none", level="mistake").stopped.eq(0).all()
+    every = found.loc["default", 25]
+    text = " ".join(EVIDENCE.read_text().split())
+    text = text[text.index("Mistakes in the places") :]
+    turned = every.loc[placement.ORIENTED].mean()
+    assert every.wrong_agree.eq(0).all()
+    assert every.loc[[placement.EXCHANGED, *placement.MIRRORED], "stopped"].eq(1).all()
+    half = found.xs(placement.SOME[1], level="mistake").stopped
+    noisy, coarse = ((stone, 25) for stone in ("mesh noise 3 µm", "mesh edges 0.45 mm"))
+    agreeing = found.xs("none", level="mistake").right_agree
+    for share, words in (
+        (every.right_agree["none"], "Of its 25 patches, {} agree"),
+        (turned.stopped, "stops {} of the studies, and the fault"),
+        (turned.named, "names that orientation in {}"),
+        (every.stopped[placement.ELSEWHERE], "another place stops {}"),
+        (half["default", 4], "a half turn stops {} of the studies of four"),
+        (agreeing[noisy], "noise {} agree"),
+        (half[noisy], "agree and a half turn stops {}"),
+        (agreeing[coarse], "0.45 mm {} agree"),
+        (half[coarse], "agree and it stops {}"),
+    ):
+        assert words.format(f"{100 * share:.0f} %") in text
 
 
 def test_rates_on_random_numbers():

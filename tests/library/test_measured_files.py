@@ -184,7 +184,8 @@ def test_a_mistaken_table_of_the_pebble_is_named(pebble, mistake, caplog):
         **settings | {"accept": [placement.FAULT]},
     )
     named = found.orientation.iloc[-1].removeprefix("with ")
-    assert [record.levelname for record in caplog.records] == ["ERROR"] * bool(mistake)
+    faults = [record for record in caplog.records if record.levelname == "ERROR"]
+    assert len(faults) == bool(mistake)
     if mistake:
         right = placement.as_measured(x, y, 5.0, named)
         np.testing.assert_allclose(right, (table.x_mm, table.y_mm))
