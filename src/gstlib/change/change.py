@@ -14,8 +14,8 @@ outliers) are unknown: no change is stated there.
 
 Neighbouring points err alike, because instruments scan lines, filter and drift. Noise therefore
 exceeds the level of detection in spots, the larger the farther errors correlate. A spot counts if
-it is larger than noise makes it (the cluster extent of neuroimaging: Forman et al. 1995, Magn.
-Reson. Med. 33:636).
+it is larger than noise makes it (the cluster extent of neuroimaging: Forman et al. 1995, Magnetic
+Resonance in Medicine 33:636).
 
 A patch that was scanned twice without use between shows the same error with no wear in it. If there
 are such repeats, they give a, b and the extent of correlation for all patches, and no patch scores
@@ -92,8 +92,8 @@ _ALIKE = 0.5
 _REACH = 1 / 8
 # Spots count that have at least so many times the neighbours that err alike. Spots of Gaussian
 # noise beyond 1.96 sigma have 0.3 times as many on average, and their sizes are exponential
-# (Friston et al. 1994, Hum. Brain Mapp. 1:210): noise then marks 1e-6 of the area. Real errors have
-# longer tails, and mark more (`benchmarks/measured_repeats.py`).
+# (Friston et al. 1994, Human Brain Mapping 1:210): noise then marks 1e-6 of the area. Real errors
+# have longer tails, and mark more (`benchmarks/measured_surfaces.py`).
 _CLUSTER = 4.0
 # A smaller spot counts, too, if most of its points exceed the limit so many times: smooth errors
 # exceed it over large spots, and by little.
