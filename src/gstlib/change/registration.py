@@ -88,7 +88,7 @@ _LOWERED = 0.02
 LEAST_POINTS = 100
 # 95 % efficiency at the normal distribution (Holland and Welsch 1977).
 _BIWEIGHT = 4.685
-# Interpolation weights below this are rounding.
+# Interpolation weights, and slopes beside the steepest ones, below this are rounding.
 _ROUNDING = 1e-6
 _TINY = float(np.finfo(float).tiny)
 
@@ -324,8 +324,9 @@ class _Details(NamedTuple):
             if self.determine(matches[-1]):
                 return matches[-1]
         best = max(matches, key=lambda match: match.strength)
-        if best.is_beyond_chance:  # striae that match: finer details say where along them
-            _, (a, b) = self.compare_slopes(best.pose)
+        if best.is_beyond_chance:  # striae that match: finer details show where along them
+            _, direction = self.compare_slopes(best.pose)
+            a, b = (np.nan_to_num(np.einsum("i,i...->...", direction, g)) for g in self.slopes)
             match = self._turned(self._peak(a, b, least_overlap))
             if self.determine(match):
                 return match
@@ -335,8 +336,8 @@ class _Details(NamedTuple):
         """Whether the details match beyond chance, and in every direction."""
         return match.is_beyond_chance and self.compare_slopes(match.pose)[0] >= _LEAST_ALONG
 
-    def compare_slopes(self, pose: np.ndarray) -> tuple[float, list[np.ndarray]]:
-        """The least correlation of slopes along any direction, and the slopes along it."""
+    def compare_slopes(self, pose: np.ndarray) -> tuple[float, np.ndarray]:
+        """The least correlation of slopes along any direction, and this direction (y, x)."""
         first, second = self.slopes
         moved = np.stack(
             [_sample(g, pose, first.shape[1:], self.aspect, order=1) for g in second]
@@ -344,17 +345,18 @@ class _Details(NamedTuple):
         inside = np.isfinite(first[0] + moved[0])
         one, other = first[:, inside], _turn_back(pose[2], self.aspect) @ moved[:, inside]
         if one.shape[1] < LEAST_POINTS:
-            return 0.0, self.slopes
+            return 0.0, np.ones(2)
         one, other = (g - g.mean(axis=1, keepdims=True) for g in (one, other))
         products = [np.einsum("ik,jk->ij", g, g) for g in (one, other)]
-        if not min(np.linalg.det(product) for product in products) > 0:
-            return 0.0, self.slopes
+        for product in products:
+            flattest = np.linalg.eigh(product)[1][:, 0]
+            if not flattest @ product @ flattest > _ROUNDING**2 * np.trace(product):
+                return 0.0, flattest  # what is left along this direction is rounding
         own = sum(product / np.trace(product) for product in products) / 2
         shared = np.einsum("ik,jk->ij", one, other)
         shared /= math.sqrt(math.prod(np.trace(product) for product in products))
         correlations, directions = scipy.linalg.eigh((shared + shared.T) / 2, own)
-        along = [np.einsum("i,i...->...", directions[:, 0], g) for g in self.slopes]
-        return float(correlations[0]), [np.nan_to_num(g) for g in along]
+        return float(correlations[0]), directions[:, 0]
 
     def _peak(self, a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
         """The shift (y, x) at the peak of the correlation."""

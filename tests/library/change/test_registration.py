@@ -188,6 +188,17 @@ def test_striae_are_found_along_both_axes_or_not_at_all(relief, lean_deg):
         assert error < 0.2e-3
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_grooves_alone_are_not_found(noise):
+    def grooves(y, x):
+        return 5e-3 * np.sin(2 * np.pi * x / 0.05) + 0 * y
+
+    t0, t1 = (
+        measured(grooves, (1.66e-3, 1.66e-3), at, noise=noise) for at in [(0, 0), (0.01, 0.04)]
+    )
+    assert not register(t0, t1, maximum_shift_mm=0.1).found
+
+
 def test_standard_errors_are_those_of_the_shift():
     """Over scans whose noise differs; along y the stone is smoother, and the shift less sure."""
     stone = waves(4, longest=0.1)
