@@ -18,13 +18,14 @@ def surface(seed):
     return 2e-3 * np.asarray(waves, dtype=float)
 
 
-def check(laid):
+def check(laid, before=()):
     """What is wrong with patches whose T1 are their T0 as `laid` lays them."""
     scans = {}
     for seed, patch in enumerate(PATCHES):
         noise = 1e-5 * np.random.default_rng(10 + seed).standard_normal((COUNT, COUNT))
-        scans[patch, "T0"] = surface(seed)
-        scans[patch, "T1"] = laid.get(patch, lambda heights: heights)(surface(seed)) + noise
+        t0 = dict(before).get(patch, surface(seed))
+        scans[patch, "T0"] = t0
+        scans[patch, "T1"] = laid.get(patch, lambda heights: heights)(t0) + noise
     config = complete({"scans": {"size_mm": COUNT * SPACING, "mould": {"invert": False}}})
     table = pd.DataFrame({"patch": PATCHES, "x_mm": 1.0, "y_mm": [1.0, 2.0, 3.0]})
     table = table.assign(
@@ -73,6 +74,16 @@ def test_t1_that_match_nothing_are_one_fault_only_if_none_matches(caplog):
     assert caplog.text.count("not found") == 0
     assert check({"b": unlike["b"]}) == []
     assert caplog.text.count("not found") == 1
+
+
+def test_a_t1_between_two_patches_is_no_mistake_of_names(caplog):
+    waves = smooth_field(np.random.default_rng(7), 3 * COUNT, SPACING, 0.1)[:COUNT] * 2e-3
+    before = {"a": waves[:, :COUNT], "b": waves[:, 80 : 80 + COUNT]}
+    assert check({"a": lambda _: waves[:, 52 : 52 + COUNT]}, before) == []
+    assert caplog.text.count("not found") == 1
+    # if it shows most of the other patch, it is one
+    (fault,) = check({"a": lambda _: waves[:, 72 : 72 + COUNT]}, before)
+    assert fault.patches == ("a",)
 
 
 def test_t1_of_another_patch_is_a_fault_of_its_own_patch():
