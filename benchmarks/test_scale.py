@@ -17,7 +17,7 @@ from types import SimpleNamespace
 
 from gst.logs import run_script
 
-rule = SimpleNamespace(input={{}}, output={{}}, params={{}}, log=[{log!r}])
+rule = SimpleNamespace(input={{}}, output={{}}, params={{}}, log=[{log!r}], config={{}})
 run_script(rule, lambda: b"x" * 320_000_000)
 """
 

@@ -18,6 +18,7 @@ import pytest
 import trimesh
 from gst.config import read_config
 from gst.poses import read_poses
+from gstlib.change.change import Detection
 from gstlib.contact import Contact
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
@@ -290,7 +291,7 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     # the noise of two scans of 0.1 µm, less what the laying of one on the other smooths
     found = stored("change/detection").attrs
     assert 0.10 < found["level_mm2"] ** 0.5 * 1e3 < 0.15
-    assert own.detection == pytest.approx((found["level_mm2"], found["lateral_mm2"]))
+    assert own.detection == pytest.approx(tuple(Detection.of(found)))
     scanned = {f"{patch}_{epoch}.h5" for patch in TWICE for epoch in ("T0", "repeat")}
     assert set(json.loads(found["input_sha256"])) == scanned
     assert set(table("registration").detection) == {"repeat"}
