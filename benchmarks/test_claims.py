@@ -485,15 +485,15 @@ def test_mistakes_in_the_places():
     noisy, coarse = ((stone, 25) for stone in ("mesh noise 3 µm", "mesh edges 0.45 mm"))
     agreeing = found.xs("none", level="mistake").right_agree
     for share, words in (
-        (every.right_agree["none"], "Of its 25 patches, {} agree"),
-        (turned.stopped, "stops {} of the studies, and the fault"),
+        (every.right_agree["none"], "In studies of 25 patches, {} of the patches agree"),
+        (turned.stopped, "orientations, {} of the studies stop, and the fault"),
         (turned.named, "names that orientation in {}"),
         (every.stopped[placement.ELSEWHERE], "another place stops {}"),
-        (half["default", 4], "a half turn stops {} of the studies of four"),
-        (agreeing[noisy], "noise {} agree"),
+        (half["default", 4], "With four patches, a half turn stops {}"),
+        (agreeing[noisy], "of noise, {} of the patches agree"),
         (half[noisy], "agree and a half turn stops {}"),
-        (agreeing[coarse], "0.45 mm {} agree"),
-        (half[coarse], "agree and it stops {}"),
+        (agreeing[coarse], "0.45 mm, {} of the patches agree"),
+        (half[coarse], "of the patches agree and it stops {}"),
     ):
         assert words.format(f"{100 * share:.0f} %") in text
 

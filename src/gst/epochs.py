@@ -13,6 +13,7 @@ from gst.patches import at_epoch
 from gstlib.change.form import form_warning
 from gstlib.change.registration import Registration, is_one_way, register
 from gstlib.change.selection import exchanged_epochs, other_heights, rise_warnings
+from gstlib.coupling.placement import AS_GIVEN, ORIENTATIONS, oriented
 from gstlib.errors import FaultError, GstError, InputError
 from gstlib.preprocess.scans import mould_of
 from gstlib.study import Study
@@ -82,53 +83,47 @@ def _unregistered(study: Study) -> Iterator[InputError]:
 
 
 class _Laid(NamedTuple):
-    """How a T1 lies as it should not: quarter turns from x towards y after it was mirrored."""
+    """How a T1 lies as it should not."""
 
     is_inverted: bool
-    is_mirrored: bool
-    turns: int
+    orientation: str  # one of `ORIENTATIONS`
 
     def __str__(self) -> str:
-        angle, along = 90 * self.turns, ""
-        if self.is_mirrored:
-            along, angle = ("y", 0) if self.turns == 2 else ("x", angle)
-        said = ["with the sign of its heights changed"] if self.is_inverted else []
-        said += [f"reversed along {along}"] if along else []
-        said += [f"turned by {angle}° from x towards y"] if angle else []
-        return ", ".join(said)
+        inverted = ["with the sign of its heights changed"] * self.is_inverted
+        return ", ".join(inverted + [self.orientation] * (self.orientation != AS_GIVEN))
 
-    def lay(self, surface: xr.DataArray) -> xr.DataArray:
-        """The surface, laid so."""
-        heights = surface.values[:, ::-1] if self.is_mirrored else surface.values
-        heights = np.rot90(heights, self.turns, axes=(1, 0))
-        dy, dx = spacing_of(surface)
+    def lay(self, surface: xr.DataArray, *, is_flipped: bool = False) -> xr.DataArray:
+        """The surface, laid so; or laid so in its file, if it was flipped since."""
+        name = self.orientation
+        if is_flipped:  # which reverses the sense of turns
+            is_reversed, turn = ORIENTATIONS[name]
+            other = is_reversed, turn if turn == 180 else -turn
+            name = next(each for each, way in ORIENTATIONS.items() if way == other)
+        heights, (dy, dx) = oriented(surface.values, name), spacing_of(surface)
         return make_surface(
-            -heights if self.is_inverted else heights, (dx, dy) if self.turns % 2 else (dy, dx)
+            -heights if self.is_inverted else heights,
+            (dx, dy) if ORIENTATIONS[name][1] % 180 else (dy, dx),
         )
 
 
-# That of a mould comes first. T1 as it is has been tried.
-_LAID = [
-    how
-    for of in itertools.product((True, False), (True, False), range(4))
-    if any(how := _Laid(*of))
-]
+# T1 as it is has been tried.
+_LAID = [_Laid(*way) for way in itertools.product((False, True), ORIENTATIONS)][1:]
 
 
 def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultError]:
     """Faults of the T1 that match otherwise, or nowhere if none matches; warnings of the others."""
-    files, doubts = study.patches.set_index("patch"), {}
+    files, doubts = study.patches.set_index("patch"), set()
     lost = table.patch[~table.found.astype(bool)].tolist()
     for row in table.itertuples():
         scans = [study.prepared[row.patch, epoch].height for epoch in ("T0", "T1")]
         if doubt := form_warning(*scans):
-            doubts[row.patch] = doubt
+            doubts.add(row.patch)
             _log.warning("%s: patch %s: %s", files.t1[row.patch], row.patch, doubt)
         elif fault := _filtered(study, row.patch, scans):
             lost = [patch for patch in lost if patch != row.patch]
             yield fault
         elif not row.found and is_one_way(row.detail_correlation, row.slope_correlation):
-            doubts[row.patch] = "one way"
+            doubts.add(row.patch)
             _log.warning(
                 "%s: patch %s: its striae match those of T0, but no detail shows where along them. "
                 "Scan a larger area, or one with a pit or a scar",
@@ -155,7 +150,7 @@ def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultErro
 
 
 def _matching_nothing(
-    files: pd.Series, lost: list[str], doubts: dict[str, str], *, whole: bool
+    files: pd.Series, lost: list[str], doubts: set[str], *, whole: bool
 ) -> Iterator[FaultError]:
     """A fault if T1 of the `whole` table match nothing, else a warning of those without a doubt."""
     remedy = (
@@ -221,16 +216,15 @@ def _times(one: np.ndarray | xr.DataArray, other: np.ndarray | xr.DataArray) -> 
 def _laid_otherwise(study: Study, lost: list[str]) -> dict[_Laid, list[str]]:
     """Patches whose T1 matches its T0 if its file is laid otherwise, by how it then lies."""
     laid: dict[_Laid, list[str]] = {}
-    settings = study.config["registration"]
+    shift_mm = study.config["registration"]["maximum_shift_mm"]
     rows, mould = study.patches.set_index("patch"), study.config["scans"]["mould"]
     for number, patch in enumerate(lost):
         before, after = (study.prepared[patch, epoch].height for epoch in ("T0", "T1"))
         is_flipped = mould_of(mould, rows.loc[patch].get("flip", ""))["flip"] is not None
-        matches = {}
-        for how in _LAID if number < _MOST_LAID else [*laid]:
-            # a reversal reverses the sense of turns
-            seen = how._replace(turns=-how.turns % 4) if is_flipped else how
-            matches[how] = _match(before, seen.lay(after), settings["maximum_shift_mm"])
+        matches = {
+            how: _match(before, how.lay(after, is_flipped=is_flipped), shift_mm)
+            for how in (_LAID if number < _MOST_LAID else [*laid])
+        }
         best = max(matches, key=matches.__getitem__, default=None)
         if best is not None and matches[best] > _SURE_MATCH:
             laid.setdefault(best, []).append(patch)

@@ -9,7 +9,7 @@ import copy
 import itertools
 import logging
 from collections.abc import Container, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Self
@@ -43,6 +43,7 @@ FAULTS = {
     "units": "heights are in another unit than those of the other scans or of the mesh",
     "same_scan": "two scans have the same heights",
     "odd_scan": "no instrument measures such heights, or a part of the file is lost",
+    "mesh_step": "the coordinates of a mesh have steps above 20 µm",
     "holes": "the mesh has large holes in the square",
     "face": "most of the face lies beyond the stone",
     "apart": "the active tool, as it is posed, does not touch the passive one",
@@ -197,24 +198,24 @@ _ACCEPTED: ContextVar[Container[str]] = ContextVar("accepted", default=())
 _CONCERNED: ContextVar[Sequence[str]] = ContextVar("concerned", default=())
 
 
-@contextmanager
-def accepting(accepted: Container[str]) -> Iterator[None]:
+def accepting(accepted: Container[str]) -> AbstractContextManager[None]:
     """Let `refuse` accept these faults; `accepted` is that of `unaccepted`."""
-    token = _ACCEPTED.set(accepted)
-    try:
-        yield
-    finally:
-        _ACCEPTED.reset(token)
+    return _set(_ACCEPTED, accepted)
+
+
+def concerning(patches: Sequence[str]) -> AbstractContextManager[None]:
+    """Let the faults of `refuse` concern these patches."""
+    return _set(_CONCERNED, patches)
 
 
 @contextmanager
-def concerning(patches: Sequence[str]) -> Iterator[None]:
-    """Let the faults of `refuse` concern these patches."""
-    token = _CONCERNED.set(patches)
+def _set(variable: ContextVar, value: object) -> Iterator[None]:
+    """Set a variable for a while."""
+    token = variable.set(value)
     try:
         yield
     finally:
-        _CONCERNED.reset(token)
+        variable.reset(token)
 
 
 def refuse(fault: FaultError) -> None:

@@ -52,7 +52,7 @@ def check(laid, before=()):
             "with the sign of its heights changed, reversed along x",
         ),
         (lambda heights: heights[::-1], "reversed along y"),
-        (lambda heights: np.rot90(heights), "turned by 90° from x towards y"),
+        (lambda heights: np.rot90(heights), "turned by 90°"),
     ],
 )
 def test_t1_that_were_all_scanned_otherwise_are_one_fault(laid, how):

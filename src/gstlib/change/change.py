@@ -82,9 +82,10 @@ _SLOPE_SMOOTHING = 1.0
 # How much deeper, or shallower, the dales of T1 may be than those of T0 before a warning. Wear of a
 # quarter of a patch makes them a tenth shallower (synthetic specimen).
 _ODD_HEIGHTS = 1.25
-# ASSUME: a repeat shows an unworn surface unless the shares that lost and that gained height differ
-# by more than this, and by more than this times the smaller one. Noise marks as much up as down.
-_CHANGED, _CHANGED_RATIO = 0.005, 2.0
+# ASSUME: a repeat shows an unworn surface unless the shares of its area that lost and that gained
+# height differ by more than 0.5 % and by more than the smaller of the two. Noise marks as much up
+# as down.
+_CHANGED = 0.005
 # ASSUME: errors of two points are alike if they correlate by more than a half. Without a repeat,
 # all that the unchanged part shows is taken for error, also wear below the level of detection.
 _ALIKE = 0.5
@@ -211,7 +212,7 @@ def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
     if max(scale, 1 / scale) > _ODD_HEIGHTS:
         return f"its dales are {scale:.3g} times as deep as those of t0"
     lost, gained = (wear_summary(change)[f"{of}_fraction"] for of in ("loss", "gain"))
-    if abs(lost - gained) > max(_CHANGED, (_CHANGED_RATIO - 1) * min(lost, gained)):
+    if abs(lost - gained) > max(_CHANGED, min(lost, gained)):
         return (
             f"{100 * lost:.2g} % of it lost height and {100 * gained:.2g} % gained, so the surface "
             "was not the same"

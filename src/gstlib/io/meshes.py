@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gstlib.errors import NOTE, InputError
+from gstlib.errors import NOTE, FaultError, InputError, refuse
 from gstlib.io.files import check_size, check_unpacked
 from gstlib.io.gltf import MOST_PARTS, checked_header, position_accessors
 from gstlib.io.mesh_text import (
@@ -457,7 +457,7 @@ def _check_step_and_extent(path: Path, corners: np.ndarray, step_mm: float, unit
     )
     # of a mesh in another unit than its own, the steps grow with the size
     if step_mm > max(_LARGEST_STEP, _LARGEST_STEP / _LARGEST_STONE * extent * length_mm):
-        raise InputError(path, f"{problem}; at most 20 µm can be used", remedy)
+        refuse(FaultError("mesh_step", path, f"{problem}; at most 20 µm can be used", remedy))
     _check_extent(path, extent, unit)
     if step_mm > _DOUBTFUL_STEP:
         _log.warning("%s: %s, and heights err by as much. %s", path, problem, remedy)
