@@ -13,7 +13,7 @@ import xarray as xr
 
 from gst.chain import break_in
 from gst.config import asked_of_files, read_config, read_study
-from gst.contradictions import counterface_mesh
+from gst.contradictions import counterface_mesh, improbable
 from gst.epochs import epochs_on_each_other
 from gst.fixing import Cure, cures_of
 from gst.inputs import Asked, Inputs, check_inputs
@@ -264,6 +264,7 @@ def check_study(path: Path, cures: list[Cure] | None = None) -> None:
     logging.getLogger().addHandler(said_before := _Count())
     config = read_config(path)
     patches = read_study(config, str(path))
+    unaccepted(improbable(config, patches), config["accept"])  # for it logs the accepted ones
     _warn_of_overlaps(config, patches)
     problems: list[GstError] = []
     writable, reach, poses, found = False, None, None, None

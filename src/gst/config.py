@@ -19,7 +19,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
 from gst import ROOT
-from gst.contradictions import accepted_patches, contradictions
+from gst.contradictions import accepted_patches, contradictions, improbable
 from gst.named_files import check_files
 from gst.patches import no_patches, read_patches
 from gst.poses import poses_of
@@ -27,7 +27,7 @@ from gst.strict_yaml import read_yaml
 from gst.todo import is_to_do, left_in
 from gst.user_tables import cells_to_do, read_rows
 from gstlib.conditions import rounded_form, stage_settings
-from gstlib.errors import FAULTS, ConfigError
+from gstlib.errors import FAULTS, ConfigError, InputsError
 from gstlib.use.evidence import FEWEST_PATCHES
 
 __all__ = ["asked_of_files", "complete", "config_problems", "config_schema", "read_config"]
@@ -92,26 +92,35 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
     """Check a config, defaults included, and read its patch table; without one, no rows.
 
     Raises a `ConfigError` that lists all that is wrong with the config, which it calls `source`,
-    or with a table.
+    or with a table; or the faults of both that the config does not accept.
     """
     refuse_config(config_problems(config), source)
     if config["published"] is not None:
         read_rows(config["published"], "published").refuse()
-    if config["patches"] is None:
-        return no_patches()
-    patches = read_patches(
-        config["patches"],
-        size_mm=config["square"]["size_mm"],
-        patch_size_mm=config["scans"]["size_mm"],
-        scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
-    )
+    patches = _patches_of(config)
     refuse_config(accepted_patches(config, [*patches.patch]), source)
+    faults = improbable(config, patches)
+    if stopping := [each for each in faults if not each.is_accepted(config["accept"])]:
+        raise InputsError(stopping)
+    if config["patches"] is None:
+        return patches
     if not (patches.t0 != "").any():
         _refuse_without_scans(config, patches.wear_grade.dropna())
     elif config["inputs"] is not None and config["inputs"]["scan_folder"] is None:
         problem = f"{config['patches']} names scans, and 'inputs' lacks scan_folder"
         raise ConfigError(source, problem, "Give the folder where they are.")
     return patches
+
+
+def _patches_of(config: Mapping) -> pd.DataFrame:
+    if config["patches"] is None:
+        return no_patches()
+    return read_patches(
+        config["patches"],
+        size_mm=config["square"]["size_mm"],
+        patch_size_mm=config["scans"]["size_mm"],
+        scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
+    )
 
 
 def _refuse_without_scans(config: Mapping, grades: pd.Series) -> None:

@@ -8,19 +8,23 @@ import difflib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 
 from gst.named_files import input_in_results, path_problem
+from gst.patches import overlaps
 from gstlib.conditions import load_force, load_point
-from gstlib.errors import FAULTS, ConfigError
+from gstlib.errors import FAULTS, ConfigError, FaultError
 from gstlib.surfaces.frames import frame_from_points
 
-__all__ = ["accepted_patches", "contradictions", "counterface_mesh"]
+__all__ = ["accepted_patches", "contradictions", "counterface_mesh", "improbable"]
 __all__ += ["thinner_than_a_point"]
 
 # Corners are clicked or typed: the square's sides may be off by this share.
 _SIDE_TOLERANCE = 0.1
 # ASSUME: no stone bears a mean pressure (MPa) like this; quartzite is crushed at 150 to 300 MPa.
 _CRUSHING_MPA = 1000.0
+# Two patches that have more in common (share of a patch) are one, or one has a wrong position.
+_ONE_PATCH = 0.5
 
 
 def contradictions(config: Mapping) -> Iterator[str]:
@@ -36,6 +40,52 @@ def contradictions(config: Mapping) -> Iterator[str]:
             f"'texture.l_filter_um' is {long}, not above texture.s_filter_um, {short}: no wave "
             "passes both filters; raise it, or set it to null"
         )
+
+
+def improbable(config: Mapping, patches: pd.DataFrame) -> Iterator[FaultError]:
+    """What is so improbable in a config and its patch table that a user has to accept it."""
+    size_mm = config["square"]["size_mm"]
+    yield from _improbable_squares(config, size_mm)
+    load = config["load"]
+    if (pressure := load_force(load, size_mm) / size_mm**2) > _CRUSHING_MPA:
+        yield FaultError(
+            "pressure",
+            "load",
+            f"it presses the square of {size_mm:g} mm with {pressure:.4g} MPa on average, and no "
+            "stone bears that (quartzite is crushed at 150 to 300 MPa)",
+            "Give the force of use in N, which for a hand is some tens to some hundreds.",
+        )
+    if config["interlayer"] is not None and config["specimen"] is not None:
+        yield from thinner_than_a_point(
+            config["interlayer"], config["specimen"]["scan_spacing_um"]
+        )
+    for one, other, share in overlaps(patches, config["scans"]["size_mm"]):
+        if share > _ONE_PATCH:
+            yield FaultError(
+                "overlap",
+                config["patches"],
+                f"{share:.0%} of the area of patch {other} is that of patch {one}",
+                "Leave one of them out, or correct their positions.",
+                [other],
+            )
+
+
+def _improbable_squares(config: Mapping, size_mm: float) -> Iterator[FaultError]:
+    """Squares whose corners are not as far apart as their size."""
+    pose = (config["counterface"] or {}).get("pose", {})
+    squares = {"square.points_mm": config["square"]["points_mm"]}
+    if "points_mm" in pose:
+        squares["counterface.pose.points_mm"] = pose["points_mm"]
+    for key, points in squares.items():
+        sides = np.linalg.norm(np.subtract(points[1:], points[0]), axis=1)
+        if (abs(sides - size_mm) > _SIDE_TOLERANCE * size_mm).any():
+            yield FaultError(
+                "square",
+                key,
+                f"the corners are {sides[0]:.3g} and {sides[1]:.3g} mm apart, and "
+                f"square.size_mm is {size_mm:g}",
+                "Give the corners of the square in mm, or correct its size.",
+            )
 
 
 def _in_accept(config: Mapping) -> Iterator[str]:
@@ -80,9 +130,9 @@ def _in_files(config: Mapping) -> Iterator[str]:
 
 def _in_squares(config: Mapping) -> Iterator[str]:
     size_mm, pose = config["square"]["size_mm"], (config["counterface"] or {}).get("pose", {})
-    yield from _square_problems("square.points_mm", config["square"]["points_mm"], size_mm)
+    yield from _corner_problems("square.points_mm", config["square"]["points_mm"])
     if "points_mm" in pose:
-        yield from _square_problems("counterface.pose.points_mm", pose["points_mm"], size_mm)
+        yield from _corner_problems("counterface.pose.points_mm", pose["points_mm"])
     if config["scans"]["size_mm"] > size_mm:
         yield (
             f"'scans.size_mm' is {config['scans']['size_mm']}, more than the square's "
@@ -90,20 +140,12 @@ def _in_squares(config: Mapping) -> Iterator[str]:
         )
 
 
-def _square_problems(key: str, points: Sequence, size_mm: float) -> Iterator[str]:
-    """What is wrong with three corners of a square of this size."""
+def _corner_problems(key: str, points: Sequence) -> Iterator[str]:
+    """What is wrong with three corners, whatever the size of their square."""
     try:
         frame_from_points(points)
     except ConfigError as error:
         yield f"'{key}': {error.problem}: {error.remedy}"
-        return
-    sides = np.linalg.norm(np.subtract(points[1:], points[0]), axis=1)
-    if (abs(sides - size_mm) > _SIDE_TOLERANCE * size_mm).any():
-        yield (
-            f"'{key}' are corners {sides[0]:.3g} and {sides[1]:.3g} mm apart, and square.size_mm "
-            f"is {size_mm:g}: give the points in mm, at the corners of the square, or correct its "
-            "size"
-        )
 
 
 def _in_load(config: Mapping) -> Iterator[str]:
@@ -114,12 +156,6 @@ def _in_load(config: Mapping) -> Iterator[str]:
         yield (
             f"'pressure_cap_MPa' is {cap} MPa, not above the mean pressure on the square, "
             f"{pressure:.4g} MPa: no contact bears more than that; raise it, or set it to null"
-        )
-    if pressure > _CRUSHING_MPA:
-        yield (
-            f"'load' presses the square of {size_mm:g} mm with {pressure:.4g} MPa on average, and "
-            "no stone bears that (quartzite is crushed at 150 to 300 MPa): give the force of use "
-            "in N, which for a hand is some tens to some hundreds"
         )
     if config["coupling"] == "levelled":
         return
@@ -147,10 +183,6 @@ def _in_interlayer(config: Mapping) -> Iterator[str]:
             f"{stones_MPa:g} MPa: an interlayer must be softer than the stones; lower it, or set "
             "interlayer to null"
         )
-    spacing_um = (config["specimen"] or {}).get("scan_spacing_um", 0.0)
-    if layer["thickness_um"] < spacing_um:
-        fault = thinner_than_a_point(layer["thickness_um"], spacing_um)
-        yield f"'interlayer.thickness_um': {fault}; make it thicker, or set interlayer to null"
 
 
 def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
@@ -168,9 +200,13 @@ def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
     return {"mesh_unit": "mm"} | {name: of for name, of in given.items() if name != "scan"}
 
 
-def thinner_than_a_point(thickness_um: float, spacing_um: float) -> str:
-    """What is wrong with an interlayer that is thinner than the spacing of the scans' points."""
-    return (
-        f"{thickness_um:g} µm is less than the {spacing_um:.3g} µm between two points of a scan: "
-        "so thin an interlayer has no measurable effect"
-    )
+def thinner_than_a_point(interlayer: Mapping, spacing_um: float) -> Iterator[FaultError]:
+    """Whether an interlayer is thinner than two points of a scan are apart."""
+    if (thickness := interlayer["thickness_um"]) < spacing_um:
+        yield FaultError(
+            "interlayer",
+            "interlayer.thickness_um",
+            f"{thickness:g} µm is less than the {spacing_um:.3g} µm between two points of a scan, "
+            "so that the interlayer has no measurable effect",
+            "Make it thicker, or set interlayer to null.",
+        )

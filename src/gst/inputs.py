@@ -249,14 +249,11 @@ def _add_piece(
     read.rows.append(facts | {"patch": use.patch, "epoch": use.epoch, "file": path.name})
 
 
-def _thin_interlayer(rows: list[dict[str, Any]], asked: Asked) -> list[GstError]:
+def _thin_interlayer(rows: list[dict[str, Any]], asked: Asked) -> Iterator[GstError]:
     """An interlayer that is thinner than two points of a scan are apart."""
-    coarsest = max((row[f"spacing_{axis}_um"] for row in rows for axis in "xy"), default=0.0)
-    if asked.interlayer is None or asked.interlayer["thickness_um"] >= coarsest:
-        return []
-    thin = thinner_than_a_point(asked.interlayer["thickness_um"], coarsest)
-    remedy = "Make it thicker, or set interlayer to null."
-    return [ConfigError("interlayer.thickness_um", thin, remedy)]
+    if asked.interlayer is not None:
+        spacings = [row[f"spacing_{axis}_um"] for row in rows for axis in "xy"]
+        yield from thinner_than_a_point(asked.interlayer, max(spacings, default=0.0))
 
 
 def _mind_other_bodies(

@@ -46,8 +46,6 @@ EPOCHS = {"t0": "T0", "t1": "T1", "repeat": REPEAT}
 _ROUNDING = 1e-9
 # Patches that have less in common (share of a patch) lie side by side: places are rounded.
 _LEAST_OVERLAP = 0.01
-# Those that have more in common are one patch, which stands in the table twice.
-_ONE_PATCH = 0.5
 
 
 def read_patches(
@@ -67,7 +65,7 @@ def read_patches(
     table = read_rows(path, "patches", renamed={"place": "patch"}, ignored=ignored)
     rows = table.rows
     problems = [*find_scans(rows, table.columns, scan_folder)]
-    problems += _repeated(rows, patch_size_mm)
+    problems += _repeated(rows)
     problems += _out_of_square(rows, size_mm, patch_size_mm)
     table.refuse(problems)
     return rows.sort_values(
@@ -145,18 +143,12 @@ def _composed(name: str) -> str:
     return unicodedata.normalize("NFC", name)
 
 
-def _repeated(rows: pd.DataFrame, patch_size: float) -> Iterator[Problem]:
-    """Ids, and places, that an earlier line has."""
+def _repeated(rows: pd.DataFrame) -> Iterator[Problem]:
+    """Ids that an earlier line has."""
     ids = rows.patch[rows.patch != ""].str.lower()  # some file systems ignore case
     for line in ids.index[ids.duplicated()]:
         first = (ids == ids[line]).idxmax()
         yield line, f"same id as in line {first}"
-    placed = rows.assign(patch=rows.index).dropna(subset=["x_mm", "y_mm", "rotation_deg"])
-    for earlier, later, share in overlaps(placed, patch_size):
-        if share > _ONE_PATCH:
-            named = f"{earlier} (patch {rows.patch[earlier]})"
-            remedy = "leave one of them out, or correct their positions"
-            yield int(later), f"{share:.0%} of its area is that of line {named}: {remedy}"
 
 
 def _out_of_square(rows: pd.DataFrame, size: float, patch_size: float) -> Iterator[Problem]:

@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from gst.chain import certified_inputs
+from gst.contradictions import improbable
 from gst.page import (
     Shown,
     by_category,
@@ -25,6 +26,7 @@ from gst.poses import poses_of
 from gst.provenance import study_provenance
 from gst.verdict import Answer, verdict, where_to_scan
 from gstlib.conditions import load_force
+from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
@@ -75,12 +77,20 @@ class StudyPage:
         said = {
             "answer": self.answer,
             "generated": self.config["specimen"] is not None,
-            "faults": reported(results, self.steps, "ERROR"),
+            "faults": self._faults(results),
         }
         write_whole(page, render("page.html", **said, **self._content(results)).encode())
         entries = [Shown(page, *_PAGE, _WHAT), *self.entries]
         _write_json(contents, _listed(entries, results))
         _write_json(record, study_provenance(self.config, inputs, commit, program))
+
+    def _faults(self, results: Path) -> list[dict[str, Any]]:
+        """The faults that the config accepts: in its files, and in its own values."""
+        own = [
+            {"text": InputError.__str__(fault), "steps": ["config"], "patches": fault.patches}
+            for fault in improbable(self.config, pd.DataFrame(self.places))
+        ]
+        return own + reported(results, self.steps, "ERROR")
 
     @cached_property
     def _tables(self) -> dict[str, Path]:

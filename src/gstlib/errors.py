@@ -47,6 +47,10 @@ FAULTS = {
     "holes": "the mesh has large holes in the square",
     "face": "most of the face lies beyond the stone",
     "apart": "the active tool, as it is posed, does not touch the passive one",
+    "square": "the corners of a square are not as far apart as its size",
+    "pressure": "the mean pressure on the square is above 1000 MPa",
+    "interlayer": "the interlayer is thinner than two points of a scan are apart",
+    "overlap": "two patches have more than half of their area in common",
     "memory": "this machine has too little memory",
     "unmatched": "no T1 matches its T0, or it does if it is laid otherwise, or on another patch",
 }

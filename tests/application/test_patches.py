@@ -192,10 +192,6 @@ REFUSED = (
             f"{HEAD},wear_grade\n1,1,1,a,2\n",
             "wear_grade stands beside scans",
         ),
-        "a place twice": (
-            f"{HEAD}\n1,1,1,a\n2,1.7,1,b\n3,1.4,1,c\n",
-            "line 4 (patch 3): 65% of its area is that of line 3 (patch 2)",
-        ),
         "a column twice": (f"{HEAD},x_mm\n1,1,1,a,2\n", "line 1: a column is given twice"),
         "a column in capitals": (f"# mine\n{HEAD}, X_MM\n1,1,1,a,2\n", "line 2: a column is given"),
         "a column with marks": (f"{HEAD},\ufeffｘ_mm\n1,1,1,a,2\n", "as 'x_mm' and as"),
