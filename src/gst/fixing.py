@@ -5,17 +5,20 @@ The user sees the difference of the files first, and confirms it; each file is k
 like moulds that were not undone, unless the mesh shows which of the two it is.
 """
 
+import contextlib
 import difflib
 import itertools
 import logging
 import math
+import os
+import stat
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gst.config import read_config_file
-from gst.edited import Cells, text_of, with_cells, with_values
+from gst.edited import Cells, save_text, text_of, with_cells, with_values
 from gstlib.change.selection import is_more
 from gstlib.coupling.matching import REACH, match_near
 from gstlib.coupling.placement import (
@@ -29,7 +32,7 @@ from gstlib.coupling.placement import (
     shows_waves,
 )
 from gstlib.coupling.placement import FAULT as PLACEMENT
-from gstlib.errors import GstError
+from gstlib.errors import ConfigError, GstError
 from gstlib.io.files import write_whole
 from gstlib.macroscale.face import largest_face
 from gstlib.study import Study
@@ -196,7 +199,9 @@ def _of_face(study: Study) -> Iterator[Cure]:
 def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) -> bool:
     """Show what cures would change in a config and its patch table; ask; whether it was done."""
     table = read_config_file(config).get("patches")
-    before = {path: text_of(path) for path in map(Path, filter(None, [config, table]))}
+    has_cells = any(cure.cells for cure in cures)
+    paths = [config, Path(table)] if table and has_cells else [config]
+    before = {path: text_of(path) for path in paths}
     after = dict(before)
     for cure in cures:
         after[config] = with_values(after[config], cure.values)
@@ -214,9 +219,14 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
     if not (is_confirmed or _confirmed()):
         return False
     for path in changed:
-        kept = next(each for each in _names_beside(path) if not each.exists())
+        if text_of(path) != before[path]:
+            raise ConfigError(path, "has changed since it was read", "Run the command again.")
+    for path in changed:
+        kept = next(each for each in _names_beside(path) if not os.path.lexists(each))
+        with contextlib.suppress(OSError):  # which `write_whole` reports
+            kept.touch(stat.S_IMODE(path.stat().st_mode))
         write_whole(kept, path.read_bytes())
-        write_whole(path, after[path].encode())
+        save_text(path, after[path])
         print(f"{path}: written; as it was: {kept}")
     return True
 

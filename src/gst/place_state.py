@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from gst.config import complete, read_config, refuse_config, value_problems
-from gst.edited import text_of, with_cells, with_values
+from gst.edited import save_text, text_of, with_cells, with_values
 from gst.patches import EPOCHS, cell_of, find_scans, no_patches
 from gst.scan_folder import scans_in
 from gst.strict_yaml import parse_yaml
@@ -172,7 +172,7 @@ def save_answers(path: Path, values: Mapping[str, Any]) -> None:
     of_pressure = _value(read_config(path), "load.pressure_MPa")
     if "load.force_N" in given and of_pressure is not None:
         given["load.pressure_MPa"] = None  # exactly one of them
-    write_whole(path, _checked(path, given).encode())
+    save_text(path, _checked(path, given))
 
 
 def save_file(path: Path, patch: str, column: str, name: str) -> None:
@@ -189,7 +189,7 @@ def save_file(path: Path, patch: str, column: str, name: str) -> None:
     table = Path(config["patches"])
     cells = {column: cell_of(name)}
     text = with_cells(text_of(table), lambda row: cells if row["patch"] == patch else {})
-    write_whole(table, text.encode())
+    save_text(table, text)
 
 
 def save_places(path: Path, square: Mapping[str, Any], rows: Sequence[Mapping]) -> None:
@@ -215,7 +215,7 @@ def save_places(path: Path, square: Mapping[str, Any], rows: Sequence[Mapping]) 
     changed = {key: value for key, value in values.items() if value != _value(config, key)}
     text = _checked(path, changed)
     _write_table(config["patches"], table)
-    write_whole(path, text.encode())
+    save_text(path, text)
 
 
 def _cells(row: Mapping[str, Any], *, turn: bool, grade: bool) -> dict[str, str]:
@@ -243,14 +243,14 @@ def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> None:
         text = with_cells(
             text_of(file), lambda row: left.pop(row["patch"], None), left.values(), _RENAMED
         )
-        write_whole(file, text.encode())
+        save_text(file, text)
     elif former is not None:
         file.unlink(missing_ok=True)
 
 
 def _checked(path: Path, values: Mapping[str, Any]) -> str:
     """The config's text with these values; a `ConfigError` if one of them cannot be meant."""
-    text = with_values(path.read_text(encoding="utf-8"), values)
+    text = with_values(text_of(path), values)
     config = complete(parse_yaml(text, path))
     asked = [key for key, value in values.items() if not is_to_do(value)]
     refuse_config(value_problems(config, asked), str(path))

@@ -9,6 +9,8 @@ stands for an empty cell.
 """
 
 import csv
+import io
+import itertools
 import math
 import re
 import unicodedata
@@ -28,7 +30,8 @@ from gstlib.errors import ConfigError
 from gstlib.io.files import LARGEST_TABLE, check_size
 from gstlib.io.text_rows import FORMULA_ERROR, decoded, separator_of
 
-__all__ = ["Problem", "UserTable", "cells_to_do", "read_rows", "rows_of"]
+__all__ = ["Problem", "Record", "UserTable", "alike", "cells_to_do"]
+__all__ += ["read_rows", "records_of", "rows_of"]
 
 # What every program reads as this number; Python's float takes 1_5, nan and digits of all scripts.
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
@@ -36,6 +39,18 @@ _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _MOST_ROWS = 10_000
 
 Problem = tuple[int, str]  # a line number, and what is wrong there
+
+
+class Record(NamedTuple):
+    """A row of a table in text, in one line or more; or a comment, or a blank line."""
+
+    text: str  # with its line end
+    cells: list[str]
+    line: int  # the number of its last line
+
+    @property
+    def is_row(self) -> bool:
+        return any(self.cells) and not _is_comment(self.cells[0])
 
 
 class UserTable(NamedTuple):
@@ -80,8 +95,8 @@ def read_rows(
     path, schema = Path(path), _schema(name)
     known = schema["properties"]
     header, mark, lines = _read_lines(path)
-    names = {_alike(name): name for name in [*ignored, *(renamed or {}), *known]}
-    columns = [names.get(_alike(column), column) for column in header]
+    names = {alike(name): name for name in [*ignored, *(renamed or {}), *known]}
+    columns = [names.get(alike(column), column) for column in header]
     for other, own in (renamed or {}).items():
         columns = [own if c == other and own not in columns else c for c in columns]
     missing = [column for column in schema["required"] if column not in columns]
@@ -195,14 +210,14 @@ def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]
         header.pop()
     columns: dict[str, str] = {}
     for column in header:
-        if other := columns.get(_alike(column)):
+        if other := columns.get(alike(column)):
             problem = f"line {line}: a column is given twice, as {other!r} and as {column!r}"
             raise ConfigError(path, problem, "Remove one of them, or rename it.")
-        columns[_alike(column)] = column
+        columns[alike(column)] = column
     return header, mark, lines[1:]
 
 
-def _alike(column: str) -> str:
+def alike(column: str) -> str:
     """A column's name without its capitals, blanks and marks that nobody sees."""
     return unicodedata.normalize("NFKC", column).strip(" \ufeff\u200b").casefold()
 
@@ -210,17 +225,34 @@ def _alike(column: str) -> str:
 def _text(content: bytes) -> tuple[str, list[tuple[int, list[str]]]]:
     """What separates the cells of a text, and the cells of each row by line number."""
     try:
-        text = decoded(content).splitlines()
+        text = decoded(content)
     except UnicodeDecodeError:
-        text = content.decode("cp1252").splitlines()
+        text = content.decode("cp1252")
+    records, mark = records_of(text)
+    return mark, [(record.line, record.cells) for record in records]
+
+
+def records_of(text: str) -> tuple[list[Record], str]:
+    """The records of a table in text, and the separator of its cells.
+
+    Raises a `csv.Error` if a quote is not closed, which would hide rows.
+    """
+    lines = [*io.StringIO(text, newline="")]
     # A spreadsheet puts a comment in quotes, and writes blank rows as rows of empty cells.
-    said = [line for line in text if line.strip(' \t,;"') and not _is_comment(line)]
-    mark = separator_of(said[0] if said else "") or ","
-    rows = ("" if _is_comment(line) else line for line in text)
-    reader = csv.reader(
-        rows, delimiter=mark, strict=True
-    )  # a quote that is not closed hides rows
-    return mark, [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+    full = (line for line in lines if line.strip(' \t\r\n,;"') and not _is_comment(line))
+    mark = separator_of(next(full, "")) or ","
+    records: list[Record] = []
+    rest, start = iter(lines), 0
+    for line in rest:
+        cells, end = [""], start + 1
+        if line.strip() and not _is_comment(line):
+            # takes as many lines as the row has
+            reader = csv.reader(itertools.chain([line], rest), delimiter=mark, strict=True)
+            cells = [cell.strip() for cell in next(reader)]
+            end = start + reader.line_num
+        records.append(Record("".join(lines[start:end]), cells, end))
+        start = end
+    return records, mark
 
 
 def _sheet(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:

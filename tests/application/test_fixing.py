@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from gst.edited import with_cells
 from gst.fixing import Cure, cures_of, offer
 from gstlib.coupling.placement import Mould, oriented
+from gstlib.errors import ConfigError
 from gstlib.surfaces.footprints import Place, on_patch, spline_of
 from gstlib.surfaces.grid import make_surface
 from scipy.ndimage import gaussian_filter
@@ -176,10 +176,23 @@ def test_what_changes_nothing_is_not_asked(files, monkeypatch):
     assert not (files / "study.yaml.bak").exists()
 
 
-def test_a_table_of_comments_stays():
-    assert with_cells("# nothing\n", lambda _: {"a": 1}) == "# nothing\n"
+def test_a_link_and_a_mode_stay_and_the_copy_is_no_more_readable(files):
+    (files / "study.yaml").rename(files / "real.yaml")
+    (files / "study.yaml").symlink_to("real.yaml")
+    (files / "real.yaml").chmod(0o600)
+    assert offer(files / "study.yaml", CURES, is_confirmed=True)
+    assert (files / "study.yaml").is_symlink()
+    assert "flip: x" in (files / "real.yaml").read_text()
+    modes = {file.stat().st_mode & 0o777 for file in files.glob("*.yaml*")}
+    assert modes == {0o600}
 
 
-def test_columns_are_known_in_whatever_case():
-    table = "Patch; X_mm\n1; 2\n"
-    assert with_cells(table, lambda row: {"x_mm": row["patch"]}) == "Patch; X_mm\n1;1\n"
+def test_a_file_that_changes_while_it_is_shown_stays(files, monkeypatch):
+    def answer():
+        (files / "mine.csv").write_text(f"{TABLE}3;3,5;e;\n")
+        return "y"
+
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=bool, readline=answer))
+    with pytest.raises(ConfigError, match=r"mine\.csv: has changed"):
+        offer(files / "study.yaml", CURES)
+    assert (files / "study.yaml").read_text() == CONFIG

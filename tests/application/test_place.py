@@ -194,7 +194,7 @@ def test_places_are_written_and_the_rest_stays(server, study):
     assert text == CONFIG.replace("TODO", str(POINTS_MM))
     assert (study / "patches.tsv").read_text() == (
         "# by hand\npatch\tnote\tx_mm\ty_mm\tt0\trotation_deg\n"
-        "A\tdull\t1.235\t0\ta.plu\t-7.5\nB\t\t1.5\tTODO\tb.plu\t0\n"
+        "A\tdull\t1,235\t0\ta.plu\t-7,5\nB\t\t1,5\tTODO\tb.plu\t0\n"
     )
     # undone, also the turn
     assert ask(server, "places", places(*state["patches"]))[0] == 200

@@ -1,13 +1,15 @@
 """Files that are not too large to read, and result files that are whole or absent.
 
 A file is written next to its final place under a hidden name (``.NAME.PID.part``), which nothing
-reads, and renamed once all of it is on the disk.
+reads, and renamed once all of it is on the disk. Links to files, modes and owners are kept.
 """
 
+import contextlib
 import errno
 import glob
 import hashlib
 import os
+import stat
 import tempfile
 import zipfile
 from collections.abc import Collection
@@ -148,28 +150,43 @@ def check_writable(folder: str | Path) -> None:
 def write_whole(path: str | Path, content: bytes | memoryview) -> None:
     """Write `content` to `path`; an old file is replaced once the new one is whole.
 
-    The file's folder is made if it does not exist, and remains of a killed attempt are removed.
+    If `path` is a link, the file that it leads to is replaced. The new file has the mode of the old
+    one, and its owner and group if the system allows it. The file's folder is made if it does not
+    exist, and remains of a killed attempt are removed.
 
     Raises
     ------
     OutputError
         The disk is full or read-only, or the file cannot be written for another reason.
     """
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    target = Path(os.path.realpath(path))
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for left in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        for left in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
             left.unlink(missing_ok=True)
         try:
             with temporary.open("wb") as file:
+                _take_mode(file.fileno(), target)
                 file.write(content)
                 file.flush()
                 # otherwise a power cut could leave the name with no content
                 os.fsync(file.fileno())
-            os.replace(temporary, path)
+            os.replace(temporary, target)
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
     except OSError as error:
         raise cannot_write(path, error) from error
+
+
+def _take_mode(file: int, old: Path) -> None:
+    """Give an open file the owner, group and mode of an old one, as far as the system allows."""
+    with contextlib.suppress(FileNotFoundError):
+        status = old.stat()
+        for owner in ((-1, status.st_gid), (status.st_uid, -1)):
+            with contextlib.suppress(OSError):
+                os.fchown(file, *owner)
+        # after the owner, whose change takes bits from the mode
+        with contextlib.suppress(OSError):
+            os.fchmod(file, stat.S_IMODE(status.st_mode))

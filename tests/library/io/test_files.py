@@ -58,6 +58,20 @@ def test_killed_while_writing(tmp_path):
     assert set(os.listdir(path.parent)) == {path.name, other.name}
 
 
+def test_links_and_modes_stay(tmp_path):
+    file, link = tmp_path / "there/a.bin", tmp_path / "b.bin"
+    write_whole(file, b"old")
+    umask = os.umask(0o022)
+    os.umask(umask)
+    assert file.stat().st_mode & 0o777 == 0o666 & ~umask
+    file.chmod(0o640)
+    link.symlink_to("there/a.bin")
+    write_whole(link, b"new")
+    assert (link.is_symlink(), file.read_bytes()) == (True, b"new")
+    assert file.stat().st_mode & 0o777 == 0o640
+    assert os.listdir(tmp_path / "there") == ["a.bin"]
+
+
 def test_a_folder_that_cannot_be_written_to(tmp_path, monkeypatch):
     check_writable(tmp_path / "new/results")
     assert os.listdir(tmp_path / "new/results") == []
