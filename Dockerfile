@@ -7,7 +7,7 @@ RUN apt-get update \
     && apt-get install --yes --no-install-recommends git make python3-venv \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /opt/gst
-COPY CITATION.cff LICENSE Makefile README.md Snakefile pyproject.toml requirements.lock ./
+COPY CITATION.cff LICENSE Makefile README.md Snakefile pyproject.toml requirements-build.lock requirements.lock ./
 COPY config config
 COPY profiles profiles
 COPY src src
