@@ -160,6 +160,20 @@ def test_nothing_is_installed_without_its_hash():
     assert [one for one in installing if not re.search(safe, one)] == []
 
 
+@IN_A_CLONE
+def test_actions_and_the_image_stand_by_what_is_in_them():
+    files = list((ROOT / ".github/workflows").iterdir())
+    assert files
+    for file in files:
+        workflow = yaml.safe_load(file.read_text(encoding="utf-8"))
+        assert workflow["permissions"] == {}
+        assert all("permissions" in job for job in workflow["jobs"].values())
+        for used in re.findall(r"uses: (.*)", file.read_text(encoding="utf-8")):
+            assert re.fullmatch(r"[\w/-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", used)
+    (image,) = re.findall(r"^FROM (.*)$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+    assert re.fullmatch(r"debian:[\w-]+@sha256:[0-9a-f]{64}", image)
+
+
 # --- As a module of another workflow ---------------------------------------------------------
 
 
