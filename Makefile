@@ -6,6 +6,12 @@ CORES   ?= 2
 PROFILE ?= default
 BIN     := .venv/bin
 READY   := .venv/ready
+# the environment with what only the site, the notebooks and some tests need
+CHECKS  := .venv/checks
+# every package by its hash; one without a wheel is built by the locked setuptools
+PIP     := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation
+LOCK    := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+  --no-header --no-annotate --upgrade
 # on a cluster, the profile sets the number of cores
 STUDY   := $(BIN)/gst study $(if $(filter default,$(PROFILE)),--cores $(CORES),--profile $(PROFILE))
 # one thread: with two, the small matrix products of a test only wait for each other
@@ -22,16 +28,22 @@ help: ## list these commands
 	  | awk -F'|' '{printf "  make %-14s %s\n", $$1, $$2}'
 	@echo "  Options: CONFIG=config/config.yaml  CORES=2  PROFILE=default  PYTHON=python3"
 
-environment: $(READY) ## make the Python environment in .venv from the lock file
+environment: $(READY) ## make the Python environment in .venv from the lock files
 
-$(READY): requirements.lock pyproject.toml
+$(READY): requirements-build.lock requirements.lock pyproject.toml
 	@case "$$PWD" in *[[:space:]\'\"\\\$$\`\&\;\|\<\>\(\)\*\?{}]*) echo \
 	  "ERROR: Snakemake cannot run in a folder with a blank, a quote or a bracket in its path: move the project"; exit 1;; esac
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo \
 	  "ERROR: $(PYTHON) is older than Python 3.11: run make with PYTHON=/path/to/a/newer/python3"; exit 1; }
 	$(PYTHON) -m venv --clear .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	$(PIP) --require-hashes -r requirements-build.lock
+	$(PIP) --require-hashes -r requirements.lock
+	$(PIP) --no-deps -e .
+	@touch $@
+
+$(CHECKS): $(READY) requirements-checks.lock
+	@# --no-deps: the lock has all of them, and one at a version that another refuses
+	$(PIP) --no-deps --require-hashes -r requirements-checks.lock
 	@touch $@
 
 study: $(READY) ## run the whole study
@@ -49,8 +61,7 @@ diff: $(READY) ## compare two result folders: make diff A=results B=other/result
 test: style types ## check style and types, and run the quick tests (minutes)
 	$(PYTEST) $(PARALLEL) -m "not slow and not slurm and not browser"
 
-test-all: test ## run all tests: also whole studies, browser, site, Slurm, faults (an hour)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[record]'
+test-all: test $(CHECKS) ## run all tests: also whole studies, browser, site, Slurm, faults (an hour)
 	$(PYTEST) $(PARALLEL) -m "slow and not slurm"
 	$(MAKE) test-browser site notebooks
 	$(PYTEST) -m slurm
@@ -69,8 +80,7 @@ style: $(READY)
 types: $(READY)
 	$(BIN)/mypy
 
-test-browser: $(READY) ## open the pages in Chromium, if it is installed (minutes)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[browser]'
+test-browser: $(CHECKS) ## open the pages in Chromium, if it is installed (minutes)
 	$(PYTEST) -m browser tests/workflow
 
 test-slurm: $(READY) ## run the tiny study through a real Slurm; installs one with apt-get if needed (root)
@@ -114,8 +124,7 @@ docs: $(READY) ## renew the parts of the documents that are generated from the c
 	$(BIN)/python workflow/document.py
 	$(BIN)/python benchmarks/age.py
 
-site: $(READY) ## make an offline site of the documents and the API in build/site; any warning is an error
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[docs]'
+site: $(CHECKS) ## make an offline site of the documents and the API in build/site; any warning is an error
 	@# -E: an unchanged page may quote a changed one
 	$(BIN)/python -m sphinx -W --keep-going -E -q -c docs -d build/doctrees . build/site
 	@! grep -rE '<(script|link|img)[^>]+https?://' build/site --include='*.html'
@@ -123,22 +132,27 @@ site: $(READY) ## make an offline site of the documents and the API in build/sit
 
 notebooks: $(READY) ## make notebooks of the gallery's scripts in build/notebooks, run without the workflow's packages (minutes)
 	rm -rf build/notebooks && mkdir -p build/notebooks && cp docs/gallery/*.py build/notebooks
-	cd build/notebooks && env -u PYTHONPATH ../../$(BIN)/uv run --isolated --no-project --refresh-package gstlib --with ../.. \
-	  --with ipykernel,jupytext,matplotlib,nbconvert \
-	  jupytext --quiet --to ipynb --set-kernel python3 --execute *.py
+	$(BIN)/uv venv --quiet --python $(BIN)/python build/notebooks/.venv
+	@# the locks as constraints, which give version and hash of each package
+	$(BIN)/uv pip install --quiet --python build/notebooks/.venv --refresh-package gstlib --build-constraints requirements.lock \
+	  --constraints requirements.lock --constraints requirements-checks.lock . ipykernel jupytext matplotlib nbconvert
+	cd build/notebooks && env -u PYTHONPATH .venv/bin/jupytext --quiet --to ipynb --set-kernel python3 --execute *.py
 
 dist: $(READY) ## build wheel and sdist in dist/, and run the sdist's tests on the wheel elsewhere (minutes)
-	rm -rf dist && $(BIN)/uv build --quiet --out-dir dist .
+	rm -rf dist && $(BIN)/uv build --quiet --no-build-isolation --python $(BIN)/python --out-dir dist .
 	folder=$$(mktemp -d) && tar -xzf dist/*.tar.gz -C "$$folder" --strip-components=1 \
 	  && $(BIN)/uv venv --quiet --python $(BIN)/python "$$folder/.venv" \
-	  && $(BIN)/uv pip install --quiet --python "$$folder/.venv" -r requirements.lock dist/*.whl \
+	  && $(BIN)/uv pip install --quiet --python "$$folder/.venv" --build-constraints requirements-build.lock \
+	    --require-hashes -r requirements.lock \
+	  && $(BIN)/uv pip install --quiet --python "$$folder/.venv" --no-deps dist/*.whl \
 	  && cd "$$folder" && env -u PYTHONPATH $(PYTEST) $(PARALLEL) -m "not slow" tests/library tests/application tests/scripts \
 	  && rm -r "$$folder"
 
-lock: $(READY) ## renew requirements.lock with the newest versions that fit
-	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-	  --no-header --no-annotate --extra workflow --extra slurm --extra dev --upgrade \
+lock: $(READY) ## renew the lock files with the newest versions that fit
+	$(LOCK) --group build --output-file requirements-build.lock
+	$(LOCK) --extra workflow --extra slurm --extra dev --constraints requirements-build.lock \
 	  --output-file requirements.lock pyproject.toml
+	$(LOCK) --group checks --constraints requirements.lock --output-file requirements-checks.lock
 
 clean: $(READY) ## remove the results of CONFIG's study (asks first)
 	@$(BIN)/gst clean "$(CONFIG)"

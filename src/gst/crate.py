@@ -53,6 +53,7 @@ _DEFAULT = "config/config.yaml"
 _PACKAGES = "gst", "gstlib", "snakemake_logger_plugin_gst"
 _PINNED = {
     "pyproject.toml": "What the program needs.",
+    "requirements-build.lock": "The packages that install and build others, with their hashes.",
     "requirements.lock": "The packages with which it is tested, with their hashes.",
 }
 _AGAIN = """
@@ -60,7 +61,8 @@ The program is in `src`, `workflow` and `profiles`. To make the results again, p
 inputs where `config/study.yaml` names them, and run in this folder:
 
     python3 -m venv .venv
-    .venv/bin/pip install --require-hashes -r requirements.lock
+    .venv/bin/python -m pip install --require-hashes -r requirements-build.lock
+    .venv/bin/python -m pip install --require-hashes --no-build-isolation -r requirements.lock
     PYTHONPATH=src .venv/bin/python -m gst study config/study.yaml
 """
 _GENERATED = (

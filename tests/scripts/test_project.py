@@ -1,6 +1,7 @@
 """The project's own tools, beside whatever a user keeps in its folder; and its documents."""
 
 import contextlib
+import importlib.metadata
 import io
 import os
 import re
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 from gst.tables import TABLES
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [
@@ -107,6 +109,36 @@ def test_no_document_installs_what_no_index_has():
     telling = re.compile(r"pip install [^\n`]*gstlib(?!\[\w+\] @)")
     found = {path.name for path in DOCUMENTS if telling.search(path.read_text("utf-8"))}
     assert found <= {"install.md"}
+
+
+PERMISSIVE = re.compile(
+    r"\b(0BSD|Apache|BSD|CC0|ISC|MIT|PSF|Public Domain|Python Software Foundation|Zlib)\b"
+)
+
+
+def is_permissive(package):
+    """Whether a package states licences, and a permissive one in each statement."""
+    field = (package.get("License") or "").strip()
+    classes = [text for text in package.get_all("Classifier", []) if text.startswith("License")]
+    expression = package.get("License-Expression")
+    stated = [expression] if expression else classes or field.splitlines()[:1]
+    parts = [part for text in stated for part in re.split(" AND | OR ", text)]
+    return bool(parts) and field != "UNKNOWN" and all(map(PERMISSIVE.search, parts))
+
+
+def test_licences_that_are_not_permissive_are_listed():
+    locks = "".join(file.read_text("utf-8") for file in ROOT.glob("*.lock"))
+    locked = set(re.findall(r"^([\w.-]+)==", locks, re.MULTILINE))
+    page = (ROOT / "docs/how-to/install.md").read_text("utf-8")
+    section = re.search(r"^## Licences\n(.*?)^## ", page, re.MULTILINE | re.DOTALL)[1]
+    cells = re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
+    listed = set(re.findall(r"`([\w.-]+)`", " ".join(cells)))
+    assert listed <= locked
+    every = (one.metadata for one in importlib.metadata.distributions())
+    packages = {canonicalize_name(about["Name"]): about for about in every}
+    installed = locked & packages.keys()
+    strict = {name for name in installed if not is_permissive(packages[name])}
+    assert strict == listed & installed
 
 
 def test_places_are_counted_from_the_reference_corner():

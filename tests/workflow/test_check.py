@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import sys
 from pathlib import Path
 
@@ -292,8 +293,8 @@ def test_a_config_that_is_no_yaml_is_refused_in_one_sentence(tmp_path, target):
 def test_a_project_in_a_folder_that_snakemake_cannot_use_is_refused(tmp_path, folder, refused):
     project = tmp_path / folder
     project.mkdir()
-    for name in ("Makefile", "requirements.lock", "pyproject.toml"):
-        (project / name).write_bytes((ROOT / name).read_bytes())
+    for file in (ROOT / "Makefile", ROOT / "pyproject.toml", *ROOT.glob("*.lock")):
+        shutil.copy(file, project)
     result = run("make", "environment", "PYTHON=false", cwd=project)  # a Python that is too old
     assert ("move the project" in result.stdout + result.stderr) == refused
     assert ("is older than Python" in result.stdout + result.stderr) != refused

@@ -11,13 +11,15 @@ import yaml
 from hatchling.builders.sdist import SdistBuilder
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
+from packaging.utils import canonicalize_name
 
 from .conftest import ROOT, SNAKEMAKE, Study, fresh, run
 
 IN_A_CLONE = pytest.mark.skipif(
     not (ROOT / ".test").is_dir(), reason="the sdist leaves out .test, which holds a link"
 )
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT = DECLARED["project"]
 
 
 def plan(*arguments, cwd, **environment):
@@ -100,24 +102,76 @@ def test_the_container_has_all_that_a_study_needs(image, study):
     assert result.returncode == 0, result.stdout + result.stderr
     assert "score_truth" in result.stdout
     assert "steps would run." in result.stdout  # as the display says, which the profile names
-    to_build = {"src", "CITATION.cff", "Makefile", "requirements.lock"}
+    to_build = {"src", "CITATION.cff", "Makefile", "requirements-build.lock", "requirements.lock"}
     assert to_build | {PROJECT["readme"], *PROJECT["license-files"]} <= {
         file.name for file in folder.iterdir()
     }
 
 
-def test_conda_takes_the_locked_packages_under_a_python_that_they_are_for():
+def locked(name):
+    """The versions of each package in a lock file: one, or one for each Python."""
+    versions = {}
+    text = (ROOT / f"{name}.lock").read_text(encoding="utf-8")
+    assert "://" not in text  # the registry is the reader's own
+    for package, version in re.findall(r"^([\w.-]+)==(\S+)", text, re.MULTILINE):
+        versions.setdefault(package, set()).add(version)
+    return versions
+
+
+def test_each_lock_has_what_the_project_asks_for():
+    study, checks, build = map(
+        locked, ("requirements", "requirements-checks", "requirements-build")
+    )
+    asked = [
+        (study, [*PROJECT["dependencies"], *DECLARED["build-system"]["requires"]]),
+        *((study, extra) for extra in PROJECT["optional-dependencies"].values()),
+        (checks, DECLARED["dependency-groups"]["checks"]),
+        (build, DECLARED["dependency-groups"]["build"]),
+    ]
+    for lock, texts in asked:
+        for requirement in map(Requirement, texts):
+            name = canonicalize_name(requirement.name)
+            if name != PROJECT["name"]:
+                assert lock[name], name
+                assert all(map(requirement.specifier.contains, lock[name])), name
+    for lock in (checks, build):
+        assert {name: lock[name] for name in lock.keys() & study} == {
+            name: study[name] for name in lock.keys() & study
+        }
+
+
+def test_conda_takes_what_installs_the_locked_packages():
     python, _, by_pip = yaml.safe_load((ROOT / "environment.yaml").read_text())["dependencies"]
-    assert by_pip == {"pip": ["--require-hashes", "-r requirements.lock"]}
+    assert by_pip == {"pip": ["--require-hashes", "-r requirements-build.lock"]}
     name, version = python.split(" =")
     assert name == "python"
     assert SpecifierSet(PROJECT["requires-python"]).contains(version)
-    lock = (ROOT / "requirements.lock").read_text()
-    locked = set(re.findall(r"^([\w.-]+)==", lock, re.MULTILINE))
-    needed = list(PROJECT["dependencies"])
-    for name in ("fast", "formats", "texture", "workflow"):
-        needed += PROJECT["optional-dependencies"][name]
-    assert {Requirement(text).name.lower() for text in needed} - {"gstlib"} <= locked
+
+
+def test_nothing_is_installed_without_its_hash():
+    """A package of a registry by a lock; only this project without."""
+    files = ROOT / "Makefile", ROOT / "Dockerfile", *ROOT.glob(".github/workflows/*")
+    text = "\n".join(file.read_text(encoding="utf-8") for file in files)
+    assert not re.search(r"\buvx?\)? run\b|\buvx\b|--with\b", text)
+    commands = re.split(r"\n|&&", text.replace("\\\n", " ").replace("$(PIP)", "pip install"))
+    installing = [one for one in commands if re.search(r"pip install(?! --quiet.*isolation$)", one)]
+    assert len(installing) > 5
+    safe = r"--require-hashes -r |--no-deps (-e \.|dist/\*\.whl)|--constraints requirements\.lock"
+    assert [one for one in installing if not re.search(safe, one)] == []
+
+
+@IN_A_CLONE
+def test_actions_and_the_image_stand_by_what_is_in_them():
+    files = list((ROOT / ".github/workflows").iterdir())
+    assert files
+    for file in files:
+        workflow = yaml.safe_load(file.read_text(encoding="utf-8"))
+        assert workflow["permissions"] == {}
+        assert all("permissions" in job for job in workflow["jobs"].values())
+        for used in re.findall(r"uses: (.*)", file.read_text(encoding="utf-8")):
+            assert re.fullmatch(r"[\w/-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", used)
+    (image,) = re.findall(r"^FROM (.*)$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+    assert re.fullmatch(r"debian:[\w-]+@sha256:[0-9a-f]{64}", image)
 
 
 # --- As a module of another workflow ---------------------------------------------------------

@@ -48,7 +48,8 @@ def test_installed_without_the_repository(built, version, finished_tiny, tmp_pat
     wheel = next(built.glob("*.whl"))
     installed = tmp_path / "venv/bin"
     into = "--python", installed / "python", "--constraints", ROOT / "requirements.lock"
-    succeed(*UV, "pip", "install", *into, f"gstlib[workflow] @ {wheel.as_uri()}")
+    by = "--build-constraints", ROOT / "requirements-build.lock"
+    succeed(*UV, "pip", "install", *into, *by, f"gstlib[workflow] @ {wheel.as_uri()}")
     said = succeed(installed / "python", "-c", "import gst; print(gst.ROOT)", cwd=tmp_path)
     assert Path(said.strip()).is_relative_to(tmp_path / "venv")
     gst = installed / "gst"
@@ -69,7 +70,8 @@ def test_a_package_makes_its_results_again(finished_tiny, tmp_path):
     study = Study(finished_tiny.folder)
     pack_study(study.results, tmp_path / "tiny.zip")
     shutil.unpack_archive(tmp_path / "tiny.zip", alone := tmp_path / "alone")
-    assert {"requirements.lock", "pyproject.toml"} <= {file.name for file in alone.iterdir()}
+    pinned = {"requirements-build.lock", "requirements.lock", "pyproject.toml"}
+    assert pinned <= {file.name for file in alone.iterdir()}
     own = {"cwd": alone, "PYTHONPATH": "src"}
     result = run(sys.executable, "-m", "gst", "study", "config/study.yaml", **own)
     assert result.returncode == 0, result.stdout + result.stderr
@@ -83,7 +85,7 @@ CONTEXT = "https://w3id.org/ro/crate/1.1/context"
 @pytest.fixture
 def cache(tmp_path):
     """What the validator would take from the network: one file, which `rocrate` ships."""
-    pytest.importorskip("rocrate_validator", reason="needs `pip install '.[record]'`")
+    pytest.importorskip("rocrate_validator", reason="needs `make test-all`")
     from requests_cache import CachedRequest, CachedResponse, CachedSession
 
     (package,) = importlib.util.find_spec("rocrate").submodule_search_locations
