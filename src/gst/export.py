@@ -106,7 +106,7 @@ def _tool(results: Path, made: set[Path]) -> bytes:
     if inputs is None:
         mesh, unit = _recorded(results / "specimen/mesh.stl", made), "mm"
     else:
-        mesh, unit = _measured(results, Path(inputs["mesh"])), inputs.get("mesh_unit")
+        mesh, unit = _measured(results, Path(inputs["mesh"])), inputs.get("mesh_unit", "mm")
     contact = _recorded(results / "macroscale/contact.h5", made)
     grid = read_dataset(contact, only=["pressure"]).pressure
     fields = {"pressure_MPa": grid}
@@ -148,7 +148,7 @@ def _measured(results: Path, mesh: Path) -> Path:
 
 
 def tool_with(
-    fields: Mapping[str, xr.DataArray], mesh: Path, mesh_unit: str | None, face: Path
+    fields: Mapping[str, xr.DataArray], mesh: Path, mesh_unit: str, face: Path
 ) -> bytes:
     """A mesh as PLY in its own coordinates, cut as fine as the fields (y, x) of its use-face.
 

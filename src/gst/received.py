@@ -48,9 +48,7 @@ RECORD = _form(
 )
 _ENTRY = dict.fromkeys(("file", "category", "title", "caption"), _TEXT)
 CONTENTS = {"type": "array", "items": _form(*_ENTRY, **_ENTRY)}
-_INPUTS = _form(
-    "mesh", "scan_folder", mesh=_TEXT, mesh_unit=_TEXT_OR_NULL, scan_folder=_TEXT_OR_NULL
-)
+_INPUTS = _form("mesh", "scan_folder", mesh=_TEXT, mesh_unit=_TEXT, scan_folder=_TEXT_OR_NULL)
 _CONFIG = {
     "title": _TEXT,
     "patches": _TEXT_OR_NULL,
@@ -68,7 +66,7 @@ def places_of(named: Any) -> set[Path]:
 
     That is a config, or a list of paths; each text in it may be a path.
     """
-    return {Path(os.path.realpath(place)) for place in (".", ROOT, *_texts(named))}
+    return {Path(os.path.realpath(place)) for place in (".", str(ROOT), *_texts(named))}
 
 
 def _texts(value: Any) -> Iterator[str]:

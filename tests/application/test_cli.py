@@ -38,7 +38,7 @@ def run(*arguments, said=""):
         (["check", "a\0b"], "cannot be the path of a file"),
         (["new", "loop", "--like", "tiny"], "is a loop of links"),
         (["package", "loop"], "is a loop of links"),
-        (["check", "in_loop.yaml"], "results"),
+        (["check", "in_loop.yaml"], "loop"),
         (["place", "gone"], "gone: cannot be opened"),
         (["diff", "full", "gone"], "gone: has no tables"),
         (["diff", "full", "full", "--tolerance", "-1"], "not in the range"),
