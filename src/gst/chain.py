@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gst.received import RECORD, is_readable, places_of, read_json
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
 
@@ -121,14 +122,11 @@ def given_to(results: Path, step: Step, seen: Digests | None = None) -> Record:
 def read_record(results: Path, name: str) -> Record | None:
     """The record of a step; None if there is none, or it is damaged or names files elsewhere."""
     try:
-        record = json.loads(record_of(results, name).read_text(encoding="utf-8"))
-        parts = [record[part] for part in ("params", "inputs", "files", "outputs", "messages")]
-        names = [*record["inputs"], *record["outputs"]]
-        is_whole = all(isinstance(part, dict) for part in parts)
-    except (OSError, ValueError, KeyError, TypeError):
+        record: Record = read_json(record_of(results, name), results, RECORD)
+    except (OSError, InputError):
         return None
-    is_whole = is_whole and all(map(_can_be, record["files"]))
-    return record if is_whole and all(map(is_inside, names)) else None
+    is_whole = all(map(is_inside, [*record["inputs"], *record["outputs"]]))
+    return record if is_whole and all(map(_can_be, record["files"])) else None
 
 
 def plan_again(steps: Iterable[Step], results: Path) -> dict[str, str]:
@@ -179,7 +177,7 @@ def break_in(results: Path, config: Mapping[str, Any] | None = None) -> str | No
     made_with = _of(results, PAGE, "params").get("config")
     if config is not None and made_with != _plain(config, results):
         return "the results were made with another config"
-    return next(_breaks(results, steps), None)
+    return next(_breaks(results, steps, config), None)
 
 
 def check_chain(results: Path) -> None:
@@ -189,14 +187,14 @@ def check_chain(results: Path) -> None:
 
 
 def certified_inputs(
-    results: Path, steps: Iterable[str], files: Iterable[Path]
+    results: Path, steps: Iterable[str], files: Sequence[Path]
 ) -> dict[str, str]:
     """SHA-256, by path, of measured `files` as the `steps` read them.
 
     Raises an `InputError` if a file is not as its step made it, or not as a step read it.
     """
     steps = list(steps)
-    _refuse(results, next(_breaks(results, steps), None))
+    _refuse(results, next(_breaks(results, steps, files), None))
     read: dict[str, str] = {}
     for each in steps:
         read |= _of(results, each, "files")
@@ -209,8 +207,9 @@ def _refuse(results: Path, problem: str | None) -> None:
         raise InputError(results, problem, remedy)
 
 
-def _breaks(results: Path, steps: Iterable[str]) -> Iterator[str]:
-    """Every break between these steps, in a sentence."""
+def _breaks(results: Path, steps: Iterable[str], named: Any) -> Iterator[str]:
+    """Every break between these steps, in a sentence; `named` is that of `places_of`."""
+    places = places_of(named)
     seen: Digests = {}
     for name in steps:
         record = read_record(results, name)
@@ -227,7 +226,7 @@ def _breaks(results: Path, steps: Iterable[str]) -> Iterator[str]:
                     yield f"{file} is not as the step {name} {did} it{edited}"
                 else:
                     yield f"{file}, which the step {name} {did}, is missing"
-        known = {path: of for path, of in record["files"].items() if Path(path).is_file()}
+        known = {path: of for path, of in record["files"].items() if is_readable(path, places)}
         changed = _changed(known, _digests(map(Path, known), None, seen))
         if changed:
             yield f"{changed} is not as the step {name} read it"
@@ -242,7 +241,7 @@ def made_in(results: Path) -> list[Path]:
 def _steps_in(results: Path) -> list[str]:
     """The steps of a finished study, the page last; none if there is no such study."""
     page = read_record(results, PAGE)
-    return [*page["params"]["steps"], PAGE] if page else []
+    return [*page["params"].get("steps", []), PAGE] if page else []
 
 
 def messages_of(results: Path, step: str, level: str) -> list[str]:
@@ -260,12 +259,15 @@ def last_took(results: Path, step: str) -> str:
 
 def check_links(results: Path) -> None:
     """Raise an `InputError` if a link in the results leads out: a study writes nowhere else."""
-    whole = results.resolve()
+    whole = os.path.realpath(results)
     for folder, folders, files in os.walk(results):
         for name in (*folders, *files):
             path = Path(folder, name)
-            if path.is_symlink() and not path.resolve().is_relative_to(whole):
-                problem = f"is a link to {path.resolve()}, outside the results"
+            if not path.is_symlink():
+                continue
+            real = Path(os.path.realpath(path))
+            if not real.is_relative_to(whole):
+                problem = f"is a link to {real}, outside the results"
                 raise InputError(path, problem, "Remove the link: a study writes only there.")
 
 

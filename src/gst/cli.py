@@ -7,11 +7,13 @@ Every command ends with one of these exit codes; `study`, once Snakemake runs, w
 - 2: it cannot be done (any `GstError` or `OSError`), was asked for wrongly, or was broken off
 """
 
+import errno
 import io
 import os
 import shlex
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -23,7 +25,23 @@ __all__ = ["main"]
 
 
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
-_PATH = click.Path(path_type=Path)
+
+
+class _Path(click.Path):
+    """A path that can lead to a file: without a NUL, and without a loop of links."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        try:
+            os.stat(value)
+        except ValueError:
+            self.fail(f"{value!r} cannot be the path of a file", param, ctx)
+        except OSError as error:
+            if error.errno == errno.ELOOP:
+                self.fail(f"{value} is a loop of links", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+_PATH = _Path(path_type=Path)
 _POSITIVE = click.FloatRange(min=0, min_open=True)
 _UNIT = click.option(
     "--unit",

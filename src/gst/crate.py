@@ -6,10 +6,12 @@ template of that description. The date of packing does not enter it: the same re
 bytes.
 """
 
+import contextlib
 import hashlib
 import importlib.resources
 import io
 import json
+import os
 import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -23,8 +25,9 @@ import yaml
 from lxml.html import fromstring
 
 from gst import ROOT
-from gst.chain import check_chain, is_inside
+from gst.chain import PAGE, check_chain, is_inside, made_in, read_record
 from gst.provenance import program_hash
+from gst.received import CONTENTS, read_json, read_provenance, regular_file
 from gst.strict_yaml import as_yaml
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
@@ -48,6 +51,8 @@ _FORMATS = {
 }
 # Of what a study was made, and what it made.
 _RECORD, _CONTENTS = "provenance.json", "contents.json"
+_IN_CONFIG = "title", "specimen", "patches", "published", "gesture"  # the keys that are read
+_METADATA = "ro-crate-metadata.json"
 _DEFAULT = "config/config.yaml"
 # The program, and what pins the packages that it needs.
 _PACKAGES = "gst", "gstlib", "snakemake_logger_plugin_gst"
@@ -56,6 +61,7 @@ _PINNED = {
     "requirements-build.lock": "The packages that install and build others, with their hashes.",
     "requirements.lock": "The packages with which it is tested, with their hashes.",
 }
+_REMEDY = "Run the study again, then pack it."
 _AGAIN = """
 The program is in `src`, `workflow` and `profiles`. To make the results again, put the measured
 inputs where `config/study.yaml` names them, and run in this folder:
@@ -101,17 +107,22 @@ def pack_study(
     Fields (HDF5), logs and measured inputs are left out; the metadata name them, the inputs with
     their SHA-256. The date of the run is that of its newest result. `authors` and `licence` (SPDX,
     such as CC-BY-4.0) are those of the results; the workflow has its own. The result is the number
-    of files in the zip. Raises an `InputError` if `results` has no finished study, a file has
-    changed since, a table of the study is missing, or another version of the program made them.
+    of files in the zip.
+
+    The results may come from somebody else. A file is packed only if its content has the digest
+    in the records of the steps, and if it lies in the results or, a table, in the working folder.
+
+    Raises an `InputError` if `results` has no finished study, a file has changed since, or names
+    another file; a table of the study is missing; another version of the program made them; or
+    `target` exists and is no package.
     """
+    _check_target(target)
     check_chain(results)
-    record, contents = (
-        json.loads((results / name).read_text(encoding="utf-8"))
-        for name in (_RECORD, _CONTENTS)
-    )
+    record = read_provenance(results, *_IN_CONFIG)
+    contents = read_json(results / _CONTENTS, results, CONTENTS)
     config, software = record["config"], record["software"]
     generated = config["specimen"] is not None
-    made, tables = _results(results, contents), _tables(record)
+    made, tables = _results(results, contents), _tables(results, record)
     snakefile, *parts = _workflow(software)
     about = _about(config)
     readme = f"# {about['name']}\n\n{about['description']}\n{_AGAIN}"
@@ -143,10 +154,22 @@ def pack_study(
         made=[file.id for file in made],
         used=used + ["#specimen"] * generated,
     )
-    files += [snakefile, *parts, _File("ro-crate-metadata.json", metadata)]
+    files += [snakefile, *parts, _File(_METADATA, metadata)]
     folders = [_File(f"{name}/", b"") for name in ("profiles", "src", "workflow")]
     write_whole(target, _zipped([*files, *folders]))
     return len(files)
+
+
+def _check_target(target: Path) -> None:
+    """Raise an `InputError` if a file would be replaced that is not an earlier package."""
+    if not os.path.lexists(target):
+        return
+    names: list[str] = []
+    with contextlib.suppress(InputError, zipfile.BadZipFile):
+        names = zipfile.ZipFile(regular_file(target, target.parent)).namelist()
+    if target.is_symlink() or _METADATA not in names:
+        problem = "exists, and is not a package of `gst package`"
+        raise InputError(target, problem, "Remove it, or give another name with --output.")
 
 
 def _about(config: Mapping[str, Any]) -> dict[str, str]:
@@ -174,33 +197,47 @@ def _results(results: Path, contents: Iterable[Mapping[str, str]]) -> list[_File
     """The page and its contents, with their captions, and the record."""
     said = "Provenance", "Config, SHA-256 of every input, versions."
     files = [_File(f"results/{_RECORD}", (results / _RECORD).read_bytes(), *said)]
+    made = {*made_in(results)}
     for entry in contents:
         file = entry["file"]
         if not is_inside(file):
             problem = f"names a file outside the results: {file}"
-            remedy = "Run the study again, then pack it."
-            raise InputError(results / _CONTENTS, problem, remedy)
+            raise InputError(results / _CONTENTS, problem, _REMEDY)
+        if results / file not in made:
+            problem = f"names a file that no step of the study made: {file}"
+            raise InputError(results / _CONTENTS, problem, _REMEDY)
+        content = regular_file(results / file, results).read_bytes()
         title = f"{entry['category'].partition(' ')[2]}: {entry['title']}"
-        caption = " ".join(fromstring(entry["caption"]).text_content().split())
-        files.append(_File(f"results/{file}", (results / file).read_bytes(), title, caption))
+        files.append(_File(f"results/{file}", content, title, _as_text(entry["caption"])))
     return files
 
 
-def _tables(record: Mapping[str, Any]) -> list[_File]:
+def _as_text(caption: str) -> str:
+    """A caption without its markup."""
+    return " ".join(fromstring(f"<div>{caption}</div>").text_content().split())
+
+
+def _tables(results: Path, record: Mapping[str, Any]) -> list[_File]:
     """The config and the tables that it names."""
     config = record["config"]
     text = as_yaml(config)
     said = "The config as it was run", "Defaults included."
     files = [_File("config/study.yaml", text.encode(), *said)]
-    named = config["patches"], config["published"], (config["gesture"] or {}).get("table")
+    tables = config["patches"], config["published"], (config["gesture"] or {}).get("table")
+    named = {str(Path(table)) for table in tables if table is not None}
+    digests = (read_record(results, PAGE) or {}).get("files", {})
     for path in record["inputs"]:
         if path in named:
-            if not Path(path).is_file():
+            if not Path(path).exists():
                 remedy = "Pack the study in the folder where it ran."
                 raise InputError(path, "this table of the study is missing", remedy)
             place = path if is_inside(path) else f"inputs/{Path(path).name}"
             said = path, "A table that the config names."
-            files.append(_File(place, Path(path).read_bytes(), *said))
+            file = _File(place, regular_file(path, Path.cwd()).read_bytes(), *said)
+            if file.sha256 != digests.get(path):
+                problem = "is not packed, because the page was not made from this content"
+                raise InputError(path, problem, _REMEDY)
+            files.append(file)
     return files
 
 
@@ -248,7 +285,8 @@ def _metadata(**said: Any) -> bytes:
     template = (importlib.resources.files("gst") / "crate.yaml").read_text(encoding="utf-8")
     text = around.from_string(template).render(**said, cff=cff, profiles=_PROFILES)
     entities = yaml.safe_load(text)
-    content = {"@context": _CONTEXT, "@graph": entities}
+    # through JSON once more, which puts the two halves of a character together
+    content = json.loads(json.dumps({"@context": _CONTEXT, "@graph": entities}))
     return (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode()
 
 

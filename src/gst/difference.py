@@ -5,16 +5,19 @@ another config may therefore have additional or missing rows; the rest is still 
 that the schema does not list, or whose key does not tell its rows apart, is compared row by row.
 """
 
-import json
-from collections.abc import Collection, Iterable, Sequence
+import io
+import os
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from gst.received import read_json, regular_file
 from gst.tables import TABLES
 from gstlib.errors import InputError
+from gstlib.io.files import check_size
 
 __all__ = ["compare_results", "describe_changes"]
 
@@ -82,16 +85,28 @@ def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
     if not files:
         raise InputError(folder, "has no tables/*.csv", "Name the results folder of a study.")
     as_text = {"dtype": str, "keep_default_na": False}
-    record = folder / "provenance.json"
+    tables = {}
     try:
-        tables = {file.name: pd.read_csv(file, **as_text) for file in files}
-        content = json.loads(record.read_text(encoding="utf-8")) if record.is_file() else {}
+        for path in files:
+            file = regular_file(path, folder)
+            check_size(file)
+            tables[path.name] = pd.read_csv(io.BytesIO(file.read_bytes()), **as_text)
     except ValueError as error:
         raise InputError(folder, f"cannot be read: {error}", "Run the study again.") from error
-    if content:
-        values = pd.json_normalize(content).iloc[0].map(str).items()
-        tables[_PROVENANCE] = pd.DataFrame(values, columns=["key", "value"])
+    record = folder / "provenance.json"
+    if os.path.lexists(record):
+        values = _values(read_json(record, folder, {"type": "object"}))
+        tables[_PROVENANCE] = pd.DataFrame(values, columns=["key", "value"], dtype=str)
     return tables
+
+
+def _values(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Every value in nested objects as text, by its keys."""
+    if isinstance(value, dict):
+        for name, part in value.items():
+            yield from _values(part, f"{key}.{name}" if key else name)
+    else:
+        yield key, str(value)
 
 
 def _changes(name: str, sides: Sequence[pd.DataFrame]) -> list[tuple[str, ...]]:
@@ -126,6 +141,6 @@ def _key(name: str, sides: Sequence[pd.DataFrame]) -> list[str]:
     if name == _PROVENANCE:
         key = ["key"]
     for side in sides:
-        if not {*key} <= {*side} or side[key].duplicated().any():
+        if not {*key} <= {*side} or len({*_rows(side, key)}) < len(side):
             return []
     return key

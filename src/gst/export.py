@@ -6,18 +6,18 @@ pressure the tool has the macroscale's, and the patches' own are in their HDF5 f
 """
 
 import io
-import json
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import xarray as xr
 
-from gst.chain import check_chain, made_in
+from gst.chain import PAGE, check_chain, made_in, read_record
 from gst.figures.tool import cut_tool
-from gstlib.io.files import write_whole
-from gstlib.io.meshes import ply_with, read_mesh
+from gst.received import read_provenance
+from gstlib.errors import InputError
+from gstlib.io.files import sha256, write_whole
+from gstlib.io.meshes import is_mesh, ply_with, read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import places_of
@@ -28,6 +28,7 @@ __all__ = ["export_study", "tool_with", "x3p_of"]
 
 # The files of each patch, in the folders of their batches.
 _BY_PATCH = {"T0": "surfaces/T0/*/*.h5", "change": "change/*/*.h5", "wear": "wear/*/*.h5"}
+_TOOL = "tool.ply"
 # The format asks for a date; that of the export says nothing about a result.
 _NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -35,12 +36,21 @@ _NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
 def export_study(results: Path, to: Path) -> list[Path]:
     """Write the maps of every patch, and the tool, into a folder; the files written.
 
-    Raises an `InputError` if the folder holds no finished study, a file has changed since, or its
-    mesh is elsewhere.
+    The results may come from somebody else. Only files with the digests in the records of the steps
+    are read, and no file is replaced.
+
+    Raises an `InputError` if the folder holds no finished study, a file has changed since, its mesh
+    is elsewhere, or the folder to write into has such files already.
     """
     check_chain(results)
+    if there := [*to.glob("*.x3p"), *to.glob(_TOOL)]:
+        remedy = "Remove the files of an earlier export, or give another folder with --to."
+        raise InputError(to, f"has the file {min(there).name} already", remedy)
     written = []
     for name, content in _files(results):
+        if Path(name).name != name:
+            problem = f"holds the name of a file outside the export: {name!r}"
+            raise InputError(results, problem, "Run the study again.")
         written.append(to / name)
         write_whole(written[-1], content)
     return written
@@ -48,7 +58,8 @@ def export_study(results: Path, to: Path) -> list[Path]:
 
 def _files(results: Path) -> Iterator[tuple[str, bytes]]:
     """Name and content of each file."""
-    made = set(made_in(results))  # other files may be left of other configs
+    made = {*made_in(results)}  # other files may be left of other configs
+    yield _TOOL, _tool(results, made)  # first, because its mesh may be elsewhere
     by_patch: dict[str, dict[str, Path]] = {}
     for stage, pattern in _BY_PATCH.items():
         for file in made & set(results.glob(pattern)):
@@ -58,7 +69,6 @@ def _files(results: Path) -> Iterator[tuple[str, bytes]]:
         for name, field in _maps(stages):
             title = f"patch {patch}: {field.attrs['long_name']}"
             yield f"{patch}_{name}.x3p", x3p_of(field, title)
-    yield "tool.ply", _tool(results, made)
 
 
 def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
@@ -91,10 +101,14 @@ def x3p_of(heights: xr.DataArray, title: str) -> bytes:
 
 def _tool(results: Path, made: set[Path]) -> bytes:
     """The tool as PLY, with pressure, patches and, of a gesture, exposure at its vertices."""
-    config = json.loads((results / "provenance.json").read_text(encoding="utf-8"))["config"]
-    specimen = {"mesh": results / "specimen/mesh.stl", "mesh_unit": "mm"}
-    inputs: dict[str, Any] = config["inputs"] or specimen
-    grid = read_dataset(results / "macroscale/contact.h5", only=["pressure"]).pressure
+    config = read_provenance(results, "inputs", "scans")["config"]
+    inputs = config["inputs"]
+    if inputs is None:
+        mesh, unit = _recorded(results / "specimen/mesh.stl", made), "mm"
+    else:
+        mesh, unit = _measured(results, Path(inputs["mesh"])), inputs.get("mesh_unit", "mm")
+    contact = _recorded(results / "macroscale/contact.h5", made)
+    grid = read_dataset(contact, only=["pressure"]).pressure
     fields = {"pressure_MPa": grid}
     exposure = results / "gesture/exposure.h5"
     if exposure in made:
@@ -103,13 +117,34 @@ def _tool(results: Path, made: set[Path]) -> bytes:
     if patches in made:
         half = config["scans"]["size_mm"] / 2
         row = xr.zeros_like(grid)
-        for number, place in enumerate(places_of(read_table(patches)).values(), start=1):
+        table = read_table(patches, ["patch", "x_mm", "y_mm", "rotation_deg"])
+        for number, place in enumerate(places_of(table).values(), start=1):
             v, u = place.seen(grid.y, grid.x)
             inside = (abs(v) <= half) & (abs(u) <= half)
             row = row.where(~inside.transpose(*row.dims), number)
         fields["patch"] = row
-    face = results / "macroscale/surface.h5"
-    return tool_with(fields, Path(inputs["mesh"]), inputs["mesh_unit"], face)
+    face = _recorded(results / "macroscale/surface.h5", made)
+    return tool_with(fields, mesh, unit, face)
+
+
+def _recorded(file: Path, made: set[Path]) -> Path:
+    """A file that a step of the study made; raises an `InputError` if none did."""
+    if file not in made:
+        raise InputError(file, "was made by no step of this study", "Run the study again.")
+    return file
+
+
+def _measured(results: Path, mesh: Path) -> Path:
+    """The mesh of the study, wherever it is, if it is the one that the page was made from.
+
+    Who names a file of somebody else in results cannot know its digest.
+    """
+    page = read_record(results, PAGE) or {"files": {}}
+    digest = page["files"].get(mesh.as_posix())
+    if digest and is_mesh(mesh) and mesh.is_file() and sha256(mesh) == digest:
+        return mesh
+    problem = "is not there, or is not the mesh that the page was made from"
+    raise InputError(mesh, problem, "Export the study in the folder where it ran.")
 
 
 def tool_with(

@@ -1,6 +1,7 @@
 """The files that a config names: whether they are there, and not where the results go."""
 
 import difflib
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -56,9 +57,9 @@ def input_in_results(config: Mapping) -> str | None:
         "scans": inputs.get("scan_folder"),
         "poses": (config["gesture"] or {}).get("table"),
     }
-    folder = Path(config["results"]).resolve()
+    folder = os.path.realpath(config["results"])
     for name, file in (files | _of_active_tool(config)).items():
-        if file is not None and Path(file).resolve().is_relative_to(folder):
+        if file is not None and Path(os.path.realpath(file)).is_relative_to(folder):
             return f"the {name} ({file})"
     return None
 

@@ -8,6 +8,7 @@ is in the config and the patch table (`gst.place_state`).
 
 import json
 import mimetypes
+import os
 import re
 import secrets
 import subprocess
@@ -175,8 +176,8 @@ class PlaceServer(ThreadingHTTPServer):
 
     def result_file(self, name: str) -> Path:
         """A file of the results, which are in the study's folder."""
-        folder = Path(read_config(self.config)["results"]).resolve()
-        file = (folder / name).resolve()
+        folder = Path(os.path.realpath(read_config(self.config)["results"]))
+        file = Path(os.path.realpath(folder / name))
         if not (file.is_relative_to(folder) and folder.is_relative_to(Path.cwd())):
             raise _RefusedError(HTTPStatus.FORBIDDEN, "outside the study's results")
         if not file.is_file():

@@ -20,6 +20,7 @@ from packaging.requirements import Requirement
 
 import gst
 import gstlib
+from gst.received import read_provenance
 from gstlib.errors import InputError
 from gstlib.io.files import sha256
 
@@ -36,7 +37,7 @@ __all__ = [
 # Of the packages that gstlib names, those that a study runs on.
 _EXTRAS = "fast", "formats", "texture", "workflow"
 # Modules that record a result but do not shape it.
-_RECORDING = {"gst.chain", "gst.logs", "gst.provenance"}
+_RECORDING = {"gst.chain", "gst.logs", "gst.provenance", "gst.received"}
 
 
 def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
@@ -69,10 +70,10 @@ def refuse_other_study(config: Mapping[str, Any]) -> None:
     """
     results = Path(config["results"])
     try:
-        written = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
-        made = written["config"]
-    except (OSError, ValueError, KeyError):  # none, or half written: the study writes it anew
+        written = read_provenance(results, "title", "inputs")
+    except (OSError, InputError):  # none, or half written: the study writes it anew
         return
+    made = written["config"]
     if not _is_same_study(made, config, written["inputs"].values()):
         stone = made["inputs"]["mesh"] if made["inputs"] else "a synthetic stone"
         raise InputError(

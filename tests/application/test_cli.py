@@ -35,6 +35,10 @@ def run(*arguments, said=""):
         (["press", "gone.plu", "--pressure", "5"], "gone.plu: no such file"),
         (["press", "gone.plu", "--pressure", "0"], "not in the range"),
         (["pick", LONG], TOO_LONG),
+        (["check", "a\0b"], "cannot be the path of a file"),
+        (["new", "loop", "--like", "tiny"], "is a loop of links"),
+        (["package", "loop"], "is a loop of links"),
+        (["check", "in_loop.yaml"], "loop"),
         (["place", "gone"], "gone: cannot be opened"),
         (["diff", "full", "gone"], "gone: has no tables"),
         (["diff", "full", "full", "--tolerance", "-1"], "not in the range"),
@@ -49,6 +53,8 @@ def test_what_cannot_be_done(tmp_path, monkeypatch, arguments, said):
     (tmp_path / "full.yaml").write_text(f"results: full\npatches: {patches}\n")
     (tmp_path / "full/tables").mkdir(parents=True)
     (tmp_path / "full/tables/a.csv").write_text("patch,x\n1,2\n")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "in_loop.yaml").write_text(f"results: loop\npatches: {patches}\n")
     monkeypatch.chdir(tmp_path)
     result = run(*map(os.fsdecode, arguments))
     assert result.exit_code == 2

@@ -1,9 +1,12 @@
 """`gst package`: what is in the zip, what it says of it, and what is refused."""
 
+import contextlib
 import hashlib
 import json
 import os
 import re
+import shutil
+import tempfile
 import zipfile
 from pathlib import Path
 from urllib.parse import unquote
@@ -18,6 +21,8 @@ from gst.crate import pack_study
 from gst.provenance import program_hash
 from gstlib.errors import InputError
 from gstlib.io.files import sha256
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 ROOT = Path(__file__).parents[2]
 RESULTS = {
@@ -61,9 +66,14 @@ def record(folder, specimen=None, results="out/results", **given):
 @pytest.fixture
 def results(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # where the study ran
-    folder = tmp_path / "out/results"
+    return study_in(tmp_path)
+
+
+def study_in(working):
+    """The results of a finished study in a working folder."""
+    folder = working / "out/results"
     write(folder, RESULTS | LEFT_OUT)
-    write(tmp_path, {name: content for name, content in INPUTS.items() if content})
+    write(working, {name: content for name, content in INPUTS.items() if content})
     said = {"category": "5 Validation", "caption": "<p>Loss &amp;\n<em>pressure</em>.</p>"}
     contents = [
         said | {"file": name, "title": f"title of {name}", "sha256": sha256(folder / name)}
@@ -152,11 +162,45 @@ def test_the_run_ends_with_its_newest_result_and_has_the_authors_given(results):
     assert entities[entities["./"]["license"]["@id"]]["name"] == "CC-BY-4.0"
 
 
-def from_elsewhere():
-    """A folder of somebody else, whose records fit each other."""
+def list_in_contents(name):
+    """As somebody else might: the records fit each other."""
     contents = Path("out/results/contents.json")
-    contents.write_text(contents.read_text().replace("tables/wear.csv", "../../private"))
+    contents.write_text(contents.read_text().replace("tables/wear.csv", name))
     record(Path("out/results"))
+
+
+def edit_record(name, change):
+    """Change a JSON file of the results, and let the page's record fit it."""
+    file, page = (Path("out/results", each) for each in (name, PAGE_RECORD))
+    file.write_bytes(change(json.loads(file.read_text())))
+    if file != page and file.is_file():
+        whole = json.loads(page.read_text())
+        whole["outputs"][name] = sha256(file)
+        page.write_text(json.dumps(whole))
+
+
+def name_table(path, digest=None):
+    """Let the provenance name a file as the patch table, with its digest in the page's record."""
+
+    def with_table(provenance):
+        provenance["config"]["patches"] = path
+        provenance["inputs"][path] = sha256(path)
+        return json.dumps(provenance).encode()
+
+    def with_digest(page):
+        page["files"][path] = digest or sha256(path)
+        return json.dumps(page).encode()
+
+    edit_record("provenance.json", with_table)
+    edit_record(PAGE_RECORD, with_digest)
+
+
+def link_table():
+    Path("config/link.tsv").symlink_to("/etc/passwd")
+    name_table("config/link.tsv")
+
+
+PAGE_RECORD = "logs/write_page.json"
 
 
 # What is done to a finished study in `out/results`, and what is said of it.
@@ -169,7 +213,14 @@ DAMAGED = {
     "result gone": (lambda: Path("out/results/figures/wear.png").unlink(), "wear.png"),
     "result": (lambda: Path("out/results/tables/wear.csv").write_text("other"), "wear.csv"),
     "input": (lambda: Path("data/a.plu").write_text("other"), "data/a.plu"),
-    "contents from elsewhere": (from_elsewhere, "outside the results: ../../private"),
+    "contents from elsewhere": (
+        lambda: list_in_contents("../../private"),
+        "outside the results: ../../private",
+    ),
+    "contents of no step": (lambda: list_in_contents("tables/old.csv"), "tables/old.csv"),
+    "private table": (lambda: name_table("/etc/passwd"), "/etc/passwd"),
+    "private table by a link": (link_table, "link.tsv"),
+    "table of another digest": (lambda: name_table("data/a.plu", "00"), "a.plu"),
     "elsewhere": (lambda: os.chdir("/"), "patches ü.tsv: this table of the study is missing"),
 }
 
@@ -181,6 +232,110 @@ def test_what_is_no_finished_study_is_refused(results, tmp_path, what):
     with pytest.raises(InputError, match=said):
         pack_study(results, tmp_path / "study.zip")
     assert not (tmp_path / "study.zip").exists()
+
+
+HOSTILE = ["provenance.json", "contents.json", PAGE_RECORD, "index.html", "tables", "export", "."]
+HOSTILE += ["tables/wear.csv", "tables/more.csv", "export/tool.ply", "../../config/published.csv"]
+HOSTILE += ["../../packed.zip"]
+SPOIL = {
+    "link": lambda file, private: file.symlink_to(private / "key"),
+    "link to a folder": lambda file, private: file.symlink_to(private),
+    "loop": lambda file, _: file.symlink_to(file.name),
+    "pipe": lambda file, _: os.mkfifo(file),
+    "folder": lambda file, _: file.mkdir(),
+    "of somebody else": lambda file, _: file.write_bytes(b"patch\n7\n"),
+    "missing": lambda *_: None,
+}
+DEEP = b"[" * 100_000 + b"]" * 100_000
+VALUES = st.none() | st.booleans() | st.integers() | st.floats() | st.text()
+VALUES |= st.sampled_from(["a\0b", "../../private/key", "/etc/passwd", "x" * 300, "\ud800", "."])
+VALUES = st.recursive(VALUES, lambda part: st.lists(part) | st.dictionaries(st.text(), part))
+
+
+def spoil_file(results, private, name, how):
+    file = results / name
+    if file.is_dir():
+        shutil.rmtree(file)
+    file.unlink(missing_ok=True)
+    file.parent.mkdir(exist_ok=True)
+    SPOIL[how](file, private)
+
+
+def spoil_json(name, keys, value):
+    """Put a value at keys of a JSON file, as far as it has them; or bytes in its place."""
+
+    def change(content):
+        part, last = content, None
+        for key in keys:
+            inside = [*part] if isinstance(part, dict) else [*range(len(part))]
+            last = part, inside[key % len(inside)]
+            if not isinstance(part := last[0][last[1]], dict | list) or not part:
+                break
+        last[0][last[1]] = value
+        return json.dumps(content).encode()
+
+    edit_record(name, (lambda _: value) if isinstance(value, bytes) else change)
+
+
+def snapshot(folder):
+    """What every file in a folder is, without following a link or reading a pipe."""
+    return {
+        file: file.read_bytes()
+        if file.is_file() and not file.is_symlink()
+        else (file.lstat().st_mode, file.is_symlink() and os.readlink(file))
+        for file in folder.rglob("*")
+    }
+
+
+def run_all(working, spoil):
+    """Every command that takes results: none ends otherwise than documented or does harm."""
+    private, study = working / "private", working / "study"
+    write(private, {"key": b"SECRET"})
+    study_in(study)
+    with contextlib.chdir(study):
+        spoil(Path("out/results"), private)
+        before = snapshot(working)
+        for command in (
+            ["package", "out/results", "--output", "packed.zip"],
+            ["export", "out/results"],
+            ["diff", "out/results", "out/results"],
+        ):
+            result = CliRunner().invoke(main, command)
+            assert isinstance(result.exception, SystemExit | None), command
+            assert result.exit_code in (0, 2), command
+            assert "SECRET" not in result.output
+        after = snapshot(working)
+    assert {file: after[file] for file in before} == before
+    packed = study / "packed.zip"
+    assert after.keys() - before.keys() <= {packed}
+    if packed in after and packed not in before:
+        with zipfile.ZipFile(packed) as archive:
+            assert not any(b"SECRET" in archive.read(name) for name in archive.namelist())
+
+
+@pytest.mark.parametrize("how", SPOIL)
+@pytest.mark.parametrize("name", HOSTILE)
+def test_no_hostile_file_is_read_replaced_or_waited_for(tmp_path, name, how):
+    run_all(tmp_path, lambda results, private: spoil_file(results, private, name, how))
+
+
+@given(
+    name=st.sampled_from(["provenance.json", "contents.json", PAGE_RECORD]),
+    keys=st.lists(st.integers(0, 9), min_size=1, max_size=4),
+    value=VALUES,
+)
+@example(name="provenance.json", keys=[0], value=DEEP)
+@example(name="provenance.json", keys=[0], value=b"[]")
+@example(name="provenance.json", keys=[0], value=b"[1, 2]")
+@example(name="provenance.json", keys=[0], value=b"\xff\xfe{")
+@example(name="contents.json", keys=[0], value=DEEP)
+@example(name="contents.json", keys=[0], value=b"7")
+@example(name=PAGE_RECORD, keys=[0], value=DEEP)
+@example(name=PAGE_RECORD, keys=[3], value={})  # params without steps
+@settings(max_examples=40, deadline=None)
+def test_whatever_json_is_in_results_is_refused_in_a_sentence(name, keys, value):
+    with tempfile.TemporaryDirectory() as folder:
+        run_all(Path(folder), lambda *_: spoil_json(name, keys, value))
 
 
 def test_the_command_writes_the_same_bytes_each_time(results):

@@ -124,6 +124,10 @@ def test_command_and_its_exit_codes(folders, tmp_path):
         in result.output
     )
     assert result.output.splitlines()[-1].endswith("(exit code 1): patch_pressures.csv")
+    (folders[1] / "provenance.json").write_text("[1, 2]")
+    result = run(*folders)
+    assert result.exit_code == 2
+    assert f"ERROR: {folders[1] / 'provenance.json'}: " in result.stderr
     (folders[1] / "tables/patch_pressures.csv").write_text("")
     for folder, problem in ((tmp_path / "no", "has no tables"), (folders[1], "cannot be read")):
         result = run(folders[0], folder)

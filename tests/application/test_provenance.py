@@ -17,6 +17,7 @@ from gstlib.io.files import sha256
 
 CONTENT = "of a mesh " * 200_000  # what differs is at its end
 SCRIPTS = Path(__file__).parents[2] / "workflow/scripts"
+RECORDING = "chain", "logs", "provenance", "received"
 
 
 def test_provenance_does_not_depend_on_folder_or_order(tmp_path):
@@ -112,7 +113,7 @@ def loaded_by(script):
     said = subprocess.check_output([sys.executable, "-c", program, script], text=True)
     source = Path(gstlib.__spec__.origin).parents[1]
     names = {Path(file).relative_to(source) for file in ast.literal_eval(said)}
-    return names - {Path(f"gst/{name}.py") for name in ("chain", "logs", "provenance")}
+    return names - {Path(f"gst/{name}.py") for name in RECORDING}
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,15 @@
 """`gst export`: other programs' readers find in its files what the study holds."""
 
+import json
 import shutil
 
 import meshio
 import numpy as np
 import pytest
 import trimesh
+from gstlib.io.files import sha256
 from gstlib.io.scans import read_scan
-from gstlib.io.store import read_dataset
+from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table
 from gstlib.surfaces.frames import FRAME, stored_frame
 from gstlib.surfaces.grid import spacing_of
@@ -95,3 +97,73 @@ def test_two_libraries_read_the_tool(exported):
     assert set(one.point_data) == set(read.dtype.names) - set("xyz")
     for name, values in one.point_data.items():
         np.testing.assert_array_equal(values, read[name])
+
+
+# What is done to a study, or to the folder to export into, and what is then refused by name.
+def _edit(file, change):
+    content = json.loads(file.read_text())
+    change(content)
+    file.write_text(json.dumps(content))
+
+
+def _reseal(study, name):
+    """Let the page's record fit a file that was changed."""
+    digest = sha256(study.results / name)
+    page = study.results / "logs/write_page.json"
+    _edit(page, lambda record: record["outputs"].update({name: digest}))
+
+
+def _foreign_mesh(study):
+    mesh = study.folder.parent / "private.stl"
+    shutil.copy(study.results / "specimen/mesh.stl", mesh)
+    inputs = {"mesh": str(mesh), "mesh_unit": "mm", "scan_folder": None}
+    provenance = study.results / "provenance.json"
+    _edit(provenance, lambda record: record["config"].update(inputs=inputs))
+    _reseal(study, "provenance.json")
+
+
+def _name_elsewhere(study):
+    """The name of a model becomes part of the name of a file."""
+    file = f"wear/1/{PATCH}.h5"
+    dataset = read_dataset(study.results / file)
+    models = [f"/../../../{model}" for model in dataset.model.values]
+    write_dataset(study.results / file, dataset.assign_coords(model=models))
+    for record in (study.results / "logs").glob("*.json"):
+        for part in ("inputs", "outputs"):
+
+            def renew(content, part=part):
+                if file in content[part]:
+                    content[part][file] = sha256(study.results / file)
+
+            _edit(record, renew)
+
+
+def _unrecorded(study):
+    _edit(
+        study.results / "logs/solve_macroscale.json",
+        lambda record: record["outputs"].pop("macroscale/contact.h5"),
+    )
+
+
+HOSTILE = {
+    "mesh": (_foreign_mesh, "private.stl"),
+    "name": (_name_elsewhere, "outside the export"),
+    "unrecorded": (_unrecorded, "contact.h5"),
+    "file of the user": (lambda study: (study.folder / "to/tool.ply").touch(), "tool.ply"),
+    "link": (lambda study: (study.folder / "to/a.x3p").symlink_to("../private"), "a.x3p"),
+}
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_only_what_the_records_have_is_exported_and_nothing_is_replaced(tiny, what):
+    (tiny.folder / "to").mkdir()
+    spoil, said = HOSTILE[what]
+    spoil(tiny)
+    outside = {file for file in tiny.folder.parent.rglob("*") if file.parent.name != "to"}
+    before = {file: file.lstat().st_size for file in (tiny.folder / "to").iterdir()}
+    result = tiny.gst("export", str(tiny.results), "--to", str(tiny.folder / "to"))
+    assert result.returncode == 2
+    assert said in result.stderr
+    assert "Traceback" not in result.stderr
+    assert {file: file.lstat().st_size for file in before} == before
+    assert outside == {file for file in tiny.folder.parent.rglob("*") if file.parent.name != "to"}
