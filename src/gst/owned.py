@@ -3,42 +3,56 @@
 A study owns the files that records of its steps name. Before its first step it also lists every
 file that its rules would write (`CLAIMS`), since a run may be killed before a record is there. All
 other files are a user's: a study refuses to write in their place, and `gst clean` leaves them.
+
+One run at a time writes into the folder, which holds its lock. Every process of a run has the
+folder in its environment, so that jobs which outlive a killed run are seen, too.
 """
 
 import os
+import platform
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from gst.chain import Step, read_record, record_of
-from gstlib.errors import InputError
-from gstlib.io.files import write_whole
+import psutil
+from filelock import SoftFileLock, Timeout
 
-__all__ = ["MOVED", "claim", "claimed_by", "move_aside", "recorded", "refuse_foreign"]
-__all__ += ["removable"]
+from gst.chain import Step, is_inside, read_record, record_of
+from gstlib.errors import InputError
+from gstlib.io.files import check_writable, write_whole
+
+__all__ = ["CLAIMS", "LOCK", "MOVED", "RESULTS", "alive", "claim", "claimed_by", "locked"]
+__all__ += ["move_aside", "recorded", "refuse_foreign", "removable"]
 
 CLAIMS = ".gst_outputs"  # in the results: the files that a study would write, one a line
 MOVED = "moved_aside"  # in the results: the user's files from folders that were made anew
-# Snakemake puts this empty file into a folder that a step made.
-_STAMP = ".snakemake_timestamp"
+# In the results, while a run or `gst clean` is at work there: its process and its machine.
+LOCK = ".gst_lock"
+# Environment variable of every process of a run: the results that it writes.
+RESULTS = "GSTLIB_RESULTS"
+# Empty files: Snakemake's in each folder that a step made, and the mark that inputs were checked.
+_STAMP, _PASSED = ".snakemake_timestamp", "inputs_passed"
 # A file while it is written (see `gstlib.io.files`), by its later name.
 _PART = re.compile(r"\.(?P<name>.+?)(\.\d+)?\.part\d*")
 
 
 def recorded(results: Path) -> set[str]:
     """Every file that some record names, by its name in the results; not records and logs."""
-    names: set[str] = set()
-    for record in _records(results).values():
-        names |= record["outputs"].keys()
-    return names
+    return _inside(name for record in _records(results).values() for name in record["outputs"])
 
 
 def claimed_by(results: Path) -> set[str]:
     """The files and folders that a study would write, as listed before its first step."""
     file = results / CLAIMS
-    return set(file.read_text("utf-8", "replace").splitlines()) if file.is_file() else set()
+    return _inside(file.read_text("utf-8", "replace").splitlines()) if file.is_file() else set()
+
+
+def _inside(names: Iterable[str]) -> set[str]:
+    """Those that are names of files in the results, and not of the folder itself."""
+    return {name for name in names if Path(name).parts and is_inside(name)}
 
 
 def refuse_foreign(steps: Iterable[Step], results: Path) -> None:
@@ -98,12 +112,11 @@ def removable(results: Path) -> list[Path]:
         files |= {record_of(results, name), record_of(results, name).with_suffix(".log")}
     files = set(filter(os.path.lexists, files))
     for folder in {file.parent for file in files} | {results / name for name in claims}:
-        for hidden in folder.glob(".*"):
-            made = _finished(hidden).relative_to(results)
-            is_part = made.name != hidden.name
+        for file in folder.glob("*"):
+            made = _finished(file).relative_to(results)
             is_ours = not {made.as_posix(), *map(str, made.parents)}.isdisjoint(names | claims)
-            is_stamp = hidden.name == _STAMP and hidden.lstat().st_size == 0
-            files |= {hidden} if is_stamp or (is_part and is_ours) else set()
+            is_mark = file.name in {_STAMP, _PASSED} and file.lstat().st_size == 0
+            files |= {file} if is_mark or (made.name != file.name and is_ours) else set()
     whole = results.resolve()
     return sorted(
         file
@@ -111,6 +124,42 @@ def removable(results: Path) -> list[Path]:
         if (file.is_symlink() or file.is_file())
         and file.parent.resolve() == whole / file.parent.relative_to(results)
     )
+
+
+def alive(results: Path) -> list[int]:
+    """The processes of a run on this machine that writes these results, by number."""
+    mark = str(results.resolve())
+    processes = psutil.process_iter(["environ"])
+    return [each.pid for each in processes if (each.info["environ"] or {}).get(RESULTS) == mark]
+
+
+@contextmanager
+def locked(results: Path) -> Iterator[None]:
+    """Keep other runs out of a folder of results; the lock of a dead process is taken over.
+
+    Raises an `InputError` if a run is, or may be, active there.
+    """
+    check_writable(results)
+    lock = SoftFileLock(results / LOCK)
+    try:
+        with lock.acquire(timeout=0):
+            if pids := alive(results):
+                raise _at_work(results, pids)
+            yield
+    except Timeout:
+        if lock.pid is None:
+            raise InputError(results / LOCK, "is no lock of gst", "Remove it.") from None
+        host = Path(lock.lock_file).read_text(encoding="utf-8").split()[1]
+        if host.partition("?")[0] == platform.node():
+            raise _at_work(results, [lock.pid]) from None
+        problem = f"a run that was started on {host} may still be at work on these results"
+        remedy = f"If it is not, remove {lock.lock_file} and try again."
+        raise InputError(results, problem, remedy) from None
+
+
+def _at_work(results: Path, pids: Sequence[int]) -> InputError:
+    problem = f"a run or its jobs are still at work on these results (processes {pids})"
+    return InputError(results, problem, f"Wait, or end them: kill {' '.join(map(str, pids))}")
 
 
 def _records(results: Path) -> dict[str, Any]:

@@ -1,24 +1,19 @@
 """A study from its config to its page: what `gst study` does around Snakemake.
 
-One run at a time writes into a folder of results, which holds its lock. Every process of the run
-carries that folder in its environment, so that jobs which outlive a killed run are seen, too.
+Whose the files in the results are, and which run may write them, is known to `gst.owned`.
 """
 
 import importlib.util
 import os
-import platform
 import py_compile
 import shutil
 import signal
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
-
-import psutil
-from filelock import SoftFileLock, Timeout
 
 import gst
 import gstlib
@@ -26,7 +21,7 @@ from gst import ROOT
 from gst.chain import break_in, check_links
 from gst.config import config_problems, read_config, refuse_config, refuse_study
 from gst.logs import PLAN
-from gst.owned import CLAIMS, claimed_by, removable
+from gst.owned import CLAIMS, RESULTS, claimed_by, locked, removable
 from gst.provenance import refuse_other_study
 from gst.strict_yaml import read_yaml
 from gstlib.errors import InputError
@@ -47,10 +42,6 @@ BETWEEN = {
     "use",
     "wear",
 }
-# In the results, while a run or `gst clean` is at work there: its process and its machine.
-LOCK = ".gst_lock"
-# Environment variable of every process of a run: the results that it writes.
-_RESULTS = "GSTLIB_RESULTS"
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
 # and returns them at once. Here arrays of up to 32 MB use freed memory again.
 _REUSE_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**30)}
@@ -108,7 +99,7 @@ def run_study(
         check_writable(".snakemake")
         with locked(results):
             _check_bytecode()
-            mark = {_RESULTS: str(results.resolve())}
+            mark = {RESULTS: str(results.resolve())}
             code = _snakemake(*command, *options, environment=mark)
     if code or plan:
         return code
@@ -163,44 +154,6 @@ def former_layout(results: Path) -> str | None:
     )
 
 
-def alive(results: Path) -> list[int]:
-    """The processes of a run on this machine that writes these results, by number."""
-    mark = str(results.resolve())
-    processes = psutil.process_iter(["environ"])
-    return [
-        each.pid for each in processes if (each.info["environ"] or {}).get(_RESULTS) == mark
-    ]
-
-
-@contextmanager
-def locked(results: Path) -> Iterator[None]:
-    """Keep other runs out of a folder of results; the lock of a dead process is taken over.
-
-    Raises an `InputError` if a run is, or may be, active there.
-    """
-    check_writable(results)
-    lock = SoftFileLock(results / LOCK)
-    try:
-        with lock.acquire(timeout=0):
-            if pids := alive(results):
-                raise _at_work(results, pids)
-            yield
-    except Timeout:
-        if lock.pid is None:
-            raise InputError(results / LOCK, "is no lock of gst", "Remove it.") from None
-        host = Path(lock.lock_file).read_text(encoding="utf-8").split()[1]
-        if host.partition("?")[0] == platform.node():
-            raise _at_work(results, [lock.pid]) from None
-        problem = f"a run that was started on {host} may still be at work on these results"
-        remedy = f"If it is not, remove {lock.lock_file} and try again."
-        raise InputError(results, problem, remedy) from None
-
-
-def _at_work(results: Path, pids: Sequence[int]) -> InputError:
-    problem = f"a run or its jobs are still at work on these results (processes {pids})"
-    return InputError(results, problem, f"Wait, or end them: kill {' '.join(map(str, pids))}")
-
-
 def remove_results(config: Path, *, intermediate: bool) -> None:
     """Ask, and remove what records in the results name; a folder, too, that is empty then.
 
@@ -236,6 +189,7 @@ def remove_results(config: Path, *, intermediate: bool) -> None:
     with locked(folder):
         for file in made:
             file.unlink(missing_ok=True)
+        # a run that was killed may have left files which no record names: it can still go on
         if not any((folder / name).exists() for name in claimed_by(folder)):
             (folder / CLAIMS).unlink(missing_ok=True)
     emptied = {
