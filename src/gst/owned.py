@@ -104,7 +104,7 @@ def removable(results: Path) -> list[Path]:
     """Every file that `gst clean` may remove.
 
     That is what records name, the records and their logs, and what is left of a file that was not
-    written to its end. No link to another folder is followed.
+    written to its end. No link is removed or followed: a study makes none.
     """
     names, claims = recorded(results), claimed_by(results)
     files = {results / name for name in names}
@@ -121,7 +121,8 @@ def removable(results: Path) -> list[Path]:
     return sorted(
         file
         for file in files
-        if (file.is_symlink() or file.is_file())
+        if not file.is_symlink()
+        and file.is_file()
         and file.parent.resolve() == whole / file.parent.relative_to(results)
     )
 
