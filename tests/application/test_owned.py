@@ -59,7 +59,7 @@ def record(results, choose):
             file.write_text(text)
         except OSError:
             continue
-        named |= {file, *(results / name for name in names)}
+        named |= {file, *(results / name for name in [*names, *({"figures"} & {*bad})])}
     return named
 
 
