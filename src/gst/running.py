@@ -181,8 +181,8 @@ def remove_results(config: Path, *, intermediate: bool) -> None:
             "finished, until a run makes them again."
         )
     places = Counter(str(file.relative_to(folder).parent) for file in made)
-    for place, number in places.items():
-        print(f"{number:6} files in {folder / place}")
+    for name, number in places.items():
+        print(f"{number:6} files in {folder / name}")
     size = sum(file.lstat().st_size for file in made) / 1e6
     if input(f"Remove these {len(made)} files ({size:.1f} MB) from {folder}? [y/N] ") != "y":
         return
