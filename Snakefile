@@ -1,5 +1,13 @@
 """Where does a ground stone tool wear? From a mesh and confocal scans to predicted and scored wear."""
 
+import os
+import sys
+
+# Snakemake puts the folder of a Snakefile first on Python's path. It may be that of a study, too,
+# whose files are no modules.
+if sys.path[0] == os.getcwd():
+    del sys.path[0]
+
 from snakemake.utils import min_version
 
 min_version("9.14.8")
@@ -58,6 +66,12 @@ rule all:
 # What a step would be given now decides whether it runs again, and not dates. Snakemake without
 # `gst study` has to be told.
 if workflow.is_main_process:
+    refuse_foreign(STEPS, Path(RESULTS))
     AGAIN.update(plan_again(STEPS, Path(RESULTS)))
     if AGAIN and "gst.scheduler" not in sys.orig_argv:
         logger.warning(f"To make again what has changed, add: --forcerun {' '.join(AGAIN)}")
+
+
+onstart:
+    claim(STEPS, Path(RESULTS))
+    move_aside(workflow.dag.needrun_jobs(), Path(RESULTS), ALL_PATCHES)

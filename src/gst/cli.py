@@ -206,7 +206,9 @@ def check(config, fix, yes) -> None:
 @click.argument("options", metavar="[SNAKEMAKE OPTIONS]...", nargs=-1, type=click.UNPROCESSED)
 @click.option("--cores", help="Jobs at a time; by default as in the profile, which has 2.")
 @click.option(
-    "--profile", default="default", help="default, slurm, or your own folder in profiles."
+    "--profile",
+    default="default",
+    help="default, slurm, or the path of your own, such as ./profiles/mine.",
 )
 @click.option("--plan", is_flag=True, help="Only show what would run.")
 def study(config, options, cores, profile, plan) -> None:
@@ -231,7 +233,7 @@ def study(config, options, cores, profile, plan) -> None:
 def clean(config, intermediate) -> None:
     """Remove the results of CONFIG's study; asks first.
 
-    Whole folders such as tables are removed; other files in the results folder stay.
+    Only files that records of the study name are removed, and folders that are empty then.
     """
     from gst.running import remove_results
 

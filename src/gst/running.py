@@ -1,26 +1,27 @@
 """A study from its config to its page: what `gst study` does around Snakemake.
 
-Snakemake locks a folder while it runs there. A killed run leaves its lock behind; this module
-removes it if no process of that run is still alive.
+Whose the files in the results are, and which run may write them, is known to `gst.owned`.
 """
 
 import importlib.util
 import os
-import platform
+import py_compile
 import shutil
 import signal
 import subprocess
 import sys
-import tempfile
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
-import psutil
-
+import gst
+import gstlib
 from gst import ROOT
 from gst.chain import break_in, check_links
 from gst.config import config_problems, read_config, refuse_config, refuse_study
 from gst.logs import PLAN
+from gst.owned import CLAIMS, RESULTS, claimed_by, locked, removable
 from gst.provenance import refuse_other_study
 from gst.strict_yaml import read_yaml
 from gstlib.errors import InputError
@@ -28,9 +29,8 @@ from gstlib.io.files import check_writable, write_whole
 
 __all__ = ["former_layout", "lay_out", "remove_results", "run_study"]
 
-# Folders of the results that a reader needs, and those with what one stage gives to the next.
-READ = ("figures", "logs", "tables")
-BETWEEN = (
+# Folders of the results with what one stage gives to the next, which no reader needs.
+BETWEEN = {
     "change",
     "coupling",
     "gesture",
@@ -41,26 +41,19 @@ BETWEEN = (
     "surfaces",
     "use",
     "wear",
-)
-# What a study makes in its folder, except hidden parts of files.
-MADE = (
-    *BETWEEN,
-    *READ,
-    "check.png",
-    "contents.json",
-    "index.html",
-    "provenance.json",
-    "tool.ply",
-)
-LOCKS = Path(".snakemake/locks")
-HOST = Path(".snakemake/host")  # the machine on which the last run was started
+}
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
 # and returns them at once. Here arrays of up to 32 MB use freed memory again.
 _REUSE_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**30)}
-_SCHEDULERS = {"snakemake", "gst.scheduler"}
+# Nothing in the working folder is a module or a profile unless the command line names it: a study
+# that somebody received must run no code of its own.
+_NO_OTHER_CODE = {"PYTHONSAFEPATH": "1", "SNAKEMAKE_PROFILE": "none"}
+# Bytecode that Python compares with the content of its source, and not with its date.
+_CHECKED = py_compile.PycInvalidationMode.CHECKED_HASH
 _PLANNING = {"-n", "--dry-run", "--dryrun"}
 _REFUSED = {"--config", "-C", "--configfile", "--configfiles"}  # gst reads CONFIG, too,
 _REFUSED |= {"--directory", "-d", "--snakefile", "-s"}  # and looks for the results here
+_REFUSED |= {"--no-hooks", "--trust-io-cache"}  # what is moved aside; a pickle in the folder
 
 
 def run_study(
@@ -77,17 +70,15 @@ def run_study(
     refuse_study(read, str(config))
     if refused := sorted({option.partition("=")[0] for option in options} & _REFUSED):
         problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
-        remedy = "Give gst another CONFIG, or start it elsewhere."
+        remedy = "Leave it out; give gst another CONFIG, or start it elsewhere."
         raise InputError("gst study", problem, remedy)
     if importlib.util.find_spec("snakemake") is None:
         problem = "Snakemake, which runs the study, is not installed"
         raise InputError("gst study", problem, "Install it: pip install 'gstlib[workflow]'")
-    here = Path("profiles") / profile
-    folder = next((each for each in (here, ROOT / here) if each.is_dir()), None)
-    if folder is None:
-        raise InputError(
-            "--profile", f"there is no folder {here}", "See docs/how-to/cluster.md."
-        )
+    folder = Path(profile) if os.sep in profile else ROOT / "profiles" / profile
+    if not folder.is_dir():
+        remedy = "Name default, slurm, or your own folder by its path, such as ./profiles/mine."
+        raise InputError("--profile", f"there is no folder {folder}", remedy)
     settings = read_yaml(folder / "config.yaml")
     if settings.get("executor") == "slurm" and shutil.which("sbatch") is None:
         problem = "this profile hands jobs to Slurm, and there is no sbatch on this machine"
@@ -100,13 +91,16 @@ def run_study(
     if former := former_layout(results):
         print(former, file=sys.stderr)
     plan = plan or not _PLANNING.isdisjoint(options)
-    if not plan:
-        check_writable(results)
-        claim_folder(config)
     command: list[object] = ["--configfile", config, "--workflow-profile", folder]
     command += ["--cores", cores] if cores else []
-    command += ["--dry-run"] if plan else []
-    code = _snakemake(*command, *options, environment={PLAN: "1"} if plan else {})
+    if plan:
+        code = _snakemake(*command, "--dry-run", *options, environment={PLAN: "1"})
+    else:
+        check_writable(".snakemake")
+        with locked(results):
+            _check_bytecode()
+            mark = {RESULTS: str(results.resolve())}
+            code = _snakemake(*command, *options, environment=mark)
     if code or plan:
         return code
     if broken := break_in(results, read):  # the options asked for less
@@ -116,30 +110,36 @@ def run_study(
     return 0
 
 
-def _snakemake(
-    *arguments: object, is_shown: bool = True, environment: dict[str, str] | None = None
-) -> int:
-    """Run Snakemake, and return its exit code. If not shown, its output appears only on failure."""
-    command = [sys.executable, "-m", "gst.scheduler", "--snakefile", ROOT / "Snakefile"]
+def _snakemake(*arguments: object, environment: dict[str, str]) -> int:
+    """Run Snakemake, and return its exit code; the lock is that of gst."""
+    snakefile = ROOT / "Snakefile"
+    command = [sys.executable, "-m", "gst.scheduler", "--nolock", "--snakefile", snakefile]
     words = list(map(str, [*command, *arguments]))
-    around = _REUSE_MEMORY | os.environ | (environment or {})
-    with tempfile.TemporaryFile("w+") as kept:
-        said = None if is_shown else kept
-        # in a group of its own: Ctrl-C would end the jobs in the middle of their imports, too
-        with subprocess.Popen(
-            words, stdout=said, stderr=said, env=around, process_group=0
-        ) as process:
-            for number in (signal.SIGTERM, signal.SIGHUP):
-                signal.signal(number, lambda *_: process.terminate())
-            while process.returncode is None:
-                try:
-                    process.wait()
-                except KeyboardInterrupt:
-                    process.send_signal(signal.SIGINT)  # it ends its jobs itself
-        if process.returncode:
-            kept.seek(0)
-            print(kept.read(), end="", file=sys.stderr)
+    around = _REUSE_MEMORY | os.environ | _NO_OTHER_CODE | environment
+    # in a group of its own: Ctrl-C would end the jobs in the middle of their imports, too
+    with subprocess.Popen(words, env=around, process_group=0) as process:
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, lambda *_: process.terminate())
+        while process.returncode is None:
+            try:
+                process.wait()
+            except KeyboardInterrupt:
+                process.send_signal(signal.SIGINT)  # it ends its jobs itself
     return process.returncode
+
+
+def _check_bytecode() -> None:
+    """Have Python compare our modules with their bytecode by content, as records do.
+
+    By date and size, it would run the bytecode of a module that was edited with both kept. Where
+    the program cannot be written, it is not edited either.
+    """
+    for package in (*gst.__path__, *gstlib.__path__):
+        for source in Path(package).rglob("*.py"):
+            stored = Path(importlib.util.cache_from_source(str(source)))
+            with suppress(OSError):
+                if int.from_bytes(stored.read_bytes()[4:8], "little") != 3:
+                    py_compile.compile(str(source), invalidation_mode=_CHECKED)
 
 
 def former_layout(results: Path) -> str | None:
@@ -154,37 +154,8 @@ def former_layout(results: Path) -> str | None:
     )
 
 
-def alive() -> list[int]:
-    """Snakemake's processes and their jobs in this folder, on this machine, by number."""
-    found = []
-    for process in psutil.process_iter(["cwd", "cmdline"]):
-        command = process.info["cmdline"] or []
-        is_run = any(Path(word).name in _SCHEDULERS for word in command[:3])
-        is_job = any("/.snakemake/scripts/" in word for word in command)
-        if process.info["cwd"] == str(Path.cwd()) and (is_run or is_job):
-            found.append(process.pid)
-    return found
-
-
-def claim_folder(config: Path) -> None:
-    """Remove the lock of a killed run; raise an `InputError` if a run is, or may be, active."""
-    check_writable(".snakemake")
-    if any(LOCKS.glob("*")):
-        host = HOST.read_text(encoding="utf-8") if HOST.is_file() else platform.node()
-        if pids := alive():
-            problem = f"a run or its jobs are still at work in this folder (processes {pids})"
-            remedy = f"Wait, or end them: kill {' '.join(map(str, pids))}"
-            raise InputError(Path.cwd(), problem, remedy)
-        if host != platform.node():
-            problem = f"a run that was started on {host} may still be at work in this folder"
-            remedy = f"If it is not, remove {LOCKS} and try again."
-            raise InputError(Path.cwd(), problem, remedy)
-        _snakemake("--unlock", "--configfile", config, is_shown=False)
-    HOST.write_text(platform.node(), encoding="utf-8")
-
-
 def remove_results(config: Path, *, intermediate: bool) -> None:
-    """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it.
+    """Ask, and remove what records in the results name; a folder, too, that is empty then.
 
     Or only the `intermediate` results, which its stages gave to each other; an `InputError` if the
     study is not finished, or not that of this config.
@@ -192,12 +163,12 @@ def remove_results(config: Path, *, intermediate: bool) -> None:
     read = read_config(config)
     refuse_config(config_problems(read), str(config))
     folder = Path(read["results"])
-    made = [folder / name for name in (BETWEEN if intermediate else MADE)]
-    made = [path for path in made if path.exists()]
-    made += [] if intermediate else folder.glob(".*.part*")
+    made = removable(folder)
+    if intermediate:
+        made = [file for file in made if file.relative_to(folder).parts[0] in BETWEEN]
     if not made:
-        what = "intermediate results" if intermediate else "results of a study"
-        print(f"{folder} contains no {what}.")
+        kind = "intermediate results" if intermediate else "results of a study"
+        print(f"{folder} contains no {kind}: no record names a file in it.")
         return
     if intermediate:
         check_links(folder)
@@ -205,23 +176,28 @@ def remove_results(config: Path, *, intermediate: bool) -> None:
             remedy = "Finish the study first: what would be removed is needed for it."
             raise InputError(folder, broken, remedy)
         print(
-            f"{_size_mb(made):.1f} of {_size_mb([folder]):.1f} MB are what one stage gave to the "
-            "next. The page, tables, figures, records and logs stay. Export and pack the study "
-            "first: without these files it is no longer finished, until a run makes them again."
+            "These files are what one stage gave to the next. The page, tables, figures, records "
+            "and logs stay. Export and pack the study first: without these files it is no longer "
+            "finished, until a run makes them again."
         )
-    names = ", ".join(path.name for path in made)
-    if input(f"Remove from {folder}: {names}? [y/N] ") != "y":
+    places = Counter(str(file.relative_to(folder).parent) for file in made)
+    for name, number in places.items():
+        print(f"{number:6} files in {folder / name}")
+    size = sum(file.lstat().st_size for file in made) / 1e6
+    if input(f"Remove these {len(made)} files ({size:.1f} MB) from {folder}? [y/N] ") != "y":
         return
-    for path in made:
-        is_folder = path.is_dir() and not path.is_symlink()
-        shutil.rmtree(path) if is_folder else path.unlink()
-    if not any(folder.iterdir()):
-        folder.rmdir()
-
-
-def _size_mb(paths: Iterable[Path]) -> float:
-    files = (file for path in paths for file in path.rglob("*") if not file.is_symlink())
-    return sum(file.stat().st_size for file in files if file.is_file()) / 1e6
+    with locked(folder):
+        for file in made:
+            file.unlink(missing_ok=True)
+        # a run that was killed may have left files which no record names: it can still go on
+        if not any((folder / name).exists() for name in claimed_by(folder)):
+            (folder / CLAIMS).unlink(missing_ok=True)
+    emptied = {
+        place for file in made for place in file.parents if folder in (place, *place.parents)
+    }
+    for place in sorted(emptied, reverse=True):
+        with suppress(OSError):  # something else is in it, or it is a link
+            place.rmdir()
 
 
 def lay_out(folder: Path, name: str) -> list[Path]:

@@ -1,16 +1,19 @@
 """What surrounds a run: a study is laid out, refused, ended."""
 
 import os
+import py_compile
 import shutil
 import signal
 import subprocess
 import sys
 import threading
+from pathlib import Path
 from types import SimpleNamespace
 
 import gst
 import pytest
-from gst.running import alive, former_layout, lay_out, run_study
+from gst import running
+from gst.running import former_layout, lay_out, run_study
 from gst.scheduler import end
 from gstlib.errors import InputError
 
@@ -49,7 +52,7 @@ USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
 @pytest.mark.parametrize(
     ("config", "asked", "said"),
     [
-        ("mine.yaml", {"profile": "mine"}, "no folder profiles/mine"),
+        ("mine.yaml", {"profile": "mine"}, "no folder .*mine"),
         ("mine.yaml", {"profile": "slurm"}, "no sbatch on this machine"),
         ("yours.yaml", {}, r"yours\.yaml: cannot be opened"),
         ("twice.yaml", {"plan": True}, r"twice\.yaml: line 2: seed is given in line 1"),
@@ -94,20 +97,22 @@ def test_the_small_matrices_of_a_check_have_one_thread(start):
     assert said.endswith("threads 1\n")
 
 
-def test_a_run_in_this_folder_is_seen_and_one_elsewhere_is_not(tmp_path, monkeypatch):
-    here, away = tmp_path / "here", tmp_path / "away"
-    runs = []
-    for folder in (here, away):
-        folder.mkdir()
-        (folder / "gst.scheduler").write_text("input()")  # called as `python -m gst.scheduler` is
-        command = [sys.executable, "-u", "gst.scheduler"]
-        runs.append(subprocess.Popen(command, cwd=folder, stdin=subprocess.PIPE))
-    try:
-        monkeypatch.chdir(here)
-        assert alive() == [runs[0].pid]
-    finally:
-        for run in runs:
-            run.communicate()
+def test_stale_bytecode_of_an_edited_module_is_not_run(tmp_path, monkeypatch):
+    """Edited with its date and its length kept, as some tools do."""
+    module, code = tmp_path / "part.py", "import part; print(part.VALUE)"
+    module.write_text("VALUE = 1\n")
+    date = module.stat().st_mtime_ns
+    stored = Path(py_compile.compile(str(module)))
+    module.write_text("VALUE = 2\n")
+    os.utime(module, ns=(date, date))
+    command = [sys.executable, "-c", code]
+    assert subprocess.check_output(command, cwd=tmp_path) == b"1\n"
+    monkeypatch.setattr(gst, "__path__", [str(tmp_path)])
+    running._check_bytecode()
+    assert subprocess.check_output(command, cwd=tmp_path) == b"2\n"
+    before = stored.stat().st_mtime_ns
+    running._check_bytecode()  # once for all
+    assert stored.stat().st_mtime_ns == before
 
 
 def test_results_of_a_former_layout_are_named_until_there_are_new_ones(tmp_path):

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from gst.running import READ
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.surfaces.grid import spacing_of
@@ -224,12 +223,12 @@ def test_files_that_are_missing_do_not_hide_faults_of_the_others(measured):
 
 def test_clean_removes_what_the_study_made_and_nothing_else(tiny):
     """Asked first; a file of the user's own stays, and so does its folder."""
-    mine = tiny.results / "notes.txt"
+    mine = tiny.results / "figures/notes.txt"
     mine.write_text("of mine")
     tiny.gst("clean", tiny.config, said="n")
     assert len(list(tiny.results.iterdir())) > 10
     tiny.gst("clean", tiny.config, said="y")
-    assert list(tiny.results.iterdir()) == [mine]
+    assert sorted(tiny.results.rglob("*")) == [mine.parent, mine]
 
 
 def test_what_no_reader_needs_can_go_from_a_finished_study(tiny):
@@ -251,16 +250,20 @@ def test_what_no_reader_needs_can_go_from_a_finished_study(tiny):
         return {file: (stat.st_size, stat.st_mtime_ns) for file, stat in stats.items()}
 
     before = sizes()
-    assert "wear? [y/N]" in tiny.gst(*clean, said="n").stdout
+    assert "[y/N]" in tiny.gst(*clean, said="n").stdout
     assert sizes().keys() == before.keys()
     said = tiny.gst(*clean, said="y").stdout
     after = sizes()
     assert after.items() <= before.items()
-    assert {path.name for path in tiny.results.iterdir() if path.is_dir()} == {*READ}
+    assert {path.name for path in tiny.results.iterdir() if path.is_dir()} == {
+        "figures",
+        "logs",
+        "tables",
+    }
     assert {file for file in before if file.parent == tiny.results} < after.keys()
-    freed, whole = map(float, re.findall(r"([\d.]+) of ([\d.]+) MB", said)[0])
+    count, freed = map(float, re.findall(r"these (\d+) files \(([\d.]+) MB\)", said)[0])
     size, left = (1e-6 * sum(size for size, _ in of.values()) for of in (before, after))
-    assert (freed, whole) == pytest.approx((size - left, size), abs=0.1)
+    assert (count, freed) == pytest.approx((len(before) - len(after), size - left), abs=0.1)
     assert "generate_specimen: " in tiny.gst("study", tiny.config, "--plan").stdout
     assert "is missing" in tiny.gst("check", tiny.config).stdout
     assert "no intermediate results" in tiny.gst(*clean, said="y").stdout

@@ -1,15 +1,15 @@
 """Damaged files, kills, locks and folders; `make test-faults` tries what takes longer."""
 
 import os
-import platform
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
+from gst.owned import CLAIMS, LOCK, RESULTS
 
 NOT_FOR_USERS = ("Traceback", "RuleException", "CalledProcessError", 'File "', "InputFunction")
 
@@ -146,45 +146,86 @@ def test_ctrl_c_ends_a_run_in_a_sentence(study):
     assert process.returncode == 1
     assert said.endswith("Repeat the same command to continue from there.\n")
     assert len(said.splitlines()) < 8
-    assert not list(study.folder.glob(".snakemake/locks/*"))
+    assert not (study.results / LOCK).exists()
 
 
-@pytest.fixture
-def locked(study):
-    """A folder as a run leaves it that was ended by SIGKILL."""
-    lock = study.folder / ".snakemake/locks/0.output.lock"
-    lock.parent.mkdir(parents=True)
-    lock.write_text("results-tiny/provenance.json\n")
-    return lock
-
-
-def test_the_lock_of_a_killed_run_is_removed(study, locked):
-    assert begin(study).returncode == 0
-    assert not locked.exists()
-
-
-@pytest.mark.parametrize("script", ["snakemake", ".snakemake/scripts/tmp1.solve_patches.py"])
-def test_a_folder_with_a_live_run_or_job_is_refused(study, locked, script):
-    path = study.folder / script
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("print(flush=True)\ninput()")
-    pipe = subprocess.PIPE
-    with subprocess.Popen(
-        [sys.executable, str(path)], cwd=study.folder, stdin=pipe, stdout=pipe
-    ) as process:
-        process.stdout.readline()  # it has begun
+def test_two_folders_with_the_same_results_do_not_run_at_once(study):
+    """The lock of a dead process is taken over; that of another machine is not."""
+    lock = study.results / LOCK
+    lock.parent.mkdir()
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    for holder, said in (
+        (f"{dead.pid}\n{socket.gethostname()}\n", None),
+        (f"{os.getpid()}\n{socket.gethostname()}\n", f"kill {os.getpid()}"),
+        ("12\nelsewhere\n", "started on elsewhere may still be at work"),
+    ):
+        lock.write_text(holder)
         result = begin(study)
-        process.communicate(b"\n")
+        assert result.returncode == (2 if said else 0), result.stderr
+        assert (said or "") in result.stderr
+        assert lock.exists() == bool(said)
+        lock.unlink(missing_ok=True)
+
+
+def test_results_with_a_live_job_are_refused(study):
+    study.results.mkdir()
+    around = os.environ | {RESULTS: str(study.results.resolve())}
+    with subprocess.Popen(["cat"], stdin=subprocess.PIPE, env=around) as process:
+        result = begin(study)
+        process.communicate()
     assert result.returncode == 2
     said = result.stderr.strip()
-    assert said.startswith(f"ERROR: {study.folder}: a run or its jobs are still at work")
+    assert said.startswith(f"ERROR: {study.results.name}: a run or its jobs are still at work")
     assert said.endswith(f"Wait, or end them: kill {process.pid}")
-    assert locked.exists()
+    assert not (study.results / LOCK).exists()
 
 
-def test_a_lock_that_another_machine_may_hold_is_kept(study, locked):
-    (study.folder / ".snakemake/host").write_text(f"not-{platform.node()}")
-    result = begin(study)
-    assert result.returncode == 2
-    assert f"was started on not-{platform.node()} may still be at work" in result.stderr
-    assert locked.exists()
+def test_a_first_run_writes_in_place_of_no_file(study):
+    """Also the plan says so; what a study would not write is in nobody's way."""
+    mine, beside = study.results / "figures/overview.png", study.results / "figures/photo.jpg"
+    mine.parent.mkdir(parents=True)
+    for file in (mine, beside):
+        file.write_text("mine")
+    for options in ([], ["--plan"]):
+        result = study.gst("study", study.config, *options)
+        assert result.returncode == 2
+        assert f"ERROR: {mine.relative_to(study.folder)}: " in result.stderr
+    files = [file for file in study.results.rglob("*") if file.is_file()]
+    assert sorted(files) == [mine, beside]
+    mine.unlink()
+    assert study.gst("study", study.config, "--plan").returncode == 0
+
+
+def test_a_study_folder_runs_no_code_of_its_own(study):
+    """Neither a module nor a profile that nobody named, nor what Snakemake keeps there."""
+    mark = study.folder / "ran"
+    code = f"open({str(mark)!r}, 'w')\n"
+    scripts = study.folder / ".snakemake/scripts"
+    scripts.mkdir(parents=True)
+    for name in ("json", "numpy", "random", "sitecustomize", "snakemake", "pickle"):
+        for folder in (study.folder, scripts):
+            (folder / f"{name}.py").write_text(code)
+    for folder in ("profiles/default", "default"):
+        (study.folder / folder).mkdir(parents=True)
+        profile = f"__use_yte__: true\ncores: ?open({str(mark)!r}, 'w') and 1\n"
+        (study.folder / folder / "config.yaml").write_text(profile)
+    for command in (["check"], ["study", "--plan"], ["study", "--until", "generate_specimen"]):
+        name, *options = command
+        result = study.gst(name, study.config, *options)
+        assert result.returncode == 0, result.stderr
+        assert not mark.exists(), command
+    assert (study.results / CLAIMS).is_file()
+    named = study.gst("study", study.config, "--plan", "--profile", "./profiles/default")
+    assert named.returncode == 0, named.stderr
+    assert mark.exists()
+
+
+def test_a_file_of_the_user_is_moved_from_a_folder_that_is_made_anew(tiny):
+    note = tiny.results / "figures/preparation/note.txt"
+    note.write_text("mine")
+    result = tiny.gst("study", tiny.config, "--forcerun", "draw_inputs", "--until", "draw_inputs")
+    assert result.returncode == 0, result.stderr
+    moved = tiny.results / "moved_aside/figures/preparation/note.txt"
+    assert str(moved.relative_to(tiny.folder)) in result.stderr
+    assert moved.read_text() == "mine"

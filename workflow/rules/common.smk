@@ -11,6 +11,7 @@ from gst.chain import AGAIN, plan_again, steps_of
 from gst.config import asked_of_files, complete, read_config_file, read_study
 from gst.contradictions import counterface_mesh
 from gst.named_files import check_files
+from gst.owned import claim, move_aside, refuse_foreign
 from gst.patches import scan_files
 from gst.poses import batches_of, poses_of, reach_of
 from gst.provenance import commit, program_hash, source_hash

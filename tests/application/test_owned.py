@@ -1,0 +1,109 @@
+"""Whose files lie in a folder of results, in folders made at random to mislead."""
+
+import json
+import os
+import random
+
+import gst
+import pytest
+import yaml
+from gst.chain import Step
+from gst.owned import claim, refuse_foreign
+from gst.running import remove_results
+
+NAMES = ("figures", "tables", "logs", "wear", "1", "7.h5", "a.csv", "index.html", "note.txt")
+NAMES += (
+    ".7.h5.12.part",
+    ".a.csv.part",
+    ".thesis.parts",
+    "write_page.json",
+    ".snakemake_timestamp",
+)
+
+
+def contents(folder):
+    """What each file and link in a folder holds, by path."""
+    paths = [path for path in folder.rglob("*") if path.is_symlink() or path.is_file()]
+    return {path: os.readlink(path) if path.is_symlink() else path.read_bytes() for path in paths}
+
+
+def plant(results, choose):
+    """Files, folders and links at random, some of which point out of the results."""
+    outside = results.parent / "outside"
+    for number in range(choose.randrange(5, 25)):
+        path = results.joinpath(*choose.choices(NAMES, k=choose.randrange(1, 4)))
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if choose.random() < 0.2:
+                path.symlink_to(choose.choice([outside, outside / "7.h5", results / "figures"]))
+            else:
+                path.write_text(f"foreign {number}")
+        except OSError:  # a file lies where a folder would
+            continue
+
+
+def record(results, choose):
+    """Records of steps that name some of what is there, and some that is none of theirs."""
+    there = [path for path in contents(results) if path.parent.name != "logs"]
+    inside = [path.relative_to(results).as_posix() for path in there]
+    hostile = ["../outside/7.h5", str(results.parent / "outside/7.h5"), ".", "", "a\0b", "figures"]
+    named = set()
+    for step in range(choose.randrange(3)):
+        names = choose.sample(inside, min(3, len(inside)))
+        bad = choose.choice([[], [], choose.sample(hostile, 1)])
+        parts = {part: {} for part in ("params", "inputs", "files", "messages")}
+        text = json.dumps(parts | {"outputs": dict.fromkeys([*names, *bad], "")})
+        file = results / f"logs/step{step}.json"
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text)
+        except OSError:
+            continue
+        named |= {file, *(results / name for name in [*names, *({"figures"} & {*bad})])}
+    return named
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_clean_and_a_refused_run_lose_nothing_that_no_record_names(seed, tmp_path, monkeypatch):
+    choose = random.Random(seed)
+    monkeypatch.chdir(tmp_path)
+    results, outside = tmp_path / "paper", tmp_path / "outside"
+    for folder in (results, outside / "deep"):
+        folder.mkdir(parents=True)
+    for file in (outside / "7.h5", outside / "deep/a.csv"):
+        file.write_text("outside")
+    config = tmp_path / "study.yaml"
+    table = str(gst.ROOT / "config/patches.tsv")
+    config.write_text(yaml.safe_dump({"results": "paper", "patches": table}))
+    plant(results, choose)
+    before = contents(tmp_path)
+    steps = [Step("write_page", {}, [], [results / name for name in ("index.html", "wear/1")])]
+    if any(os.path.lexists(path) for path in steps[0].outputs if not path.is_dir()):
+        with pytest.raises(SystemExit):
+            refuse_foreign(steps, results)
+    assert contents(tmp_path) == before
+    named = record(results, choose)
+    before = contents(tmp_path)
+    monkeypatch.setattr("builtins.input", lambda _: "y")
+    remove_results(config, intermediate=False)
+    after = contents(tmp_path)
+    gone = before.keys() - after.keys()
+    assert {path: before[path] for path in before if path not in gone} == after
+    parts = {path for path in gone if path.name.endswith(".part")}
+    assert all(path.parent in {each.parent for each in named} for path in parts)
+    assert gone - parts <= named
+
+
+def test_what_a_killed_run_left_is_the_study_s_own(tmp_path):
+    """Of files that it listed before its first step. A new name in the list is checked again."""
+    page, folder = tmp_path / "index.html", tmp_path / "wear/1"
+    steps = [Step("write_page", {}, [], [page]), Step("predict", {}, [], [folder])]
+    refuse_foreign(steps, tmp_path)
+    claim(steps, tmp_path)
+    folder.mkdir(parents=True)
+    for file in (page, folder / "7.h5", tmp_path / "late.csv"):
+        file.write_text("")
+    refuse_foreign(steps, tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        refuse_foreign([*steps, Step("late", {}, [], [tmp_path / "late.csv"])], tmp_path)
+    assert ended.value.code == 2
