@@ -40,6 +40,8 @@ def path_problem(path: str) -> str | None:
         return None
     if Path(path).is_dir():
         return f"{path} is a folder, and not a file"
+    if Path(path).exists():
+        return f"{path} is a pipe or a device, and not a file"
     folder = Path(path).parent
     there = [file.name for file in folder.iterdir()] if folder.is_dir() else []
     near = difflib.get_close_matches(Path(path).name, there, n=1)

@@ -25,6 +25,11 @@ __all__ = ["as_yaml", "parse_yaml", "read_yaml"]
 
 # Bytes of a file, twenty times those of the longest shipped config.
 _LARGEST = 100_000
+# Levels of lists and sections in each other, three times those of any key. PyYAML's time grows with
+# their square.
+_DEEPEST = 20
+# Lines in a message; who has corrected them is shown the next ones.
+_MOST_LISTED = 20
 _TAG = "tag:yaml.org,2002:"
 _DOUBTFUL_NUMBER, _DOUBTFUL_TRUTH = "!number", "!truth"
 # The first pattern that fits decides; a plain scalar that fits none is text.
@@ -42,7 +47,7 @@ _SCALARS = {
         r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
         r"|(?=\S*[^\x00-\x7f])[-+−]?\.?\d[\d.,_]*([eE][-+−]?\d+)?"
     ),
-    f"{_TAG}float": r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?",
+    f"{_TAG}float": r"[-+]?([0-9]++\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?",
 }
 _REMEDIES = {
     _DOUBTFUL_NUMBER: "write a decimal number such as 550 or 5.5e2, or put text in quotes",
@@ -89,8 +94,8 @@ def parse_yaml(text: str, source: str | Path) -> dict:
     try:
         doubts = [*islice(_syntax(text), 1)]  # of very many, the first is enough
         node = None if doubts else yaml.compose(text, _Loader)
-        doubts += _doubts(node) if node else []
-        values = None if doubts else yaml.load(text, _Loader)
+        doubts += islice(_doubts(node), _MOST_LISTED) if node else []
+        values = None if doubts or not node else _Loader("").construct_document(node)
     # also of a number with too many digits, or of lists in lists without end
     except (ValueError, RecursionError, yaml.YAMLError) as error:
         raise _not_yaml(source, error) from None
@@ -124,9 +129,13 @@ def _not_yaml(source: str | Path, error: Exception) -> ConfigError:
 
 def _syntax(text: str) -> Iterator[tuple[int, str]]:
     """Line and remedy of constructs that no config needs, and that hide what is meant."""
-    documents = 0
+    documents, depth = 0, 0
     for event in yaml.parse(text):
         line = event.start_mark.line + 1
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEEPEST:
+            yield line, f"is nested more than {_DEEPEST} deep: write each list in its own key"
         if isinstance(event, yaml.AliasEvent):
             # a few lines of aliases can stand for more values than memory holds
             yield line, "repeats a value by an alias (*): write each value where it belongs"

@@ -14,10 +14,10 @@ import itertools
 import math
 import re
 import unicodedata
+import zipfile
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 
 import pandas as pd
 import yaml
@@ -26,17 +26,27 @@ from jsonschema.exceptions import ValidationError
 
 from gst import ROOT
 from gst.todo import is_to_do, sentence
-from gstlib.errors import ConfigError
+from gstlib.errors import ConfigError, InputError
+from gstlib.io.containers import plain_zip
 from gstlib.io.files import LARGEST_TABLE, check_size
+from gstlib.io.instruments import plain_text
 from gstlib.io.text_rows import FORMULA_ERROR, decoded, separator_of
 
 __all__ = ["Problem", "Record", "UserTable", "alike", "cells_to_do"]
 __all__ += ["read_rows", "records_of", "rows_of"]
 
 # What every program reads as this number; Python's float takes 1_5, nan and digits of all scripts.
-_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_NUMBER = re.compile(r"[-+]?([0-9]++\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 # A square of 5 mm holds some forty patches side by side; a gesture has some hundred poses.
 _MOST_ROWS = 10_000
+# Columns of a workbook, letters in a cell as spreadsheets bound them, and those in all cells.
+_MOST_COLUMNS, _LONGEST_CELL, _MOST_LETTERS = 100, 32_767, 5 * LARGEST_TABLE
+# Tags of XML in a sheet, and in what describes it: a cell has four, and a style takes openpyxl
+# longer.
+_MOST_TAGS, _MOST_OTHER_TAGS = 1_000_000, 100_000
+_LAST_ROW = 1 << 20  # of a spreadsheet
+# Problems in a message; who has corrected them is shown the next ones.
+_MOST_LISTED = 50
 
 Problem = tuple[int, str]  # a line number, and what is wrong there
 
@@ -66,11 +76,13 @@ class UserTable(NamedTuple):
     def refuse(self, more: Iterable[Problem] = ()) -> None:
         """Raise a `ConfigError` that lists all problems, and `more`, if there are any."""
         listed = []
-        for line, text in sorted([*self.problems, *more], key=lambda problem: problem[0]):
+        problems = sorted([*self.problems, *more], key=lambda problem: problem[0])
+        for line, text in problems[:_MOST_LISTED]:
             patch = self.rows.loc[line].get("patch")
             listed.append(f"\n  - line {line}{f' (patch {patch})' if patch else ''}: {text}")
         if listed:
-            count = f"{len(listed)} problem{'s' * (len(listed) > 1)}"
+            count = f"{len(problems)} problem{'s' * (len(problems) > 1)}"
+            listed += ["\n  - and others"] * (len(problems) > _MOST_LISTED)
             raise ConfigError(
                 self.path,
                 f"{count} in this table{''.join(listed)}\n ",
@@ -143,7 +155,7 @@ def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
     """A sentence for the cells of a table that are still to be filled in, by column."""
     try:
         header, _, lines = _read_lines(Path(path))
-    except ConfigError:  # which is said where the table is read
+    except InputError:  # which is said where the table is read
         return
     found: dict[tuple[str, tuple[int, ...]], list[str]] = {}
     for n, column in enumerate(header):
@@ -194,7 +206,7 @@ def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]
         check_size(path, LARGEST_TABLE)
         is_sheet = path.suffix.lower() == ".xlsx"
         mark, lines = _sheet(path) if is_sheet else _text(path.read_bytes())
-    except (OSError, UnicodeDecodeError, csv.Error, BadZipFile, KeyError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         remedy = "Correct its path in the config, or save it as CSV in UTF-8."
         raise ConfigError(path, f"cannot be read ({error})", remedy) from error
     lines = [(n, cells) for n, cells in lines if any(cells) and not _is_comment(cells[0])]
@@ -257,17 +269,47 @@ def records_of(text: str) -> tuple[list[Record], str]:
 
 def _sheet(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     """The cells of a workbook's first sheet by row, as text."""
+    try:
+        lines = _cells_by_row(plain_zip(path))
+    except MemoryError:
+        raise
+    except Exception as error:  # openpyxl raises whatever its parsers raise
+        reason = plain_text(f"{type(error).__name__}: {error}")
+        if isinstance(error, InputError):
+            reason = error.problem
+        problem = f"cannot be read as a workbook ({reason}): it is damaged, or too large"
+        remedy = "Delete rows and columns without values, or save it as CSV in UTF-8."
+        raise ConfigError(path, problem, remedy) from error
+    width = max((len(cells) for _, cells in lines), default=0)
+    padded = [(n, cells + [""] * (width - len(cells))) for n, cells in lines]
+    return "", padded  # a number that was typed as text may have a decimal comma
+
+
+def _cells_by_row(content: io.BytesIO) -> list[tuple[int, list[str]]]:
+    """The cells of rows that have any, without the empty ones behind them, by the row's number."""
     import openpyxl
 
-    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-    rows = enumerate(book.worksheets[0].iter_rows(values_only=True), 1)
-    cells = [
-        (n, ["" if cell is None else str(cell).strip() for cell in row]) for n, row in rows
-    ]
+    with zipfile.ZipFile(content) as archive:
+        for name in archive.namelist():
+            most = _MOST_TAGS if "worksheets/" in name else _MOST_OTHER_TAGS
+            if (count := archive.read(name).count(b"<")) > most:
+                raise ValueError(f"{name} has {count} tags of XML")
+    book = openpyxl.load_workbook(content, read_only=True, data_only=True, keep_links=False)
+    sheet = book.worksheets[0]
+    sheet.reset_dimensions()  # which may be stated wrongly
+    lines, letters = [], 0
+    for number, row in enumerate(sheet.iter_rows(max_row=_LAST_ROW, values_only=True), 1):
+        near = ["" if cell is None else str(cell) for cell in row[:_MOST_COLUMNS]]
+        cells = [cell[:_LONGEST_CELL].strip() for cell in near]
+        letters += len(row) + sum(map(len, cells))
+        if any(cell is not None for cell in row[_MOST_COLUMNS:]):
+            raise ValueError(f"row {number} has cells beyond column {_MOST_COLUMNS}")
+        if letters > _MOST_LETTERS:
+            raise ValueError(f"its cells are too long, or too many, at row {number}")
+        if any(cells):
+            lines.append((number, cells))
     book.close()
-    width = max((len(row) for _, row in cells), default=0)
-    padded = [(n, row + [""] * (width - len(row))) for n, row in cells]
-    return "", padded  # a number that was typed as text may have a decimal comma
+    return lines
 
 
 def _is_comment(line: str) -> bool:

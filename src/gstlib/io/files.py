@@ -11,24 +11,17 @@ import hashlib
 import os
 import stat
 import tempfile
-import zipfile
-from collections.abc import Collection
 from pathlib import Path
 
 from gstlib.errors import InputError, OutputError
 
-__all__ = ["LARGEST_TABLE", "cannot_read", "cannot_write", "check_size", "check_unpacked"]
-__all__ += ["check_unpacked_size", "check_writable", "sha256", "write_whole"]
+__all__ = ["LARGEST_TABLE", "cannot_read", "cannot_write", "check_regular", "check_size"]
+__all__ += ["check_writable", "megabytes", "sha256", "write_whole"]
 
-# Bytes that are read of one file, and unpacked of an archive: a stone of twenty million triangles,
-# a map of 8000² points. Tables and configs are far smaller. What claims more is damaged, or made to
-# fill the memory.
+# Bytes that are read of one file: a stone of twenty million triangles. Tables and configs are far
+# smaller. What has more is damaged, or made to fill the memory.
 _LARGEST = 1 << 30
-_LARGEST_UNPACKED = 1 << 29
 LARGEST_TABLE = 1_000_000
-# Measured heights shrink by less than 4 when packed, meshes in XML by less than 10: what shrank by
-# more than this is empty, unless it is small even so.
-_PACKED_AT_MOST, _SMALL = 20, 1 << 24
 
 _IN_WORDS = {
     errno.ENOSPC: ("the disk is full", "Make room on it"),
@@ -41,23 +34,38 @@ _IN_WORDS = {
 }
 
 
-def check_size(path: str | Path, largest: int = _LARGEST) -> None:
-    """Refuse a file of more than `largest` bytes, before it is read.
+def check_regular(path: str | Path) -> int:
+    """The bytes of a file; refuse a folder, a device, or a pipe that nobody may ever write to.
 
     Raises
     ------
     InputError
     """
-    size = os.stat(path).st_size
+    status = os.stat(path)
+    if not stat.S_ISREG(status.st_mode):
+        problem = "is a folder, a pipe or a device, not a file"
+        raise InputError(path, problem, "Correct its path, or put the file there.")
+    return status.st_size
+
+
+def check_size(path: str | Path, largest: int = _LARGEST) -> None:
+    """Refuse a file of more than `largest` bytes, or what is no file, before it is read.
+
+    Raises
+    ------
+    InputError
+    """
+    size = check_regular(path)
     if size > largest:
         raise InputError(
             path,
-            f"has {_megabytes(size)} MB, and at most {_megabytes(largest)} MB are read",
+            f"has {megabytes(size)} MB, and at most {megabytes(largest)} MB are read",
             "Export it again, smaller: this is more than any stone, scan or table needs.",
         )
 
 
-def _megabytes(size: int) -> str:
+def megabytes(size: int) -> str:
+    """A number of bytes in MB, in words."""
     return f"{round(size / 1e6, 2):g}"
 
 
@@ -65,34 +73,6 @@ def sha256(path: str | Path) -> str:
     """SHA-256 of a file, in hexadecimal digits."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def check_unpacked(
-    path: str | Path, archive: zipfile.ZipFile, names: Collection[str] | None = None
-) -> None:
-    """Refuse a zip file whose members, all or some `names`, are too large when unpacked.
-
-    Raises
-    ------
-    InputError
-    """
-    members = [one for one in archive.infolist() if names is None or one.filename in names]
-    check_unpacked_size(path, sum(one.file_size for one in members))
-
-
-def check_unpacked_size(path: str | Path, size: int) -> None:
-    """Refuse a file that unpacks to too many bytes, or to many more than it has.
-
-    Raises
-    ------
-    InputError
-    """
-    packed = os.stat(path).st_size
-    largest = min(_LARGEST_UNPACKED, max(_SMALL, _PACKED_AT_MOST * packed))
-    if size > largest:
-        problem = f"unpacks from {_megabytes(packed)} to {_megabytes(size)} MB"
-        remedy = f"At most {_megabytes(largest)} MB of it are read: export it otherwise."
-        raise InputError(path, problem, remedy)
 
 
 def cannot_write(path: str | Path, error: OSError) -> OutputError:

@@ -11,11 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from gstlib.errors import InputError
+from gstlib.io.files import megabytes
 
 __all__ = ["checked_header", "position_accessors"]
 
 # A stone is one part; each takes trimesh a quarter of a millisecond, whatever is in it.
 MOST_PARTS = 10_000
+# Bytes of a header, and lists and objects in it: that of a stone has some thousands, and ten times
+# as many with pictures.
+_LONGEST_HEADER, _MOST_LISTS = 1 << 24, 200_000
 # Extensions that a file may require and that change no position, by how their names begin.
 _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"),
@@ -42,7 +46,10 @@ def checked_header(path: Path, content: bytes) -> _Header:
     """
     if content[:4] != b"glTF":
         raise ValueError("it does not begin with glTF")
-    header: _Header = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    text = content[20 : 20 + int.from_bytes(content[12:16], "little")]
+    if len(text) > _LONGEST_HEADER or text.count(b"[") + text.count(b"{") > _MOST_LISTS:
+        raise ValueError(f"its header has {megabytes(len(text))} MB")
+    header: _Header = json.loads(text)
     if (count := len(header.get("nodes", ()))) > MOST_PARTS:
         raise ValueError(f"it has {count} parts, and a stone is one")
     # by the specification, numbers that are not in the file are zeros

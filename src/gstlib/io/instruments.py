@@ -16,10 +16,11 @@ import zlib
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import h5py
 import numpy as np
 
 from gstlib.errors import NOTE, InputError
-from gstlib.io.files import check_unpacked, check_unpacked_size
+from gstlib.io.containers import check_hdf5, check_unpacked_size, plain_zip
 from gstlib.io.stage import stage_attrs
 from gstlib.io.x3p import plain_x3p
 
@@ -89,9 +90,10 @@ def read_instrument_file(path: Path) -> RawMap:
             # about odd dates and numbers; what matters is checked
             warnings.simplefilter("ignore")
             return _first_map(path, known_as)
-    except (InputError, MemoryError):
+    except InputError:
         raise
-    except Exception as error:  # the readers raise whatever their parsers raise
+    # the readers raise whatever their parsers raise, and MemoryError for a size that is too large
+    except Exception as error:
         reason = plain_text(f"{type(error).__name__}: {error} {error.__cause__ or ''}")
         problem = (
             f"cannot be read as a height map ({reason}): it is damaged or in another format"
@@ -211,8 +213,10 @@ def _checked(path: Path) -> str | io.BytesIO:
         if mark.startswith(_SDF_MARK):
             _check_sdf(path, file)
     if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as given:
-            check_unpacked(path, given)
+        return plain_zip(path)
+    if h5py.is_hdf5(path):
+        with h5py.File(path) as stored:
+            check_hdf5(path, stored)
     return str(path)
 
 

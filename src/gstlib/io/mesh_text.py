@@ -91,9 +91,9 @@ def plain_off(path: Path, content: bytes) -> PlainText:
 def plain_ply(path: Path, content: bytes) -> PlainText:
     """A PLY without comments; of a binary one, trimesh counts the faces."""
     header = re.match(
-        rb"ply\s*?[\r\n](?:.*[\r\n])*?end_header[ \t]*(?:\r\n|\r(?!\n)|\n)", content
+        rb"ply[^\S\r\n]*[\r\n](?:[^\r\n]*[\r\n])*?end_header[ \t]*(?:\r\n|\r(?!\n)|\n)", content
     )
-    if header is None or not re.search(rb"^\s*element\s+face\s", header[0], re.MULTILINE):
+    if header is None or not re.search(rb"^[ \t\r]*+element\s+face\s", header[0], re.MULTILINE):
         raise _no_header(path)
     lines = header[0].translate(_BLANKS).split(b"\n")
     kept = [line for line in lines if line.split()[:1] not in ([], [b"comment"], [b"obj_info"])]

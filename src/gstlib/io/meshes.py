@@ -9,7 +9,6 @@ import io
 import logging
 import warnings
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,7 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gstlib.errors import NOTE, FaultError, InputError, refuse
-from gstlib.io.files import check_size, check_unpacked
+from gstlib.io.containers import plain_zip
+from gstlib.io.files import check_size
 from gstlib.io.gltf import MOST_PARTS, checked_header, position_accessors
 from gstlib.io.mesh_text import (
     EXPORT_AGAIN,
@@ -72,8 +72,6 @@ _CLOSED = 0.01
 # as are in any other place, where one vertex is. Rounding shrinks triangles to points, too, but
 # everywhere.
 _FEWEST_EMPTY, _ZEROS_TIMES = 3, 10
-# Bytes of a 3MF's XML, each of which takes thirty of memory: a stone of a million triangles.
-_LONGEST_XML = 1 << 26
 # Steps of the coordinates (mm) from which on heights between them are doubtful, and worthless: wear
 # is a few micrometres deep, and the relief that carries a contact some tens.
 _DOUBTFUL_STEP, _LARGEST_STEP = 1e-3, 20e-3
@@ -176,25 +174,21 @@ def _read_content(path: Path) -> bytes:
         raise InputError(path, problem, f"Export the mesh as one of {', '.join(_READ)}.")
     check_size(path)
     if zipfile.is_zipfile(path):
-        _check_archive(path)
+        return _check_parts(path, plain_zip(path))
     if not (content := path.read_bytes()):
         raise InputError(path, "the file is empty", "Copy it, or export it, again.")
     return content
 
 
-def _check_archive(path: Path) -> None:
-    """Refuse a 3MF that is damaged, or whose models are too large."""
-    unreadable = OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, ValueError
-    try:
-        with zipfile.ZipFile(path) as archive:
-            check_unpacked(path, archive)
-            models = [name for name in archive.namelist() if name.endswith(".model")]
-            _refuse_long_xml(sum(archive.getinfo(model).file_size for model in models))
-            count = sum(archive.read(model).count(b"<item") for model in models)
-            if count > MOST_PARTS:
-                raise ValueError(f"it has {count} parts, and a stone is one")
-    except unreadable as error:
-        raise InputError(path, f"is damaged, or too large ({error})", EXPORT_AGAIN) from error
+def _check_parts(path: Path, content: io.BytesIO) -> bytes:
+    """The content of a 3MF with no more parts than a stone can have."""
+    with zipfile.ZipFile(content) as archive:
+        models = [name for name in archive.namelist() if name.endswith(".model")]
+        count = sum(archive.read(model).count(b"<item") for model in models)
+    if count > MOST_PARTS:
+        problem = f"has {count} parts, and a stone is one"
+        raise InputError(path, problem, EXPORT_AGAIN)
+    return content.getvalue()
 
 
 def _joined(parts: Sequence[_Part]) -> tuple[np.ndarray, np.ndarray]:
@@ -411,12 +405,6 @@ def _check_ply_lists(path: Path, scene: "trimesh.Scene") -> None:
                 if len(lengths) and (lengths != lengths[0]).any():
                     problem = "is damaged, or its faces have different numbers of corners"
                     raise InputError(path, problem, EXPORT_AGAIN)
-
-
-def _refuse_long_xml(size: int) -> None:
-    if size > _LONGEST_XML:
-        most = f"at most {_LONGEST_XML / 1e6:.0f} MB are read"
-        raise ValueError(f"it holds {size / 1e6:.0f} MB of XML, and {most}")
 
 
 def _refuse_zeros(

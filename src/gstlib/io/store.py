@@ -16,7 +16,9 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from gstlib.io.files import cannot_read, write_whole
+from gstlib.errors import InputError
+from gstlib.io.containers import check_hdf5
+from gstlib.io.files import cannot_read, check_regular, write_whole
 
 __all__ = ["Stored", "read_attributes", "read_dataset", "write_dataset"]
 
@@ -27,6 +29,8 @@ _COMPRESS_FROM = 1024
 # How netCDF marks dimensions and missing values in HDF5; older files have all of these.
 _OF_THE_FORMAT = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_FillValue"}
 _OF_THE_FORMAT |= {"_Netcdf4Coordinates", "_Netcdf4Dimid", "_NCProperties"}
+# Letters of a field's texts, each as long as the longest: there are names and words.
+_MOST_LETTERS = 1 << 24
 _NO_COORDINATES = "This is a netCDF dimension but not a netCDF variable."
 
 
@@ -99,10 +103,13 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
     Raises
     ------
     InputError
-        The file is missing, damaged or no HDF5 file, or lacks a variable.
+        The file is missing, damaged or no HDF5 file, or lacks a variable; or it is refused by
+        `gstlib.io.containers.check_hdf5`.
     """
     try:
+        check_regular(path)
         with h5py.File(path) as file:
+            check_hdf5(path, file)
             fields = {name: file[name] for name in (file if only is None else only)}
             dims_of = {name: _dimensions(field) for name, field in fields.items()}
             dims = {dim for of_field in dims_of.values() for dim in of_field}
@@ -116,7 +123,7 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
             }
             coords = {name: found.pop(name) for name in list(found) if name in dims}
             return xr.Dataset(found, coords, _attributes(file))
-    except MemoryError:  # not the file's fault
+    except (InputError, MemoryError):  # the latter is not the file's fault
         raise
     except Exception as error:  # a damaged file makes HDF5 fail in any of its own ways
         raise cannot_read(path, "HDF5", error) from error
@@ -129,18 +136,31 @@ def read_attributes(path: str | Path) -> dict[str, object]:
 
 def _dimensions(field: h5py.Dataset) -> list[str]:
     """Names of a field's dimensions; a coordinate is its own."""
-    if "DIMENSION_LIST" in field.attrs:
-        return [Path(dimension[0].name).name for dimension in field.dims]
+    if "DIMENSION_LIST" in field.attrs:  # HDF5's own reader of it trusts it, and may crash
+        scales = [field.file[scale[0]] for scale in field.attrs["DIMENSION_LIST"]]
+        return [Path(scale.name).name for scale in scales]
     return [Path(field.name).name] if field.shape else []
 
 
 def _variable(field: h5py.Dataset, dims: list[str]) -> xr.Variable:
-    values, attrs = field[()], _attributes(field)
-    if h5py.check_string_dtype(field.dtype):
-        values = field.asstr()[()].astype(str)
+    attrs = _attributes(field)
+    is_text = h5py.check_string_dtype(field.dtype)
+    values = _texts(field) if is_text else field[()]
     if attrs.pop("dtype", "") == "bool":  # HDF5 knows none: they are stored as integers
         values = values.astype(bool)
     return xr.Variable(dims, values, attrs)
+
+
+def _texts(field: h5py.Dataset) -> np.ndarray:
+    """The texts of a field, read one by one, because several may be the same long one."""
+    texts = np.empty(field.shape, object)
+    longest = 0
+    for place in np.ndindex(field.shape):
+        texts[place] = field.asstr()[place]
+        longest = max(longest, len(texts[place]))
+        if longest * texts.size > _MOST_LETTERS:
+            raise ValueError(f"the texts of {field.name} are too long")
+    return texts.astype(str)
 
 
 def _attributes(place: h5py.Dataset | h5py.File) -> dict[str, object]:

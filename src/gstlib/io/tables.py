@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from gstlib.errors import InputError
-from gstlib.io.files import cannot_read, write_whole
+from gstlib.io.files import cannot_read, check_regular, write_whole
 
 __all__ = [
     "ALL_DIGITS",
@@ -89,6 +89,7 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
         The file is missing or not a table, or lacks a column.
     """
     try:
+        check_regular(path)
         # NA, nan or None may be the name of a patch
         table = pd.read_csv(path, dtype={"patch": str}, keep_default_na=False, na_values=[""])
     except (OSError, ValueError) as error:  # pandas' own errors are ValueErrors

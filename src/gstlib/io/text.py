@@ -41,7 +41,7 @@ _ESRI = re.compile(
 )
 _ESRI_UNMEASURED = -9999.0
 _GWYDDION = re.compile(
-    r"^# *(Width|Height|Value)(?: units)?: *((?:\d+(?:[.,]\d*)?(?:[eE][-+]?\d+)?)?) *"
+    r"^# *(Width|Height|Value)(?: units)?: *+((?:\d+(?:[.,]\d*)?(?:[eE][-+]?\d+)?)?) *"
     rf"({_UNIT})\s*$",
     re.MULTILINE,
 )

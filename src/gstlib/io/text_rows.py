@@ -38,7 +38,7 @@ _UNMEASURED = re.compile(
     rf"|{FORMULA_ERROR.pattern})(?![^\s,;])"
 )
 _SPECIAL = re.compile(r"[^0-9\s.,;eE+-]|--")
-_NUMBER = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = r"[-+]?(?:\d++[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?"
 _CELL = re.compile(rf"\s*(?:{_NUMBER}|nan|[-+]?inf|)\s*", re.ASCII | re.IGNORECASE)
 # Lines that are looked at to see how a file is laid out.
 _SAMPLED = 200

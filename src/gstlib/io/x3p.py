@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from gstlib.errors import InputError
-from gstlib.io.files import check_unpacked
+from gstlib.io.containers import read_member
 
 __all__ = ["plain_x3p"]
 
@@ -81,8 +81,7 @@ class _Members:
         return self._read(name)
 
     def _read(self, name: str) -> bytes:
-        check_unpacked(self._path, self._archive, [self._names[name]])
-        return self._archive.read(self._names[name])
+        return read_member(self._path, self._archive, self._names[name])
 
 
 def _plain_name(name: str) -> str:

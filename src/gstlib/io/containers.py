@@ -1,0 +1,203 @@
+"""Files that hold others, zip and HDF5: nothing that they state is trusted before it is read.
+
+A header can state any size, and an array can lie in another file. Zip files are copied into memory,
+no further than their headers state, so that other libraries read an honest copy. HDF5 files are
+refused if they lead out of themselves, or state arrays that they cannot hold.
+"""
+
+import io
+import math
+import os
+import zipfile
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import h5py
+
+from gstlib.errors import InputError
+from gstlib.io.files import check_regular, megabytes
+
+__all__ = ["check_hdf5", "check_unpacked_size", "plain_zip", "read_member"]
+
+# Bytes that are unpacked of one file: a map of 8000² points.
+_LARGEST = 1 << 29
+# Measured heights shrink by less than 4 when packed, meshes in XML by less than 10: what shrank by
+# more than this is empty, unless it is small even so.
+_PACKED_AT_MOST, _SMALL = 20, 1 << 24
+# Zeros in results shrink by 229, which is the most that the first level of deflate can do.
+_ZEROS_AT_MOST = 300
+# A workbook has some ten members, a result some ten arrays, and an instrument's file some hundred.
+_MOST_MEMBERS = 1000
+# Others unpack without a bound of the output. No format that is read here uses them.
+_METHODS = zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED
+_BLOCK = 1 << 20
+# Bytes of XML, and elements and attributes in it: a stone of a million triangles.
+_LONGEST_XML, _MOST_IN_XML = 1 << 26, 8_000_000
+_LAYOUTS = h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED
+_COMPRESSIONS = h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_LZF
+_FILTERS = {*_COMPRESSIONS, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
+_COPY_AGAIN = "Copy the file, or export it, again."
+
+
+def check_unpacked_size(path: str | Path, size: int) -> None:
+    """Refuse a file that unpacks to too many bytes, or to many more than it has.
+
+    Raises
+    ------
+    InputError
+    """
+    packed = os.stat(path).st_size
+    _refuse_above(path, size, min(_LARGEST, max(_SMALL, _PACKED_AT_MOST * packed)))
+
+
+def _refuse_above(path: str | Path, size: int, largest: int) -> None:
+    if size > largest:
+        packed = os.stat(path).st_size
+        problem = f"unpacks from {megabytes(packed)} to {megabytes(size)} MB"
+        remedy = f"At most {megabytes(largest)} MB of it are read: export it otherwise."
+        raise InputError(path, problem, remedy)
+
+
+def plain_zip(path: str | Path) -> io.BytesIO:
+    """A copy of a zip file without compression, whose headers state the sizes of its members.
+
+    Raises
+    ------
+    InputError
+        It is damaged, or its members are too many, too large or otherwise packed.
+    """
+    plain = io.BytesIO()
+    try:
+        with zipfile.ZipFile(path) as archive, open(path, "rb") as file:
+            members = {one.filename: one for one in archive.infolist() if not one.is_dir()}
+            if len(archive.filelist) > _MOST_MEMBERS:
+                raise ValueError(f"it has {len(archive.filelist)} members")
+            check_unpacked_size(path, sum(one.file_size for one in members.values()))
+            # some formats begin with a header of their own
+            start = min((one.header_offset for one in archive.filelist), default=0)
+            plain.write(file.read(max(0, start)))
+            with zipfile.ZipFile(plain, "a") as copy:
+                for name in members:
+                    copy.writestr(name, read_member(path, archive, name))
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # damaged archives fail in many ways
+        reason = " ".join(str(error).split())
+        problem = f"is damaged: it is no whole zip file ({reason:.200})"
+        raise InputError(path, problem, _COPY_AGAIN) from error
+    plain.seek(0)
+    return plain
+
+
+def read_member(path: str | Path, archive: zipfile.ZipFile, name: str) -> bytes:
+    """The content of a member of a zip file, unpacked no further than its header states.
+
+    Raises
+    ------
+    InputError
+        It is too large, or packed otherwise; or it is XML that would fill the memory.
+    """
+    member = archive.getinfo(name)
+    check_unpacked_size(path, member.file_size)
+    if member.compress_type not in _METHODS:
+        problem = (
+            f"{name!r:.60} in it is packed by method {member.compress_type}, not by deflate"
+        )
+        raise InputError(path, problem, "Export it, or zip it, again.")
+    with archive.open(member) as packed:
+        content = b"".join(iter(partial(packed.read, _BLOCK), b""))
+    if content[:_BLOCK].replace(b"\0", b"").lstrip(b"\xef\xbb\xbf\xfe\xff \r\n\t")[:1] == b"<":
+        _check_xml(path, name, content)
+    return content
+
+
+def _check_xml(path: str | Path, name: str, content: bytes) -> None:
+    """Refuse XML of which each byte may take hundred bytes of memory, or more."""
+    text = content.replace(b"\0", b"")  # of UTF-16
+    count = text.count(b"<") + text.count(b"=")
+    problem = None
+    if len(content) > _LONGEST_XML:
+        problem = f"has {megabytes(len(content))} MB, and {megabytes(_LONGEST_XML)} are read"
+    elif count > _MOST_IN_XML:
+        problem = f"has {count} elements and attributes, and {_MOST_IN_XML} are read"
+    elif b"<!ENTITY" in text:
+        problem = "defines entities, which may stand for any amount of text"
+    if problem:
+        raise InputError(
+            path, f"{name!r:.60} in it is XML that {problem}", "Export it otherwise."
+        )
+
+
+def check_hdf5(path: str | Path, file: h5py.File) -> None:
+    """Refuse an HDF5 file that leads to other files, or states more than it can hold.
+
+    Raises
+    ------
+    InputError
+        It has links that are not hard, arrays that are stored elsewhere or by other filters, more
+        bytes than its own could unpack to, or more text.
+    """
+    size = check_regular(path)
+    arrays, texts, stored = 0, 0, 0
+    for node in _nodes(path, file):
+        texts += _texts_of(node)
+        if isinstance(node, h5py.Dataset):
+            _check_storage(path, node)
+            chunk = math.prod(node.chunks or ())
+            arrays += max(node.size or 0, chunk) * node.id.get_type().get_size()
+            stored += node.id.get_storage_size()
+    unpacked = max(_SMALL, min(_ZEROS_AT_MOST * size, _LARGEST), _PACKED_AT_MOST * size)
+    _refuse_above(path, arrays, unpacked)
+    # several of them may refer to the same text, which is in what is left of the file
+    _refuse_above(path, texts * max(0, size - stored), _LARGEST)
+
+
+def _nodes(path: str | Path, file: h5py.File) -> Iterator[h5py.Group | h5py.Dataset]:
+    """A file and everything in it, each once."""
+    left: list[h5py.Group | h5py.Dataset] = [file]
+    addresses: set[int] = set()
+    while left:
+        node = left.pop()
+        yield node
+        if not isinstance(node, h5py.Group):
+            continue
+        for name in node:
+            if len(addresses) > _MOST_MEMBERS:
+                raise _refused(path, f"more than {_MOST_MEMBERS} groups and arrays")
+            link = node.get(name, getlink=True)
+            if not isinstance(link, h5py.HardLink):
+                raise _refused(path, f"a link ({name!r:.60}) that may lead to another file")
+            child = node[name]
+            address = h5py.h5o.get_info(child.id).addr
+            if address not in addresses:
+                addresses.add(address)
+                left.append(child)
+
+
+def _texts_of(node: h5py.Group | h5py.Dataset) -> int:
+    """How many texts and lists of any length stand in attributes, or in the cells of a table."""
+    names = range(h5py.h5a.get_num_attrs(node.id))
+    attrs = [h5py.h5a.open(node.id, index=number) for number in names]
+    count = sum(math.prod(attr.shape) for attr in attrs if attr.dtype.hasobject)
+    if isinstance(node, h5py.Dataset) and node.dtype.hasobject:
+        is_text = h5py.check_string_dtype(node.dtype)  # counted where it is read
+        count += 0 if is_text else node.size or 0
+    return count
+
+
+def _check_storage(path: str | Path, field: h5py.Dataset) -> None:
+    """Refuse an array that is not stored in the file itself, or by other filters."""
+    stored = field.id.get_create_plist()
+    filters = [stored.get_filter(number)[0] for number in range(stored.get_nfilters())]
+    if stored.get_layout() not in _LAYOUTS or stored.get_external_count():
+        raise _refused(path, f"an array ({field.name!r:.60}) that is stored in other files")
+    if not _FILTERS.issuperset(filters) or sum(map(_COMPRESSIONS.count, filters)) > 1:
+        raise _refused(
+            path, f"an array ({field.name!r:.60}) that is packed by the filters {filters}"
+        )
+
+
+def _refused(path: str | Path, content: str) -> InputError:
+    remedy = "Save its arrays in one file, uncompressed or by gzip."
+    return InputError(path, f"holds {content}", remedy)
