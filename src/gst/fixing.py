@@ -9,6 +9,8 @@ import difflib
 import itertools
 import logging
 import math
+import os
+import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -38,7 +40,7 @@ from gstlib.surfaces.footprints import places_of
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Cure", "cures_of", "offer"]
+__all__ = ["Cure", "cures_of", "keep_copy", "offer"]
 
 # Places that are off by less (mm) and turns that are (degrees) are left as they are.
 _LEAST_MOVED, _LEAST_TURNED = 0.05, 3.0
@@ -214,8 +216,7 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
     if not (is_confirmed or _confirmed()):
         return False
     for path in changed:
-        kept = next(each for each in _names_beside(path) if not each.exists())
-        write_whole(kept, path.read_bytes())
+        kept = keep_copy(path)
         write_whole(path, after[path].encode())
         print(f"{path}: written; as it was: {kept}")
     return True
@@ -227,6 +228,22 @@ def _confirmed() -> bool:
             "\nWrite this, and keep the files as they are beside it? [y/N] ", end="", flush=True
         )
     return sys.stdin.readline().strip() == "y"  # empty where nobody is there to answer
+
+
+def keep_copy(path: Path) -> Path:
+    """Copy a file to the first free name beside it, such as ``patches.csv.bak``.
+
+    A copy with the same content that is already there will do.
+    """
+    content = path.read_bytes()
+    for kept in _names_beside(path):
+        if not os.path.lexists(kept):
+            write_whole(kept, content)
+            shutil.copymode(path, kept)
+        elif kept.is_symlink() or not kept.is_file() or kept.read_bytes() != content:
+            continue
+        break
+    return kept
 
 
 def _names_beside(path: Path) -> Iterator[Path]:
