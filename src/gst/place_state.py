@@ -314,7 +314,7 @@ def _write_cells(
     text = with_cells(text_of(file), changed, more, _RENAMED)
     kept = keep_copy(file) if is_less else None
     write_whole(file, text.encode())
-    return kept and str(kept)
+    return None if kept is None else str(kept)
 
 
 def _is_filled(cell: object) -> bool:
