@@ -408,6 +408,8 @@ def test_what_a_command_says_is_written_through_no_link(server, study, name, kin
 
 
 def test_a_folder_has_one_server(server, study):
+    with pytest.raises(InputError):  # else the command would serve, and not return
+        PlaceServer(Path("study.yaml"))
     result = CliRunner().invoke(main, ["place", str(study), "--no-browser"])
     assert result.exit_code == 2
     assert len(result.stderr.splitlines()) == 1
@@ -423,11 +425,11 @@ def test_a_folder_is_free_when_its_server_has_ended(study):
 
 
 def unusable(kind):
-    """Put something in the place of the lock; the file outside that it leads to, if any."""
-    lock, secret = Path(".snakemake/place.lock"), Path("../secret").resolve()
+    """Put something in the place of the lock, or of its folder."""
+    lock, other = Path(".snakemake/place.lock"), Path("../other").resolve()
     if kind == "a linked folder":
-        secret.with_name("other").mkdir()
-        lock.parent.symlink_to(secret.with_name("other"))
+        other.mkdir()
+        lock.parent.symlink_to(other)
         return
     lock.parent.mkdir()
     if kind == "another host":
@@ -435,7 +437,8 @@ def unusable(kind):
     elif kind == "a pipe":
         os.mkfifo(lock)
     else:
-        getattr(lock, kind)(secret)
+        other.touch()  # so that nothing in it keeps it from being used
+        getattr(lock, kind)(other)
 
 
 @pytest.mark.parametrize(
@@ -445,8 +448,9 @@ def test_a_lock_that_cannot_be_taken_is_refused(study, kind):
     unusable(kind)
     with pytest.raises(InputError, match=r"Remove|remove|Put a folder"):
         PlaceServer(Path("study.yaml"))
-    assert (study.parent / "secret").read_text() == "secret"
-    assert not list(study.parent.glob("other/*"))
+    other = study.parent / "other"
+    assert not list(other.glob("*"))
+    assert not other.is_file() or other.read_text() == ""
 
 
 @contextmanager
