@@ -41,7 +41,7 @@ from gstlib.surfaces.footprints import places_of
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Cure", "cures_of", "offer"]
+__all__ = ["Cure", "cures_of", "keep_copy", "offer"]
 
 # Places that are off by less (mm) and turns that are (degrees) are left as they are.
 _LEAST_MOVED, _LEAST_TURNED = 0.05, 3.0
@@ -222,10 +222,7 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
         if text_of(path) != before[path]:
             raise ConfigError(path, "has changed since it was read", "Run the command again.")
     for path in changed:
-        kept = next(each for each in _names_beside(path) if not os.path.lexists(each))
-        with contextlib.suppress(OSError):  # which `write_whole` reports
-            kept.touch(stat.S_IMODE(path.stat().st_mode))
-        write_whole(kept, path.read_bytes())
+        kept = keep_copy(path)
         save_text(path, after[path])
         print(f"{path}: written; as it was: {kept}")
     return True
@@ -237,6 +234,24 @@ def _confirmed() -> bool:
             "\nWrite this, and keep the files as they are beside it? [y/N] ", end="", flush=True
         )
     return sys.stdin.readline().strip() == "y"  # empty where nobody is there to answer
+
+
+def keep_copy(path: Path) -> Path:
+    """Copy a file to the first free name beside it, such as ``patches.csv.bak``.
+
+    A copy with the same content that is already there will do.
+    """
+    content = path.read_bytes()
+    for kept in _names_beside(path):
+        if not os.path.lexists(kept):
+            # with its mode before its content
+            with contextlib.suppress(OSError):  # which `write_whole` reports
+                kept.touch(stat.S_IMODE(path.stat().st_mode))
+            write_whole(kept, content)
+        elif kept.is_symlink() or not kept.is_file() or kept.read_bytes() != content:
+            continue
+        break
+    return kept
 
 
 def _names_beside(path: Path) -> Iterator[Path]:

@@ -24,8 +24,9 @@ let fits = {}; // what was said of each patch when their places were sought
 
 // --- the server
 
-async function ask(route, sent) {
-  const how = { method: "POST", headers: { "Content-Type": "application/json" } };
+async function ask(route, sent, digest = "") {
+  const headers = { "Content-Type": "application/json", "Study-Digest": digest };
+  const how = { method: "POST", headers };
   let answer;
   try {
     answer = await fetch(route, sent === undefined ? {} : { ...how, body: JSON.stringify(sent) });
@@ -33,11 +34,22 @@ async function ask(route, sent) {
     throw new Error("gst place has ended. Start it again to go on.");
   }
   const found = await answer.json();
-  if (!answer.ok) throw new Error(found.error);
-  return found;
+  if (answer.ok) return found;
+  if (answer.status === 409) refuse(found.error);
+  throw new Error(found.error);
+}
+
+// A save was refused, because the files have changed. Until the page is reloaded, it shows the
+// reason, and the user's unsaved work.
+let isStale = false;
+function refuse(text) {
+  say(text, true);
+  isStale = true;
+  $("status").scrollIntoView({ block: "nearest" });
 }
 
 function say(text, isWrong = false) {
+  if (isStale) return;
   $("status").textContent = text;
   $("status").className = isWrong ? "wrong" : "";
 }
@@ -47,10 +59,14 @@ const told = (work) => work.catch((error) => say(error.message, true));
 
 let dragged = false; // since the pointer went down
 let last = Promise.resolve();
-/** Save one thing after the other. */
+/** Save one thing after the other. Each save names the files that the last one left. */
 function save(route, sent) {
   const text = JSON.parse(JSON.stringify(sent)); // as it is now
-  last = last.then(() => told(ask(route, text).then(() => say("Saved."))));
+  const origin = state;
+  last = last.then(() => told(ask(route, text, origin.digest).then(({ digest, kept }) => {
+    origin.digest = digest;
+    say(kept ? `Saved. The former table is kept as ${kept}.` : "Saved.");
+  })));
   return last;
 }
 
@@ -629,7 +645,8 @@ for (const button of all("[data-start]")) {
   button.onclick = () => told(last.then(() => ask(`start/${name}`, {})).then(() => follow(name)));
 }
 $("apply").onclick = () => told(last.then(async () => {
-  await ask("start/fix", {});
+  $("apply-asked").hidden = true;
+  await ask("start/fix", {}, state.digest);
   while ((await ask("said/fix")).running) await new Promise((done) => { setTimeout(done, 1000); });
   await load();
   await ask("start/check", {});
@@ -670,6 +687,9 @@ async function load() {
     await before;
     found = await ask("state");
   } while (before !== last);
+  if (isStale) return; // what is shown is the user's unsaved work
+  // undo would take back what this page did not do
+  if (state && state.digest !== found.digest) earlier.length = 0;
   state = found;
   $("title").textContent = document.title = state.title;
   $("things").textContent = state.has_scans ? "Place the scans" : "Grade places";

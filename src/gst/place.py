@@ -4,15 +4,24 @@ The server listens on this machine alone. It answers whoever knows the token in 
 and asks for it under the server's own name, so that no other page in the same browser can. It reads
 the study's folder, its mesh and its scans, and takes no files. Everything that is done on the page
 is in the config and the patch table (`gst.place_state`).
+
+Nothing is overwritten that a page has not seen. A request that changes files names the digest of
+the files that its page shows, and a folder has one server at a time. No file is written through a
+link.
 """
 
+import fcntl
 import json
 import mimetypes
 import os
+import platform
 import re
 import secrets
+import signal
+import stat
 import subprocess
 import sys
+import tempfile
 import threading
 import traceback
 import webbrowser
@@ -20,7 +29,7 @@ from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 from urllib.parse import unquote
 
 import psutil
@@ -34,6 +43,8 @@ from gst.place_state import (
     SENT_ANSWERS,
     SENT_FILE,
     SENT_PLACES,
+    check_files,
+    digest_of,
     save_answers,
     save_file,
     save_places,
@@ -41,7 +52,8 @@ from gst.place_state import (
     stone_of,
 )
 from gst.viewer import shipped, three_js
-from gstlib.errors import GstError
+from gstlib.errors import GstError, InputError
+from gstlib.io.files import write_whole
 
 __all__ = ["PlaceServer", "serve"]
 
@@ -53,13 +65,19 @@ _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-# A result's page has its scripts and pictures in it, and asks for nothing.
+# A result's page has its scripts and pictures in it, and asks for nothing. Results may come from
+# somebody else: the sandbox keeps their scripts away from this server's own pages.
 _POLICY_OF_RESULTS = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "sandbox allow-scripts allow-downloads; default-src 'none'; "
+    "script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-# Where a run leaves what it says, beside Snakemake's own.
+# Logs and numbers of processes are kept beside Snakemake's own files.
 _LOGS = Path(".snakemake")
+_LOCK = _LOGS / "place.lock"
+# Requests that change the config or the patch table, and the header with the digest of both files.
+_CHANGES = {"answers", "file", "places", "start/fix"}
+_DIGEST = "Study-Digest"
 # The check says what has one cure, and a click confirms it.
 _COMMANDS = {
     "check": ("check", "--fix"),
@@ -92,11 +110,13 @@ class _Command:
 
     def start(self) -> None:
         """Start it; nothing happens while it runs."""
-        if self._running() is not None:
+        if self.is_running():
             return
-        _LOGS.mkdir(exist_ok=True)
+        _make_logs()
+        # a link in its place may lead anywhere: a new file is made
+        self._log.unlink(missing_ok=True)
         # -P: not a folder `gst` in the study's own
-        with self._log.open("wb") as said:
+        with self._log.open("xb") as said:
             self._own = subprocess.Popen(
                 [sys.executable, "-P", "-u", *self._words],
                 stdin=subprocess.DEVNULL,
@@ -104,7 +124,7 @@ class _Command:
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # Ctrl-C ends the server alone
             )
-        self._number.write_text(str(self._own.pid), encoding="utf-8")
+        write_whole(self._number, str(self._own.pid).encode())
 
     def stop(self) -> None:
         """Ask it to end; a study keeps the steps that are done."""
@@ -117,7 +137,7 @@ class _Command:
         That is whether it is ``running``, its exit ``code`` if it is known, and whether the config
         was ``changed`` since it said so.
         """
-        is_running = self._running() is not None
+        is_running = self.is_running()
         text, changed = "", False
         if self._log.is_file():
             text = self._log.read_text("utf-8", "replace")
@@ -125,6 +145,9 @@ class _Command:
         code = self._own.returncode if self._own is not None else None
         state = {"running": is_running, "code": code, "changed": changed}
         return {"records": _records(text)} | state
+
+    def is_running(self) -> bool:
+        return self._running() is not None
 
     def _running(self) -> psutil.Process | None:
         if self._own is not None and self._own.poll() is not None:
@@ -151,19 +174,104 @@ def _records(text: str) -> list[dict[str, str]]:
     return found
 
 
+def _make_logs() -> None:
+    if _LOGS.is_symlink():
+        problem = "is a link, and no file is written through a link"
+        raise InputError(_LOGS, problem, "Put a folder in its place.")
+    _LOGS.mkdir(exist_ok=True)
+
+
+def _locked() -> TextIO:
+    """The open lock of the working folder, which contains the host and the process of its server.
+
+    The operating system releases it when the process ends, even if it is killed. Raises an
+    `InputError` if another server has the lock, or a server on another host may still run.
+    """
+    is_free = True
+    try:
+        _make_logs()
+        number = os.open(_LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+        status = os.fstat(number)
+        if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+            os.close(number)
+            raise OSError(None, "it is not a file of its own")
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        is_free = False
+    except OSError as error:
+        problem = f"cannot be the lock of this folder: {error.strerror}"
+        remedy = "Remove it, or copy the study to a folder that you can write to and lock."
+        raise InputError(_LOCK, problem, remedy) from None
+    file = os.fdopen(number, "r+", errors="replace")
+    host, _, process = file.read(1000).strip().partition(" ")
+    if is_free and host in ("", platform.node()):
+        file.seek(0)
+        file.truncate()
+        print(platform.node(), os.getpid(), file=file, flush=True)
+        return file
+    file.close()
+    owner = f"process {process} on {host}"
+    if not is_free:
+        problem = f"is already open in another `gst place` ({owner})"
+        raise InputError(Path.cwd(), problem, "Use that page, or end that process first.")
+    problem = f"names a `gst place` that may still run ({owner})"
+    raise InputError(_LOCK, problem, "End it there. If it does not run, remove this file.")
+
+
 class PlaceServer(ThreadingHTTPServer):
-    """The server of a study in the working folder, on a free port of this machine."""
+    """The server of a study in the working folder, on a free port of this machine.
+
+    Raises an `InputError` if the folder has another server.
+    """
 
     daemon_threads = True
 
     def __init__(self, config: Path):
+        self.lock = threading.Lock()
+        self._file = _locked()
+        self._redirect: tempfile.TemporaryDirectory | None = None
         super().__init__(("127.0.0.1", 0), _Handler)
         self.config = config
         self.token = secrets.token_urlsafe(24)
         self.host = f"127.0.0.1:{self.server_port}"
         self.url = f"http://{self.host}/{self.token}/"
         self.commands = {name: _Command(name, config) for name in _COMMANDS}
-        self.lock = threading.Lock()
+
+    def server_close(self) -> None:
+        """Release the port and the folder."""
+        super().server_close()
+        self.remove_redirect()
+        # A save that is under way ends first, and none follows. A search only reads files.
+        self.lock.acquire(timeout=5)
+        self._file.truncate(0)
+        self._file.close()
+
+    def open_browser(self) -> None:
+        """Open the page in the browser, by a private file that redirects to it.
+
+        All users of a machine can read the arguments of its processes, but not this file. It is
+        removed once the page has been opened. It is in the study, because a browser from a sandbox
+        such as Snap cannot read the machine's temporary files.
+        """
+        self._redirect = tempfile.TemporaryDirectory(dir=_LOGS.resolve(), prefix="place-")
+        file = Path(self._redirect.name, "gst-place.html")
+        file.touch(mode=0o600)
+        file.write_text(f'<meta http-equiv="refresh" content="0; url={self.url}">', "utf-8")
+        webbrowser.open(file.as_uri())
+
+    def remove_redirect(self) -> None:
+        if self._redirect is not None:
+            self._redirect.cleanup()
+
+    def check_digest(self, digest: str | None) -> None:
+        """Refuse to change files that differ from those that a page shows."""
+        if digest != digest_of(self.config) or self.commands["fix"].is_running():
+            why = (
+                f"Another tab or program has changed {self.config} or its patch table, so nothing "
+                "was saved: note what you entered here, then reload the page."
+            )
+            raise _RefusedError(HTTPStatus.CONFLICT, why)
+        check_files(self.config)
 
     def result(self) -> dict[str, Any]:
         """Where the page of the result is, if it is there, and what is wrong with it."""
@@ -234,6 +342,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             name = self._asked_for()
             if self.command == "GET" and (name or "place.html") in (*_FILES, "three.js"):
+                self.server.remove_redirect()  # a page has been opened
                 self._send_file(name or "place.html")
                 return
             first, _, rest = name.partition("/")
@@ -242,6 +351,8 @@ class _Handler(BaseHTTPRequestHandler):
                 raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
             sent = self._sent(_SENT.get(first, {})) if self.command == "POST" else None
             with self.server.lock:
+                if first in _CHANGES or name in _CHANGES:
+                    self.server.check_digest(self.headers.get(_DIGEST))
                 content = answer(self.server, rest, sent)
             self._send_content(content)
             if (self.command, first) == ("POST", "end"):  # its answer has been sent
@@ -334,10 +445,14 @@ class _Handler(BaseHTTPRequestHandler):
 def serve(config: Path, *, browser: bool) -> None:
     """Serve the page of a study in the working folder until Ctrl-C, or until the page ends it."""
     read_config(config)  # in a sentence, before anything opens
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)  # as Ctrl-C does
     with PlaceServer(config) as server:
         print(f"{server.url}\nThis page is on this machine alone. Ctrl-C ends it.", flush=True)
         if browser:
-            webbrowser.open(server.url)
+            print("If the browser does not show it, open this address there.", flush=True)
+            server.open_browser()
         try:
             server.serve_forever()
         except KeyboardInterrupt:

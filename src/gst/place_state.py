@@ -1,17 +1,20 @@
 """What the page of `gst place` shows and saves: its whole state is the config and the patch table.
 
-Both are read anew for every answer, and only the values that the page asks for are written.
+Both are read anew for every answer, and only the values that the page asks for are written. A copy
+of the table is kept beside it before rows or filled cells are removed.
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from gst.config import complete, read_config, refuse_config, value_problems
-from gst.edited import save_text, text_of, with_cells, with_values
+from gst.edited import Cells, save_text, text_of, with_cells, with_values
+from gst.fixing import keep_copy
 from gst.patches import EPOCHS, cell_of, find_scans, no_patches
 from gst.scan_folder import scans_in
 from gst.strict_yaml import parse_yaml
@@ -19,8 +22,8 @@ from gst.tables import columns_of
 from gst.todo import TODO, is_to_do
 from gst.user_tables import read_rows
 from gst.viewer import coarsen, stone_data
-from gstlib.errors import ConfigError, InputError
-from gstlib.io.files import write_whole
+from gstlib.errors import ConfigError, GstError, InputError
+from gstlib.io.files import sha256, write_whole
 from gstlib.io.meshes import read_mesh
 
 if TYPE_CHECKING:
@@ -31,6 +34,8 @@ __all__ = [
     "SENT_ANSWERS",
     "SENT_FILE",
     "SENT_PLACES",
+    "check_files",
+    "digest_of",
     "known",
     "mesh_of",
     "rows_of",
@@ -100,11 +105,37 @@ SENT_PLACES: dict[str, Any] = {
 }
 
 
+def digest_of(path: Path) -> str:
+    """The SHA-256 of a config and of its patch table as they are on the disk, one behind the other.
+
+    A file that does not exist, or cannot be found for a damaged config, is left out.
+    """
+    return ":".join(sha256(file) for file in _files_of(path) if file.is_file())
+
+
+def check_files(path: Path) -> None:
+    """Raise an `InputError` if the config or its table is a link, or lies outside the study."""
+    for file in _files_of(path):
+        if file.is_symlink() or not file.resolve().is_relative_to(Path.cwd()):
+            problem = "is a link, or lies outside the folder of the study, and is not changed"
+            raise InputError(file, problem, "Put the file itself into the folder.")
+
+
+def _files_of(path: Path) -> list[Path]:
+    try:
+        table = read_config(path)["patches"]
+    except (GstError, OSError):
+        return [path]
+    return [path, *([Path(table)] if table is not None else [])]
+
+
 def state_of(path: Path) -> dict[str, Any]:
     """All that the page shows, ready for JSON; a value that is still to be given is null.
 
     Raises a `ConfigError` if the config or its table cannot be read.
     """
+    # first: if a file changes meanwhile, saves are refused
+    digest = digest_of(path)
     config = read_config(path)
     rows, has_scans = rows_of(config)
     columns = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
@@ -115,6 +146,7 @@ def state_of(path: Path) -> dict[str, Any]:
         if is_to_do(likely := getattr(row, column))
     ]
     return {
+        "digest": digest,
         "title": config["title"],
         "mesh": config["inputs"] and Path(config["inputs"]["mesh"]).name,
         "square": {
@@ -125,13 +157,13 @@ def state_of(path: Path) -> dict[str, Any]:
         "has_scans": has_scans,
         "patches": rows[columns].astype(object).where(rows.notna(), None).to_dict("records"),
         "asked": asked,
-        "files": _files_of(config) if asked else [],
+        "files": _scan_names(config) if asked else [],
         "own_tool": "mesh" in (config["counterface"] or {}),
         "answers": {key: _value(config, key) for key in _ANSWERS},
     }
 
 
-def _files_of(config: Mapping) -> list[str]:
+def _scan_names(config: Mapping) -> list[str]:
     """The names of all scans in their folder."""
     root, paths, _ = scans_in([Path(config["inputs"]["scan_folder"])])
     return [path.relative_to(root).as_posix() for path in paths]
@@ -163,19 +195,22 @@ def rows_of(config: Mapping) -> tuple[pd.DataFrame, bool]:
     return rows, has_scans
 
 
-def save_answers(path: Path, values: Mapping[str, Any]) -> None:
+def save_answers(path: Path, values: Mapping[str, Any]) -> dict[str, str | None]:
     """Write values into the config, each by its key; they fit `SENT_ANSWERS`.
 
-    Raises a `ConfigError` if a value cannot be meant.
+    Every save returns the ``digest`` of the files after it, and in ``kept`` the name of a copy of
+    the table, if a part of the table was removed. It raises a `ConfigError` if a value cannot be
+    meant.
     """
     given = dict(values)
     of_pressure = _value(read_config(path), "load.pressure_MPa")
     if "load.force_N" in given and of_pressure is not None:
         given["load.pressure_MPa"] = None  # exactly one of them
     save_text(path, _checked(path, given))
+    return {"digest": digest_of(path), "kept": None}
 
 
-def save_file(path: Path, patch: str, column: str, name: str) -> None:
+def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str | None]:
     """Write which scan a patch has at an epoch, or "" for none; they fit `SENT_FILE`.
 
     Raises a `ConfigError` if this is not asked for, or there is no such scan in the folder.
@@ -186,13 +221,16 @@ def save_file(path: Path, patch: str, column: str, name: str) -> None:
     if not is_asked or name not in ["", *state["files"]]:
         problem = f"{column} of patch {patch} is not asked for, or there is no scan {name}"
         raise ConfigError(config["patches"], problem, "Load the page again.")
-    table = Path(config["patches"])
     cells = {column: cell_of(name)}
-    text = with_cells(text_of(table), lambda row: cells if row["patch"] == patch else {})
-    save_text(table, text)
+    kept = _write_cells(
+        Path(config["patches"]), lambda row: cells if row["patch"] == patch else {}
+    )
+    return {"digest": digest_of(path), "kept": kept}
 
 
-def save_places(path: Path, square: Mapping[str, Any], rows: Sequence[Mapping]) -> None:
+def save_places(
+    path: Path, square: Mapping[str, Any], rows: Sequence[Mapping]
+) -> dict[str, str | None]:
     """Write the square and the patches' places, or the places of a tool without scans.
 
     They fit `SENT_PLACES`; null is still to be given. Raises a `ConfigError` if a value cannot be
@@ -214,8 +252,12 @@ def save_places(path: Path, square: Mapping[str, Any], rows: Sequence[Mapping]) 
         values["patches"] = str(config["patches"] or _TABLE) if rows else None
     changed = {key: value for key, value in values.items() if value != _value(config, key)}
     text = _checked(path, changed)
-    _write_table(config["patches"], table)
-    save_text(path, text)
+    if not rows:  # a config never names a table that is gone
+        save_text(path, text)
+    kept = _write_table(config["patches"], table)
+    if rows:
+        save_text(path, text)
+    return {"digest": digest_of(path), "kept": kept}
 
 
 def _cells(row: Mapping[str, Any], *, turn: bool, grade: bool) -> dict[str, str]:
@@ -229,10 +271,13 @@ def _cells(row: Mapping[str, Any], *, turn: bool, grade: bool) -> dict[str, str]
     return cells
 
 
-def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> None:
-    """Write the table with these rows; without any, it goes."""
+def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> str | None:
+    """Write the table with these rows, or remove it if there are none.
+
+    Returns the name of the copy of the former table, if a part of it was removed.
+    """
     file = Path(former or _TABLE)
-    if former is None and rows and file.exists():
+    if former is None and rows and os.path.lexists(file):
         raise InputError(file, "exists, and the config does not name it", "Rename it.")
     if former is None and rows:
         lines = [";".join(rows[0]), *(";".join(row.values()) for row in rows)]
@@ -240,12 +285,40 @@ def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> None:
     elif rows:
         left = {row["patch"]: row for row in rows}
         # each row takes its own out, and those that the table lacks come at its end
-        text = with_cells(
-            text_of(file), lambda row: left.pop(row["patch"], None), left.values(), _RENAMED
+        return _write_cells(file, lambda row: left.pop(row["patch"], None), left.values())
+    elif former is not None and file.exists():
+        kept = keep_copy(file)
+        file.unlink()
+        return str(kept)
+    return None
+
+
+def _write_cells(
+    file: Path, cells: Cells, more: Collection[Mapping[str, str]] = ()
+) -> str | None:
+    """Write changed cells and further rows into a table.
+
+    Returns the name of the copy of the former table, if rows or filled cells were removed.
+    """
+    is_less = False
+
+    def changed(row: Mapping[str, str]) -> Mapping[str, object] | None:
+        nonlocal is_less
+        new = cells(row)
+        is_less |= new is None or any(
+            _is_filled(row.get(column)) and not _is_filled(value)
+            for column, value in new.items()
         )
-        save_text(file, text)
-    elif former is not None:
-        file.unlink(missing_ok=True)
+        return new
+
+    text = with_cells(text_of(file), changed, more, _RENAMED)
+    kept = keep_copy(file) if is_less else None
+    save_text(file, text)
+    return None if kept is None else str(kept)
+
+
+def _is_filled(cell: object) -> bool:
+    return cell not in (None, "") and not is_to_do(cell)
 
 
 def _checked(path: Path, values: Mapping[str, Any]) -> str:

@@ -3,7 +3,13 @@
 import http.client
 import io
 import json
+import os
+import signal
+import stat
+import subprocess
+import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -13,12 +19,16 @@ import pandas as pd
 import pytest
 import trimesh
 import yaml
+from click.testing import CliRunner
 from gst.chain import PAGE, Step, given_to, write_record
+from gst.cli import main
 from gst.config import read_config
 from gst.place import PlaceServer
 from gst.place_matching import Found, _laid_alike, seen_in
 from gst.place_scans import picture_of
+from gst.place_state import digest_of
 from gstlib.coupling.matching import Match
+from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.footprints import Place, outline
 from gstlib.surfaces.frames import Frame
@@ -98,6 +108,12 @@ def ask(server, path, sent=None, method=None, token=None, **headers):
     return answer.status, json.loads(content) if is_json else content
 
 
+def save(server, path, sent, digest=None):
+    """The answer to a page that shows the files as they are, or those of a former digest."""
+    digest = digest_of(server.config) if digest is None else digest
+    return ask(server, path, sent, Study_Digest=digest)
+
+
 def row(patch, x, y, turn=0, grade=None):
     columns = ("patch", "x_mm", "y_mm", "rotation_deg", "wear_grade")
     return dict(zip(columns, (patch, x, y, turn, grade), strict=True))
@@ -150,14 +166,15 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_is_refused(server, study, case):
     path, sent, options, expected = REFUSED[case]
-    status, content = ask(server, path, sent, **options)
+    digest = digest_of(server.config)
+    status, content = ask(server, path, sent, **options, Study_Digest=digest)
     assert status == expected
     assert set(content) == {"error"}
     assert "secret" not in content["error"].replace(str(study.parent), "")
     assert (study / "study.yaml").read_text() == CONFIG
     assert (study / "patches.tsv").read_text() == TABLE
     assert sorted(path.name for path in study.iterdir()) == [
-        *("patches.tsv", "results", "scans", "stone.ply", "study.yaml")
+        *(".snakemake", "patches.tsv", "results", "scans", "stone.ply", "study.yaml")
     ]
 
 
@@ -189,7 +206,7 @@ def test_places_are_written_and_the_rest_stays(server, study):
     assert state["patch_size_mm"] == pytest.approx(SIZE, abs=1e-4)
     assert state["patches"] == [row("A", None, None), row("B", 1.5, 2.0)]
     sent = places(row("A", 1.23456, 0, -7.5), row("B", 1.5, None), points=POINTS_MM)
-    assert ask(server, "places", sent) == (200, None)
+    assert save(server, "places", sent)[0] == 200
     text = (study / "study.yaml").read_text()
     assert text == CONFIG.replace("TODO", str(POINTS_MM))
     assert (study / "patches.tsv").read_text() == (
@@ -197,16 +214,19 @@ def test_places_are_written_and_the_rest_stays(server, study):
         "A\tdull\t1,235\t0\ta.plu\t-7,5\nB\t\t1,5\tTODO\tb.plu\t0\n"
     )
     # undone, also the turn
-    assert ask(server, "places", places(*state["patches"]))[0] == 200
+    assert save(server, "places", places(*state["patches"]))[0] == 200
     assert (study / "study.yaml").read_text() == CONFIG
-    assert ask(server, "state")[1] == state
+    assert ask(server, "state")[1] == state | {"digest": digest_of(server.config)}
 
 
 def test_answers_are_written_and_comments_stay(server, study):
     unknown = {"counterface.radius_mm": 274, "uncertainty.radius_fraction": 0.98}
     more = {"load.at_mm": [1.5, 2]}, {"material.contact_modulus_MPa": None}
     for sent in ({"load.force_N": 30}, unknown, {"scans.mould.flip": "x"}, *more):
-        assert ask(server, "answers", sent) == (200, None)
+        digest = ask(server, "state")[1]["digest"]
+        status, answer = save(server, "answers", sent, digest)
+        assert (status, answer["kept"]) == (200, None)
+        assert answer["digest"] == digest_of(server.config) != digest
         assert sent.items() <= ask(server, "state")[1]["answers"].items()
     text = (study / "study.yaml").read_text()
     assert "load: {force_N: 30, at_mm: [1.5, 2]}  # the paper's" in text
@@ -215,7 +235,7 @@ def test_answers_are_written_and_comments_stay(server, study):
 
 def test_a_force_takes_the_place_of_a_pressure(server, study):
     (study / "study.yaml").write_text(CONFIG.replace("force_N: 550", "pressure_MPa: 22"))
-    assert ask(server, "answers", {"load.force_N": 100})[0] == 200
+    assert save(server, "answers", {"load.force_N": 100})[0] == 200
     load = yaml.safe_load((study / "study.yaml").read_text())["load"]
     assert load == {"pressure_MPa": None, "force_N": 100}
 
@@ -223,14 +243,14 @@ def test_a_force_takes_the_place_of_a_pressure(server, study):
 def test_places_of_a_tool_without_scans_make_a_table(server, study):
     (study / "patches.tsv").unlink()
     (study / "study.yaml").write_text(CONFIG.replace("patches.tsv", "null"))
-    assert ask(server, "places", places(row("1", 1, 2, grade=0), row("2", 3, 4)))[0] == 200
+    assert save(server, "places", places(row("1", 1, 2, grade=0), row("2", 3, 4)))[0] == 200
     table = pd.read_csv("patches.csv", sep=";", dtype=str, keep_default_na=False)
     assert table.to_numpy().tolist() == [["1", "1", "2", "0"], ["2", "3", "4", ""]]
     assert yaml.safe_load((study / "study.yaml").read_text())["patches"] == "patches.csv"
     sent = places(row("2", 3, 4, grade=3), row("7", 1, 1, grade=1))
-    assert ask(server, "places", sent)[0] == 200
+    assert save(server, "places", sent)[0] == 200
     assert ask(server, "state")[1]["patches"] == list(sent["patches"])
-    assert ask(server, "places", places())[0] == 200
+    assert save(server, "places", places())[0] == 200
     assert not Path("patches.csv").exists()
     assert ask(server, "state")[1]["patches"] == []
 
@@ -242,10 +262,256 @@ def test_a_scan_that_is_asked_for_is_named(server, study):
     assert state["files"] == ["a.plu", "b.plu"]
     named = {"patch": "B", "column": "t0", "name": "b.plu"}
     for other in ({"patch": "A"}, {"column": "note"}, {"name": "../../secret"}, {"name": "c.plu"}):
-        assert ask(server, "file", named | other)[0] == 422
-    assert ask(server, "file", named)[0] == 200
+        assert save(server, "file", named | other)[0] == 422
+    assert save(server, "file", named)[0] == 200
     assert (study / "patches.tsv").read_text() == TABLE
     assert ask(server, "state")[1]["asked"] == []
+
+
+GRADED = "patch;x_mm;y_mm;wear_grade;note\n1;1;2;0;dull\n2;3;4;;\n"
+
+
+@pytest.fixture
+def graded(study):
+    """The study as one of a tool without scans, whose wear was graded by hand."""
+    config = CONFIG.replace("patches.tsv", "patches.csv").replace(", scan_folder: scans", "")
+    (study / "study.yaml").write_text(config)
+    (study / "patches.tsv").unlink()
+    (study / "patches.csv").write_text(GRADED)
+    return study
+
+
+def files_in(folder):
+    """The content of every file in a folder, except hidden ones; the target of a link."""
+    return {
+        path.name: os.readlink(path) if path.is_symlink() else path.read_bytes()
+        for path in folder.iterdir()
+        if path.name[0] != "." and not path.is_dir()
+    }
+
+
+EDITS = {
+    "the config": lambda: Path("study.yaml").write_text(CONFIG + "# edited\n"),
+    "a config that is damaged": lambda: Path("study.yaml").write_text("{"),
+    "no config": lambda: Path("study.yaml").unlink(),
+    "the table": lambda: Path("patches.tsv").write_text(TABLE.replace("dull", "bright")),
+    "no table": lambda: Path("patches.tsv").unlink(),
+}
+SAVES = {
+    "answers": {"load.force_N": 100},
+    "answers/again": {"load.force_N": 100},
+    "places": places(*BOTH),
+    "file": {"patch": "B", "column": "t0", "name": "a.plu"},
+    "start/fix": {},
+}
+
+
+@pytest.mark.parametrize("edited", EDITS)
+def test_a_page_of_former_files_changes_nothing(server, study, edited):
+    digest = ask(server, "state")[1]["digest"]
+    EDITS[edited]()
+    before = files_in(study)
+    for path, sent in SAVES.items():
+        status, content = save(server, path, sent, digest)
+        assert status == 409
+        assert "reload" in content["error"]
+        assert ask(server, path, sent)[0] == 409  # a page that knows no digest
+    assert files_in(study) == before
+    assert not any(Path(".snakemake").glob("place_*"))
+
+
+def test_a_page_from_before_there_were_places_does_not_remove_them(server, graded):
+    (graded / "patches.csv").unlink()
+    (graded / "study.yaml").write_text(CONFIG.replace("patches.tsv", "null"))
+    stale = ask(server, "state")[1]["digest"]
+    assert save(server, "places", places(row("1", 1, 2, grade=0)))[0] == 200
+    before = files_in(graded)
+    assert save(server, "places", places(), stale)[0] == 409
+    assert files_in(graded) == before
+
+
+def test_one_of_eighty_saves_at_once_is_written(server, study):
+    digest = ask(server, "state")[1]["digest"]
+    with ThreadPoolExecutor(16) as threads:
+        forces = range(1, 81)
+        sent = [{"load.force_N": force} for force in forces]
+        answers = list(threads.map(lambda one: save(server, "answers", one, digest)[0], sent))
+    assert sorted(answers) == [200] + [409] * 79
+    written = yaml.safe_load((study / "study.yaml").read_text())["load"]["force_N"]
+    assert written == forces[answers.index(200)]
+
+
+def test_nothing_is_saved_while_cures_are_written(server, study, monkeypatch):
+    monkeypatch.setattr(server.commands["fix"], "is_running", lambda: True)
+    assert save(server, "answers", {"load.force_N": 100})[0] == 409
+    assert (study / "study.yaml").read_text() == CONFIG
+
+
+@pytest.mark.parametrize(
+    "left", [(), (row("2", 3, 4),), (row("1", 1, 2), row("2", 3, 4)), (row("7", 1, 2, grade=0),)]
+)
+def test_a_table_is_kept_before_a_part_of_it_is_removed(server, graded, left):
+    (graded / "patches.csv.bak").write_text("mine")
+    (graded / "patches.csv.bak2").symlink_to(graded / "none")
+    os.chmod(graded / "patches.csv", 0o600)
+    status, answer = save(server, "places", places(*left))
+    assert (status, answer["kept"]) == (200, "patches.csv.bak3")
+    kept = graded / "patches.csv.bak3"
+    assert kept.read_text() == GRADED
+    assert stat.S_IMODE(kept.stat().st_mode) == 0o600
+    assert (graded / "patches.csv.bak").read_text() == "mine"
+    assert not (graded / "none").exists()
+    assert (graded / "patches.csv").exists() == bool(left)
+
+
+def test_a_table_that_only_gains_is_not_kept(server, graded):
+    more = row("1", 1.5, 2, grade=1), row("2", 3, 4, grade=3), row("3", 1, 1)
+    status, answer = save(server, "places", places(*more))
+    assert (status, answer["kept"]) == (200, None)
+    assert not list(graded.glob("*.bak*"))
+
+
+def test_files_that_are_links_are_not_changed(server, study):
+    target = study.parent / "secret"
+    for name, text in (("study.yaml", CONFIG), ("patches.tsv", TABLE)):
+        target.write_text(text)
+        file = study / name
+        file.unlink()
+        file.symlink_to(target)
+        for path in ("answers", "places"):
+            assert save(server, path, SAVES[path])[0] == 422
+        assert target.read_text() == text
+        assert file.is_symlink()
+        file.unlink()
+        file.write_text(text)
+    (study / "study.yaml").write_text(CONFIG.replace("patches.tsv", "../secret"))
+    assert save(server, "places", places(*BOTH))[0] == 422
+    assert target.read_text() == TABLE
+
+
+def test_a_new_table_does_not_take_the_place_of_a_link(server, study):
+    (study / "study.yaml").write_text(CONFIG.replace("patches.tsv", "null"))
+    (study / "patches.csv").symlink_to(study / "none")
+    assert save(server, "places", places(row("1", 1, 2, grade=0)))[0] == 422
+    assert (study / "patches.csv").is_symlink()
+
+
+@pytest.mark.parametrize(("name", "kind"), [("check", "symlink_to"), ("fix", "hardlink_to")])
+def test_what_a_command_says_is_written_through_no_link(server, study, name, kind):
+    target = study.parent / "secret"
+    for ending in ("log", "pid"):
+        getattr(study / f".snakemake/place_{name}.{ending}", kind)(target)
+    assert save(server, f"start/{name}", {})[0] == 200
+    server.commands[name]._own.wait()
+    assert target.read_text() == "secret"
+    assert "ERROR" in (study / f".snakemake/place_{name}.log").read_text()
+
+
+def test_a_folder_has_one_server(server, study):
+    with pytest.raises(InputError):  # else the command would serve, and not return
+        PlaceServer(Path("study.yaml"))
+    result = CliRunner().invoke(main, ["place", str(study), "--no-browser"])
+    assert result.exit_code == 2
+    assert len(result.stderr.splitlines()) == 1
+    assert f"process {os.getpid()}" in result.stderr
+    assert save(server, "answers", {"load.force_N": 100})[0] == 200
+
+
+def test_a_folder_is_free_when_its_server_has_ended(study):
+    for _ in range(2):
+        with served() as server:
+            assert ask(server, "state")[0] == 200
+    assert (study / ".snakemake/place.lock").read_text() == ""
+
+
+def unusable(kind):
+    """Put something in the place of the lock, or of its folder."""
+    lock, other = Path(".snakemake/place.lock"), Path("../other").resolve()
+    if kind == "a linked folder":
+        other.mkdir()
+        lock.parent.symlink_to(other)
+        return
+    lock.parent.mkdir()
+    if kind == "another host":
+        lock.write_text("elsewhere 17\n")
+    elif kind == "a pipe":
+        os.mkfifo(lock)
+    else:
+        other.touch()  # so that nothing in it keeps it from being used
+        getattr(lock, kind)(other)
+
+
+@pytest.mark.parametrize(
+    "kind", ["another host", "symlink_to", "hardlink_to", "a pipe", "a linked folder"]
+)
+def test_a_lock_that_cannot_be_taken_is_refused(study, kind):
+    unusable(kind)
+    with pytest.raises(InputError, match=r"Remove|remove|Put a folder"):
+        PlaceServer(Path("study.yaml"))
+    other = study.parent / "other"
+    assert not list(other.glob("*"))
+    assert not other.is_file() or other.read_text() == ""
+
+
+@contextmanager
+def started(study, tmp_path):
+    """`gst place` in a process of its own, and the address that its browser was given."""
+    given = tmp_path / "given"
+    script = tmp_path / "browser"
+    script.write_text(f'#!/bin/sh\nprintf %s "$1" > {given}.part; mv {given}.part {given}\n')
+    script.chmod(0o700)
+    around = os.environ | {"BROWSER": f"{script} %s"}
+    command = [sys.executable, "-m", "gst", "place", str(study)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=around) as process:
+        try:
+            url = next(line.strip() for line in process.stdout if line.startswith("http"))
+            yield process, url, given
+        finally:
+            process.kill()
+
+
+def wait_for(file):
+    for _ in range(600):
+        if file.exists():
+            return file.read_text()
+        threading.Event().wait(0.05)
+    raise AssertionError(f"there is no {file}")
+
+
+def test_the_token_is_given_to_the_browser_in_a_private_file(study, tmp_path):
+    with started(study, tmp_path) as (_, url, given):
+        address = wait_for(given)
+        assert address.startswith("file://")
+        assert url.split("/")[-2] not in address
+        file = Path(address.removeprefix("file://"))
+        assert f"url={url}" in file.read_text()
+        assert stat.S_IMODE(file.stat().st_mode) == 0o600
+        assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
+        link = http.client.HTTPConnection(url.split("/")[2])
+        link.request("GET", "/" + url.split("/", 3)[3])
+        assert link.getresponse().status == 200
+        link.close()
+        assert not file.parent.exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])  # its terminal was closed
+def test_a_server_that_is_ended_leaves_no_token_and_no_lock(study, tmp_path, number):
+    with started(study, tmp_path) as (process, _, given):
+        file = Path(wait_for(given).removeprefix("file://"))
+        assert file.exists()
+        process.send_signal(number)
+        process.wait()
+        assert not file.parent.exists()
+        assert (study / ".snakemake/place.lock").read_text() == ""
+
+
+def test_a_killed_server_leaves_its_folder_to_the_next(study, tmp_path):
+    with started(study, tmp_path) as (process, *_):
+        lock = (study / ".snakemake/place.lock").read_text()
+        assert lock.split()[1] == str(process.pid)
+        process.kill()
+    with served() as server:
+        assert ask(server, "state")[0] == 200
 
 
 def test_scans_move_together_if_each_has_a_place_from_the_stage(server, study):
@@ -283,7 +549,7 @@ def test_scans_find_their_exact_places_near_those_by_hand(server, study, flip, s
         expected = np.subtract(right[place["patch"]], 8.0)
         assert [place["y_mm"], place["x_mm"]] == pytest.approx(expected, abs=0.06)
         assert place["rotation_deg"] == pytest.approx(8, abs=3)
-    assert ask(server, "answers", found["answers"]) == (200, None)
+    assert save(server, "answers", found["answers"])[0] == 200
     assert found["answers"].pop("uncertainty.placement_um") > 0
     assert found["answers"] == (
         {"scans.mould.flip": yaml.safe_load(flip)} if flip != stated else {}
@@ -327,7 +593,7 @@ def test_a_result_of_other_settings_is_said_to_be(server, study):
     step = Step(PAGE, given, [], [results / "index.html"])
     write_record(results, step, given_to(results, step), {})
     assert ask(server, "result") == (200, {"page": "results/index.html", "problem": None})
-    assert ask(server, "answers", {"load.force_N": 100.0})[0] == 200
+    assert save(server, "answers", {"load.force_N": 100.0})[0] == 200
     status, found = ask(server, "result")
     assert (status, found["page"]) == (200, "results/index.html")
     assert "made with another config" in found["problem"]
