@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from gst.chain import certified_inputs
+from gst.chain import certified_inputs, versions_of
 from gst.page import (
     Shown,
     by_category,
@@ -56,7 +56,7 @@ class StudyPage:
     # files. An empty list stands for what the study does not have.
     files: Mapping[str, Any]
     titles: Sequence[Sequence[str]]  # category and title of each that has a caption
-    steps: Sequence[str]  # names of the study's steps, for their records and warnings
+    steps: Mapping[str, str]  # the study's, with their hashes (`gst.chain.hashes_of`)
     places: Mapping[str, list]  # columns ``patch, x_mm, y_mm, rotation_deg, t0, t1``
     patch_mm: float
     mesh_unit: str
@@ -68,19 +68,21 @@ class StudyPage:
     ) -> None:
         """Write the page, the record and the contents; `commit` and `program` are the program's.
 
-        Raises an `InputError` if a result is not as its step made it.
+        Raises an `InputError` if a result is not as its step made it, or a step was asked something
+        else than the config says.
         """
         results = page.parent
         inputs = certified_inputs(results, self.steps, self.files["made_from"])
         said = {
             "answer": self.answer,
             "generated": self.config["specimen"] is not None,
-            "faults": reported(results, self.steps, "ERROR"),
+            "faults": reported(results, [*self.steps], "ERROR"),
         }
         write_whole(page, render("page.html", **said, **self._content(results)).encode())
         entries = [Shown(page, *_PAGE, _WHAT), *self.entries]
         _write_json(contents, _listed(entries, results))
-        _write_json(record, study_provenance(self.config, inputs, commit, program))
+        versions = versions_of(results, self.steps)
+        _write_json(record, study_provenance(self.config, inputs, commit, program, versions))
 
     @cached_property
     def _tables(self) -> dict[str, Path]:
@@ -184,8 +186,8 @@ class StudyPage:
             "scene": scene,
             "size": scene["frame"]["size"],
             "records": {record["patch"]: record for record in records},
-            "warnings": reported(results, self.steps, "WARNING"),
-            "notes": reported(results, self.steps, "NOTE"),
+            "warnings": reported(results, [*self.steps], "WARNING"),
+            "notes": reported(results, [*self.steps], "NOTE"),
             "shown": by_category(self.entries[: len(self.files["shown"])]),
             "compared": "validation_summary" in self._tables,
         }
