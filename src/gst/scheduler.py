@@ -60,7 +60,8 @@ def order_dates(steps: Iterable[Step], again: Container[str] = ()) -> None:
     Steps that have not run, or that are run `again`, are left out. Dates say nothing: a copy has
     others, and the clock of an instrument may be wrong.
     """
-    made = [step for step in steps if all(path.exists() for path in step.outputs)]
+    made = [step for step in steps if step.outputs]  # not a target, which makes nothing
+    made = [step for step in made if all(path.exists() for path in step.outputs)]
     made = [step for step in made if str(step.outputs[0]) not in again]
     paths = {path for step in made for path in (*step.inputs, *step.outputs)}
     dates = {path: _dated(path).stat().st_mtime_ns for path in paths}
