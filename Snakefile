@@ -67,9 +67,9 @@ rule all:
 # `gst study` has to be told.
 if workflow.is_main_process:
     refuse_foreign(STEPS, Path(RESULTS))
-    AGAIN.update(plan_again(STEPS, Path(RESULTS)))
-    if AGAIN and "gst.scheduler" not in sys.orig_argv:
-        logger.warning(f"To make again what has changed, add: --forcerun {' '.join(AGAIN)}")
+adapt(workflow, STEPS, Path(RESULTS), config["accept"])
+if AGAIN and workflow.is_main_process and "gst.scheduler" not in sys.orig_argv:
+    logger.warning(f"To make again what has changed, add: --forcerun {' '.join(AGAIN)}")
 
 
 onstart:

@@ -10,6 +10,8 @@ __all__ = ["files_by_epoch", "files_of", "share_out"]
 _PER_JOB = 13
 # Jobs of a kind; the profile for Slurm sends 20 at a time.
 _MOST_BATCHES = 16
+# What follows the patch's id in the name of a prepared scan.
+_EPOCHS = {"T0": "_T0", "T1": "_T1", "repeat": "_repeat"}
 
 
 def share_out(patches: Sequence[str], per_job: float | None = None) -> dict[str, list[str]]:
@@ -31,13 +33,13 @@ def share_out(patches: Sequence[str], per_job: float | None = None) -> dict[str,
 def files_of(folders: Path | Iterable[Path], patches: Iterable[str]) -> dict[str, Path]:
     """The files of the patches in the folders of their batches, by patch, where there is one.
 
-    A file has the name of its patch, and after ``_``, which no id has, perhaps an epoch.
+    A file has the name of its patch. In the folder of an epoch ``_`` and the epoch follow, which no
+    id has. Any other file in a folder is somebody else's.
     """
     folders = [folders] if isinstance(folders, Path) else folders
-    found = {
-        file.stem.partition("_")[0]: file for each in folders for file in each.glob("*.h5")
-    }
-    return {patch: found[patch] for patch in patches if patch in found}
+    ends = [(folder, _EPOCHS.get(folder.parent.name, "")) for folder in folders]
+    named = ((patch, folder / f"{patch}{end}.h5") for patch in patches for folder, end in ends)
+    return {patch: file for patch, file in named if file.is_file()}
 
 
 def files_by_epoch(

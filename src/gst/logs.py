@@ -1,26 +1,33 @@
 """The log of a job: one file and the screen, uncaught errors included."""
 
 import gc
+import json
 import logging
 import os
 import re
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from gst.chain import LEVELS, TOOK, given_to, record_of, step_of, write_record
-from gstlib.errors import GstError, accepting
+from gst.chain import LEVELS, LOGS, Step, given_to, hashes_of, record_of, step_of, write_record
+from gst.provenance import software
+from gstlib.errors import GstError, InputError, accepting
 from gstlib.io.files import cannot_write
 
-__all__ = ["FILE_ONLY", "PLAN", "job_log", "logged", "run_script"]
+__all__ = ["ASKED", "FILE_ONLY", "PLAN", "job_log", "last_took", "log_failed_start", "logged"]
+__all__ += ["run_script"]
 
 # Environment variable, set by the workflow's display of progress, which shows the log's
 # messages itself: a job then writes nothing to the screen, unless its log cannot be written.
 FILE_ONLY = "GSTLIB_LOG_FILE_ONLY"
+# Environment variable with the hash of each step as the run was started, by its results and name.
+ASKED = "GSTLIB_STEPS"
+# Before the duration in the last line of a step's log.
+TOOK = "took "
 # Soon after a process began, for scripts import this early.
 _START = time.perf_counter()
 # Environment variable, set by `gst study --plan`: the display shows what would run, and why.
@@ -77,6 +84,10 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
     except GstError as error:
         log.error("%s", error)
         raise SystemExit(1) from None
+    except ImportError as error:
+        problem = "a package that the program needs is missing or broken: install it again"
+        log.exception("%s (%s)", problem, error)
+        raise SystemExit(1) from None
     except Exception:
         log.exception("unexpected error: this is a bug in the program, please report it")
         raise SystemExit(1) from None
@@ -97,12 +108,53 @@ def logged(log: Path, level: str) -> list[str]:
     return ["\n  ".join([said, *trace.splitlines()[-3:]]) for said, _, trace in parts]
 
 
+def last_took(results: Path, step: str) -> str:
+    """How long a step took when it last ran, from its log; empty if that is gone."""
+    log = results / LOGS / f"{step}.log"
+    text = log.read_text("utf-8", "replace") if log.is_file() else ""
+    last = text.rstrip("\n").rpartition("\n")[2]
+    return last.partition(TOOK)[2].partition(",")[0]
+
+
+class _Accepted:
+    """The faults that a config accepts; it notes which of them a step asks about."""
+
+    def __init__(self, names: Iterable[str]):
+        self.names, self.asked = frozenset(names), dict[str, bool]()
+
+    def __contains__(self, name: object) -> bool:
+        return self.asked.setdefault(str(name), name in self.names)
+
+
+def log_failed_start(snakemake: Any) -> None:
+    """Let an error that ends a script before `run_script`, as in an import, stand in its log."""
+
+    def log_it(kind: type[BaseException], error: BaseException, trace: Any) -> None:
+        if not issubclass(kind, Exception):  # such as Ctrl-C
+            sys.__excepthook__(kind, error, trace)
+            return
+        with job_log(snakemake.log[0]):
+            raise error
+
+    sys.excepthook = log_it
+
+
+def _refuse_other_params(results: Path, step: Step) -> None:
+    """Raise an `InputError` if a step is asked something else than when the run was started."""
+    asked = json.loads(os.environ.get(ASKED, "{}")).get(str(results), {})
+    if asked.get(step.name) not in (None, hashes_of([step], results)[step.name]):
+        problem = "the config, its tables or the program were edited while the study runs"
+        remedy = "Start the study again: it makes anew what the edit changes."
+        raise InputError(f"the step {step.name}", problem, remedy)
+
+
 def run_script(snakemake: Any, main: Callable[..., None]) -> None:
     """Call a script's `main` with the rule's named inputs, outputs and params, all by keyword.
 
     `snakemake` is the object that Snakemake puts into a script. Files become paths, or lists of
     paths; an empty list stands for an input that the study does not have. The param ``code`` is
-    left out: it only shows that the program has changed.
+    left out: it only shows that the program has changed. The param ``accept`` is a container that
+    notes which faults the script asks about.
     """
     files: dict[str, Path | list[Path]] = {}
     for names in (snakemake.input, snakemake.output):
@@ -111,14 +163,18 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
     # What was imported stays: to look for garbage among it, the last time when the interpreter
     # ends, takes a quarter of a second.
     gc.freeze()
+    accepted = _Accepted(snakemake.config.get("accept", ()))
     settings = {name: value for name, value in snakemake.params.items() if name != "code"}
+    if "accept" in settings:
+        settings["accept"] = accepted
     results = Path(snakemake.log[0]).parents[1]
     step = step_of(snakemake.log[0], snakemake.params, snakemake.input, snakemake.output)
     with job_log(snakemake.log[0]) as log:
+        _refuse_other_params(results, step)
         # of files that are about to change
         record_of(results, step.name).unlink(missing_ok=True)
-        given = given_to(results, step)
-        with accepting(snakemake.config.get("accept", ())):
+        given = given_to(results, step) | {"software": software(), "faults": accepted.asked}
+        with accepting(accepted):
             main(**files, **settings)
         messages = {level: logged(Path(snakemake.log[0]), level) for level in LEVELS}
         write_record(results, step, given, messages)

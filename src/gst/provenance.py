@@ -5,7 +5,6 @@ import functools
 import hashlib
 import importlib.util
 import json
-import os
 import platform
 import subprocess
 import tomllib
@@ -30,12 +29,14 @@ __all__ = [
     "program_hash",
     "provenance",
     "refuse_other_study",
+    "software",
     "source_hash",
     "study_provenance",
 ]
 
 # Of the packages that gstlib names, those that a study runs on.
 _EXTRAS = "fast", "formats", "texture", "workflow"
+_PROGRAM = "src", "workflow", "Snakefile"
 # Modules that record a result but do not shape it.
 _RECORDING = {"gst.chain", "gst.logs", "gst.provenance", "gst.received"}
 
@@ -46,7 +47,7 @@ def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> 
     count = Counter(path.name for path in paths)
     # where two have one name, the folders of stage and batch tell them apart
     names = ["/".join(path.parts[-3 if count[path.name] > 1 else -1 :]) for path in paths]
-    digests = [_sha256(path, os.stat(path).st_mtime_ns) for path in paths]
+    digests = [_sha256(path) for path in paths]
     hashes = dict(zip(names, digests, strict=True))
     return {
         "gstlib_version": gstlib.__version__,
@@ -57,10 +58,8 @@ def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> 
     }
 
 
-@functools.cache
-def _sha256(path: str | Path, changed_ns: int) -> str:
-    """SHA-256 of a file as of this date: a job names some inputs in each file that it makes."""
-    return sha256(path)
+# a job names some inputs in each file that it makes
+_sha256 = functools.cache(sha256)
 
 
 def refuse_other_study(config: Mapping[str, Any]) -> None:
@@ -71,8 +70,8 @@ def refuse_other_study(config: Mapping[str, Any]) -> None:
     results = Path(config["results"])
     try:
         written = read_provenance(results, "title", "inputs")
-    except (OSError, InputError):  # none, or half written: the study writes it anew
-        return
+    except (OSError, InputError):
+        return  # none, or half written: the study writes it anew
     made = written["config"]
     if not _is_same_study(made, config, written["inputs"].values()):
         stone = made["inputs"]["mesh"] if made["inputs"] else "a synthetic stone"
@@ -99,24 +98,27 @@ def _is_same_study(
 
 
 def study_provenance(
-    config: Mapping[str, object], inputs: Mapping[str, str], commit: str | None, program: str
+    config: Mapping[str, object],
+    inputs: Mapping[str, str],
+    commit: str | None,
+    program: str,
+    versions: Mapping[str, str],
 ) -> dict[str, object]:
     """The provenance of all results of a study; the same on every machine.
 
     `config` is complete; `inputs` are the SHA-256 of measured files and tables by path; `commit`
-    and `program` (`program_hash`) are those of the program.
+    and `program` (`program_hash`) are those of the program, `versions` those on which the steps
+    ran (`gst.chain.versions_of`).
     """
-    return {
-        "config": dict(config),
-        "inputs": dict(inputs),
-        "software": {
-            "gstlib": gstlib.__version__,
-            "commit": commit,
-            "program": program,
-            "python": platform.python_version(),
-            "packages": _packages(),
-        },
-    }
+    packages = {name: version for name, version in versions.items() if name != "python"}
+    of_program = {"gstlib": gstlib.__version__, "commit": commit, "program": program}
+    software = of_program | {"python": versions.get("python"), "packages": packages}
+    return {"config": dict(config), "inputs": dict(inputs), "software": software}
+
+
+def software() -> dict[str, str]:
+    """Version of Python, and of every package that gstlib and its workflow require."""
+    return {"python": platform.python_version(), **_packages()}
 
 
 @functools.cache
@@ -149,18 +151,13 @@ def commit(folder: str | Path) -> str | None:
     if not (Path(folder) / ".git").exists():
         return None
     # a config or a table that was changed is in the record itself
-    program = ["status", "--porcelain", "--", "src", "workflow", "Snakefile"]
-    said = []
+    command = ["git", "status", "--porcelain=v2", "--branch", "--", *_PROGRAM]
     try:
-        for asked in (["rev-parse", "HEAD"], program):
-            command = ["git", *asked]
-            done = subprocess.run(
-                command, cwd=folder, capture_output=True, text=True, check=True
-            )
-            said.append(done.stdout.strip())
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return None
-    return said[0] + "+" * bool(said[1])
+    head, *lines = done.stdout.splitlines()
+    return head.split()[-1] + "+" * any(not line.startswith("#") for line in lines)
 
 
 @functools.cache
@@ -170,7 +167,7 @@ def program_hash() -> str:
     return "".join(
         _hash_of(
             (file.relative_to(folder).as_posix(), file)
-            for file in sorted(folder.rglob("*.*"))
+            for file in sorted(folder.rglob("[!.]*.*"))
             if not {"__pycache__", "shipped"} & {*file.relative_to(folder).parts}
         )
         for folder in folders

@@ -27,6 +27,7 @@ _OBJECT_OR_NULL = {"type": ["object", "null"]}
 _TEXT_BY_NAME = {"type": "object", "additionalProperties": _TEXT}
 # Of a file that was missing there is no digest.
 _DIGESTS = {"type": "object", "additionalProperties": {"type": "string", "minLength": 1}}
+_FAULTS = {"type": "object", "additionalProperties": {"type": "boolean"}}
 
 
 def _form(*required: str, **properties: Any) -> dict[str, Any]:
@@ -40,7 +41,11 @@ RECORD = _form(
     "files",
     "outputs",
     "messages",
-    params=_form(steps={"type": ["array", "object"]}),
+    "faults",
+    "software",
+    params=_form("makes", makes=_TEXTS, steps=_TEXT_BY_NAME),
+    faults=_FAULTS,
+    software=_TEXT_BY_NAME,
     inputs=_DIGESTS,
     outputs=_DIGESTS,
     files=_TEXT_BY_NAME,

@@ -103,7 +103,8 @@ def run_study(
             code = _snakemake(*command, *options, environment=mark)
     if code or plan:
         return code
-    if broken := break_in(results, read):  # the options asked for less
+    # the options asked for less, or the config was edited meanwhile
+    if broken := break_in(results, read_config(config)):
         print(f"The study is not finished: {broken}.")
         return 0
     print(f"Done. Open {results / 'index.html'} in a browser.")

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from gst.chain import certified_inputs
+from gst.chain import certified_inputs, versions_of
 from gst.contradictions import improbable
 from gst.page import (
     Shown,
@@ -58,7 +58,7 @@ class StudyPage:
     # files. An empty list stands for what the study does not have.
     files: Mapping[str, Any]
     titles: Sequence[Sequence[str]]  # category and title of each that has a caption
-    steps: Sequence[str]  # names of the study's steps, for their records and warnings
+    steps: Mapping[str, str]  # the study's, with their hashes (`gst.chain.hashes_of`)
     places: Mapping[str, list]  # columns ``patch, x_mm, y_mm, rotation_deg, t0, t1``
     patch_mm: float
     mesh_unit: str
@@ -70,7 +70,8 @@ class StudyPage:
     ) -> None:
         """Write the page, the record and the contents; `commit` and `program` are the program's.
 
-        Raises an `InputError` if a result is not as its step made it.
+        Raises an `InputError` if a result is not as its step made it, or a step was asked something
+        else than the config says.
         """
         results = page.parent
         inputs = certified_inputs(results, self.steps, self.files["made_from"])
@@ -82,7 +83,8 @@ class StudyPage:
         write_whole(page, render("page.html", **said, **self._content(results)).encode())
         entries = [Shown(page, *_PAGE, _WHAT), *self.entries]
         _write_json(contents, _listed(entries, results))
-        _write_json(record, study_provenance(self.config, inputs, commit, program))
+        versions = versions_of(results, self.steps)
+        _write_json(record, study_provenance(self.config, inputs, commit, program, versions))
 
     def _faults(self, results: Path) -> list[dict[str, Any]]:
         """The faults that the config accepts: in its files, and in its own values."""
@@ -90,7 +92,7 @@ class StudyPage:
             {"text": InputError.__str__(fault), "steps": ["config"], "patches": fault.patches}
             for fault in improbable(self.config, pd.DataFrame(self.places))
         ]
-        return own + reported(results, self.steps, "ERROR")
+        return own + reported(results, [*self.steps], "ERROR")
 
     @cached_property
     def _tables(self) -> dict[str, Path]:
@@ -194,8 +196,8 @@ class StudyPage:
             "scene": scene,
             "size": scene["frame"]["size"],
             "records": {record["patch"]: record for record in records},
-            "warnings": reported(results, self.steps, "WARNING"),
-            "notes": reported(results, self.steps, "NOTE"),
+            "warnings": reported(results, [*self.steps], "WARNING"),
+            "notes": reported(results, [*self.steps], "NOTE"),
             "shown": by_category(self.entries[: len(self.files["shown"])]),
             "compared": "validation_summary" in self._tables,
         }

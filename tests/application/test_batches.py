@@ -38,14 +38,21 @@ def test_batches_are_few_and_reasonably_even(count, batches):
     assert max(sizes) <= 1.5 * count / batches
 
 
-def test_a_file_is_found_by_its_patch(tmp_path):
-    files = {"7": tmp_path / "1/7.h5", "E1": tmp_path / "2/E1_T0.h5", "8": tmp_path / "2/8_T0.h5"}
-    for file in files.values():
-        file.parent.mkdir(exist_ok=True)
+def test_a_file_is_found_by_its_patch_and_no_other_is_taken_for_it(tmp_path):
+    files = {"7": "change/1/7.h5", "E1": "surfaces/T0/2/E1_T0.h5", "8": "surfaces/T0/2/8_T0.h5"}
+    files = {patch: tmp_path / name for patch, name in files.items()}
+    others = (
+        "change/1/7_T0.h5",
+        "change/1/7 (copy).h5",
+        "surfaces/T0/2/E1.h5",
+        "surfaces/T0/2/E1_T1.h5",
+    )
+    for file in [*files.values(), *(tmp_path / name for name in others)]:
+        file.parent.mkdir(parents=True, exist_ok=True)
         file.touch()
-    folders = [tmp_path / "1", tmp_path / "2"]
+    folders = [files["7"].parent, files["8"].parent]
     assert list(files_of(folders, ["E1", "7", "gone"]).items()) == [
         ("E1", files["E1"]),
         ("7", files["7"]),
     ]
-    assert files_of(tmp_path / "1", ["7", "8"]) == {"7": files["7"]}
+    assert files_of(folders[0], ["7", "8"]) == {"7": files["7"]}

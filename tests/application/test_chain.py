@@ -15,13 +15,16 @@ from gst.chain import (
     check_chain,
     check_links,
     given_to,
+    hashes_of,
     made_in,
     plan_again,
     record_of,
+    versions_of,
     write_record,
 )
-from gst.logs import run_script
-from gstlib.errors import InputError
+from gst.logs import ASKED, run_script
+from gst.scheduler import order_dates
+from gstlib.errors import FaultError, InputError, refuse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from snakemake.iocontainers import Namedlist
@@ -32,12 +35,12 @@ SCAN = Path("scans/1.plu")
 def steps_in(results, **params):
     """A study of two steps and a page; `params` are those of the first."""
     surface, folder, page = (results / name for name in ("1.h5", "wear", "index.html"))
-    rest = {"steps": ["clean", "wear"], "config": {"results": str(results)}}
-    return [
+    steps = [
         Step("clean", {"code": "a", "flip": None} | params, [SCAN], [surface]),
         Step("wear", {"code": "b", "mesh": results / "mesh.stl"}, [surface], [folder]),
-        Step(PAGE, rest, [surface, folder], [page]),
     ]
+    rest = {"steps": hashes_of(steps, results), "config": {"results": str(results)}}
+    return [*steps, Step(PAGE, rest, [surface, folder], [page])]
 
 
 def run(results, steps):
@@ -75,7 +78,8 @@ def study(tmp_path, monkeypatch):
 )
 def test_another_param_is_a_reason(study, params, why):
     results, _ = study
-    assert plan_again(steps_in(results, **params), results) == {"results/1.h5": why}
+    again = plan_again(steps_in(results, **params), results)
+    assert again == {"results/1.h5": why, "results/index.html": "steps has changed"}
 
 
 def rewrite(file, content):
@@ -92,7 +96,19 @@ def test_a_scan_of_the_same_size_and_date_is_seen(study):
     assert plan_again(steps, results) == {"results/1.h5": "scans/1.plu has changed"}
     assert break_in(results) == "scans/1.plu is not as the step clean read it"
     with pytest.raises(InputError, match=r"scans/1\.plu is not as the step clean read it"):
-        certified_inputs(results, ["clean"], [SCAN])
+        certified_inputs(results, {"clean": steps[2].params["steps"]["clean"]}, [SCAN])
+
+
+def job_of(step, results, config=()):
+    """A job as Snakemake gives it to a script, and what it reads and makes by name."""
+    files = {"input": {"scan": str(SCAN)}, "output": {"surface": str(results / "1.h5")}}
+    job = {name: Namedlist(fromdict=named) for name, named in files.items()}
+    log = record_of(results, step.name).with_suffix(".log")
+    return SimpleNamespace(**job, config=dict(config), params=step.params, log=[str(log)])
+
+
+def clean(scan, surface, *, flip):
+    surface.write_text(f"{flip} of {scan.read_text()}")
 
 
 def test_a_file_that_changes_while_a_step_reads_it_is_seen(study):
@@ -102,10 +118,7 @@ def test_a_file_that_changes_while_a_step_reads_it_is_seen(study):
         surface.write_text(f"{flip} of {scan.read_text()}")
         rewrite(SCAN, "HEIGHTS")
 
-    files = {"input": {"scan": str(SCAN)}, "output": {"surface": str(results / "1.h5")}}
-    job = {name: Namedlist(fromdict=named) for name, named in files.items()}
-    log = record_of(results, "clean").with_suffix(".log")
-    run_script(SimpleNamespace(**job, config={}, params=clean.params, log=[str(log)]), main)
+    run_script(job_of(clean, results), main)
     assert plan_again([clean, *others], results)["results/1.h5"] == "scans/1.plu has changed"
 
 
@@ -129,14 +142,26 @@ def test_what_was_removed_is_said_to_be_missing(study):
     assert plan_again(steps, results)["results/wear"] == "1.h5 is missing"
 
 
-@pytest.mark.parametrize("change", ["unlink", "add"])
-def test_a_file_that_went_or_came_in_a_folder_is_seen(study, change):
+def test_a_file_that_went_from_a_folder_is_seen(study):
     results, steps = study
-    if change == "unlink":
-        (results / "wear/1.png").unlink()
-    else:
-        (results / "wear/2.png").write_text("of another study")
+    (results / "wear/1.png").unlink()
     assert plan_again(steps, results).keys() == {"results/wear", "results/index.html"}
+    assert break_in(results) == "results/wear/1.png, which the step wear made, is missing"
+
+
+@pytest.mark.parametrize("name", ["Thumbs.db", ".DS_Store", "2.png", "notes/mine.txt"])
+def test_a_file_that_no_step_made_is_ignored(study, name):
+    """Also by a step that reads the folder, whether it runs before or after the file came."""
+    results, steps = study
+    file = results / "wear" / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_text("of another program")
+    assert plan_again(steps, results) == {}
+    run(results, steps[2:])
+    file.write_text("changed")
+    assert plan_again(steps, results) == {}
+    assert break_in(results) is None
+    assert file not in made_in(results)
 
 
 def test_a_step_without_a_whole_record_is_run_again(study):
@@ -160,6 +185,7 @@ def test_results_may_be_moved_copied_and_renamed(study, tmp_path, monkeypatch):
     moved = steps_in(renamed := Path("b"))
     assert plan_again(moved, renamed) == {}
     assert break_in(renamed) is None
+    order_dates(moved)
     dates = {
         path: path.stat().st_mtime_ns for step in moved for path in (*step.inputs, *step.outputs)
     }
@@ -168,10 +194,10 @@ def test_results_may_be_moved_copied_and_renamed(study, tmp_path, monkeypatch):
 
 
 def test_a_result_is_whole_without_the_measured_files_but_not_with_others(study):
-    results, _ = study
+    results, (*_, page) = study
     SCAN.rename("away")
     assert break_in(results) is None
-    assert certified_inputs(results, ["clean"], [SCAN]).keys() == {str(SCAN)}
+    assert certified_inputs(results, page.params["steps"], [SCAN]).keys() == {str(SCAN)}
     SCAN.write_text("another")
     assert "scans/1.plu" in break_in(results)
 
@@ -201,6 +227,90 @@ def test_what_was_made_is_what_the_records_of_this_study_name(study):
     }
 
 
+@pytest.mark.parametrize("other", ["params", "files"])
+def test_a_step_of_another_config_is_no_part_of_the_page(study, other):
+    """As when the last job alone runs after an edit, or two folders share one for results."""
+    results, steps = study
+    edited = steps_in(results, flip="x")
+    if other == "files":
+        Path("scans/2.plu").write_text("heights")
+        edited[0] = steps[0]._replace(inputs=[Path("scans/2.plu")])
+        page = {"steps": hashes_of(edited[:2], results), "config": {"results": "results"}}
+        edited[2] = steps[2]._replace(params=page)
+    run(results, edited[2:])
+    said = "the step clean was made with other params or files than the config gives"
+    assert break_in(results) == said
+    with pytest.raises(InputError, match=said):
+        check_chain(results)
+    with pytest.raises(InputError, match=said):
+        certified_inputs(results, edited[2].params["steps"], [SCAN])
+    assert plan_again(edited, results).keys() == {"results/1.h5"}
+    run(results, edited)
+    assert break_in(results) is None
+
+
+def test_the_hash_of_a_step_does_not_depend_on_where_the_results_are(study, tmp_path):
+    results, steps = study
+    elsewhere = tmp_path / "elsewhere/b"
+    assert hashes_of(steps_in(elsewhere), elsewhere) == hashes_of(steps, results)
+
+
+def test_a_job_whose_config_was_edited_since_the_run_began_does_not_start(study, monkeypatch):
+    results, steps = study
+    monkeypatch.setenv(ASKED, json.dumps({str(results): hashes_of(steps, results)}))
+    edited = steps_in(results, flip="x")[0]
+    before = contents(results)
+    with pytest.raises(SystemExit):
+        run_script(job_of(edited, results), clean)
+    log = record_of(results, "clean").with_suffix(".log")
+    assert "edited while the study runs" in log.read_text()
+    log.unlink()
+    assert contents(results) == before
+    run_script(job_of(steps[0], results), clean)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "runs"),
+    [
+        ([], ["holes"], False),
+        (["epochs"], [], False),
+        (["epochs", "face"], ["epochs"], True),
+        (["odd_scan:1", "odd_scan:2"], ["odd_scan:1"], True),
+        (["odd_scan:1", "odd_scan:2"], ["odd_scan:2", "holes", "odd_scan:1"], False),
+    ],
+)
+def test_another_accept_runs_again_what_met_such_a_fault(study, before, after, runs):
+    results, steps = study
+
+    def main(scan, surface, *, flip):
+        if "face" in before:
+            refuse(FaultError("face", scan, "lies beyond", "Move it."))
+        if "odd_scan:1" in before:
+            refuse(FaultError("odd_scan", scan, "is odd", "Scan again.", ["1", "2"]))
+        clean(scan, surface, flip=flip)
+
+    run_script(job_of(steps[0], results, {"accept": before}), main)
+    run(results, steps[1:])
+    steps[2].params["config"]["accept"] = before
+    run(results, steps[2:])
+    assert plan_again(steps, results, before) == {}
+    assert break_in(results) is None
+    assert ("results/1.h5" in plan_again(steps, results, after)) == runs
+    steps[2].params["config"]["accept"] = after
+    run(results, steps[2:])  # the page alone
+    assert (break_in(results) is not None) == runs
+
+
+def test_versions_are_those_on_which_the_steps_ran(study, monkeypatch):
+    results, steps = study
+    monkeypatch.setattr("gst.logs.software", lambda: {"numpy": "2.0", "scipy": "1.1"})
+    run_script(job_of(steps[0], results), clean)
+    assert versions_of(results, ["clean", "wear"]) == {"numpy": "2.0", "scipy": "1.1"}
+    monkeypatch.setattr("gst.logs.software", lambda: {"numpy": "2.1", "scipy": "1.1"})
+    run_script(job_of(steps[1]._replace(name="wear"), results), lambda **_: None)
+    assert versions_of(results, ["clean", "wear"]) == {"numpy": "mixed: 2.0, 2.1", "scipy": "1.1"}
+
+
 ELSEWHERE = "/etc/passwd", "../private", "wear/../../private", "out/private", "\0", "", ".", "1.h5"
 ELSEWHERE += "é" * 200, "/".join(600 * ["wear"])
 NAMES = st.dictionaries(st.sampled_from(ELSEWHERE) | st.text(), st.text() | st.none(), max_size=4)
@@ -219,11 +329,13 @@ def test_no_record_makes_anything_be_written_or_deleted(parts, tmp_path_factory)
         results,
         steps := [
             Step("wear", {}, [], [results / "wear"]),
-            Step(PAGE, {"steps": ["wear"]}, [], []),
+            Step(PAGE, {"steps": {"wear": None}}, [], []),
         ],
     )
     (results / "out").symlink_to(folder)
-    record_of(results, "wear").write_text(json.dumps(parts | {"messages": {}}))
+    parts["params"]["makes"] = list(parts["outputs"])
+    rest = {"messages": {}, "faults": {}, "software": {}}
+    record_of(results, "wear").write_text(json.dumps(parts | rest))
     before = contents(folder)
     plan_again(steps, results)
     break_in(results)

@@ -59,7 +59,7 @@ def record(folder, specimen=None, results="out/results", **given):
     (folder / "provenance.json").write_text(json.dumps(content))
     made = [folder / name for name in (*RESULTS, "contents.json", "provenance.json")]
     read = [Path(name) for name, content in INPUTS.items() if content]
-    step = step_of(folder / "logs/write_page.log", {"steps": []}, read, made)
+    step = step_of(folder / "logs/write_page.log", {"steps": {}}, read, made)
     write_record(folder, step, given_to(folder, step), {})
 
 

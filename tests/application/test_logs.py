@@ -2,6 +2,8 @@
 
 import logging
 import re
+import subprocess
+import sys
 import time
 import warnings
 from itertools import permutations
@@ -31,6 +33,19 @@ def test_an_error_of_the_user_is_one_line_and_a_bug_in_the_program_a_traceback(t
     assert "Traceback" not in shown
     for words in ("bug in the program", "test_logs.py", "ZeroDivisionError: oops"):
         assert words in shown
+
+
+def test_a_missing_package_stands_in_the_log(tmp_path):
+    """Also where a script ends before it calls `run_script`; a log of an end is not empty."""
+    log = tmp_path / "job.log"
+    for line, said in (("import no_such", "No module named 'no_such'"), ("1 / 0", "ZeroDivision")):
+        start = f"snakemake = SimpleNamespace(log=[{str(log)!r}])\nlog_failed_start(snakemake)\n"
+        given = "from types import SimpleNamespace\nfrom gst.logs import log_failed_start\n"
+        ended = subprocess.run([sys.executable, "-c", given + start + line], check=False)
+        assert ended.returncode == 1
+        (shown,) = logged(log, "ERROR")
+        assert said in shown
+        assert ("install" in shown) == ("no_such" in line)
 
 
 def test_warnings_reach_the_log(tmp_path, capsys):

@@ -589,7 +589,7 @@ def test_a_config_that_nothing_checked_is_said(server, study):
 
 def test_a_result_of_other_settings_is_said_to_be(server, study):
     results = Path("results")
-    given = {"steps": [], "config": read_config(Path("study.yaml"))}
+    given = {"steps": {}, "config": read_config(Path("study.yaml"))}
     step = Step(PAGE, given, [], [results / "index.html"])
     write_record(results, step, given_to(results, step), {})
     assert ask(server, "result") == (200, {"page": "results/index.html", "problem": None})

@@ -3,6 +3,7 @@
 import ast
 import hashlib
 import json
+import platform
 import shutil
 import subprocess
 import sys
@@ -11,7 +12,14 @@ from pathlib import Path
 import gst
 import gstlib
 import pytest
-from gst.provenance import commit, provenance, refuse_other_study, source_hash, study_provenance
+from gst.provenance import (
+    commit,
+    provenance,
+    refuse_other_study,
+    software,
+    source_hash,
+    study_provenance,
+)
 from gstlib.errors import InputError
 from gstlib.io.files import sha256
 
@@ -35,11 +43,13 @@ def test_provenance_does_not_depend_on_folder_or_order(tmp_path):
     assert list(both.values()) == [digests["a"]] * 2
     assert one["gstlib_version"] == gstlib.__version__
     path = tmp_path / "two/b"
-    of_study = study_provenance({"x": 1}, {str(path): "ab"}, commit="abc", program="def")
+    given = {"commit": "abc", "program": "def", "versions": software()}
+    of_study = study_provenance({"x": 1}, {str(path): "ab"}, **given)
     assert of_study["inputs"] == {str(path): "ab"}
-    software = of_study["software"]
-    assert (software["commit"], software["program"]) == ("abc", "def")
-    assert {"numpy", "scipy", "snakemake"} <= software["packages"].keys()
+    said = of_study["software"]
+    assert (said["commit"], said["program"]) == ("abc", "def")
+    assert said["python"] == platform.python_version()
+    assert {"numpy", "scipy", "snakemake"} <= said["packages"].keys()
 
 
 def test_commit_of_a_folder_and_its_changes(tmp_path):
@@ -138,6 +148,10 @@ def test_results_of_another_study_are_not_overwritten(
         Path(name).write_text("stone" if name in {"a.stl", "copy.stl"} else name)
     made = {"config": {"title": "A", "inputs": {"mesh": "a.stl", "scan_folder": scans and "a"}}}
     made["inputs"] = {"a.stl": sha256("a.stl")}
+    Path("provenance.json").write_text(json.dumps(made))
+    for damaged in ("[]", '{"config": []}', '{"config": {}, "inputs": []}', "[" * 100_000):
+        Path("provenance.json").write_text(damaged)
+        refuse_other_study({"results": ".", "title": title, "inputs": None})
     Path("provenance.json").write_text(json.dumps(made))
     inputs = mesh and {"mesh": mesh, "scan_folder": scans}
     config = {"results": ".", "title": title, "inputs": inputs}

@@ -7,7 +7,7 @@ import shutil
 import pytest
 from gst.batches import share_out
 
-from .conftest import ROOT
+from .conftest import ROOT, SNAKEMAKE, run
 
 
 @pytest.mark.parametrize(
@@ -166,3 +166,60 @@ def test_files_are_checked_before_any_is_read(measured):
     again = measured.planned()
     assert "check_inputs" in again
     assert again.isdisjoint({"prepare_scans", "grid_macroscale", "pass_inputs"})
+
+
+# --- What Snakemake does not know -------------------------------------------------------------
+
+SCRIPT = """{first}
+from gst.logs import run_script
+
+
+def main(scan, folder, table):
+    folder.mkdir(exist_ok=True)
+    for file in (folder / "1.txt", table):
+        file.write_text(scan.read_text())
+
+
+run_script(snakemake, main)
+"""
+SNAKEFILE = """
+from pathlib import Path
+from gst.scheduler import adapt, steps_of
+
+rule all:
+    input: "results/second.csv"
+
+rule first:
+    input: scan="scan.plu"
+    output: folder=directory("results/first"), table="results/first.csv"
+    log: "results/logs/first.log"
+    script: "first.py"
+
+rule second:
+    input: "results/first", scan="results/first.csv"
+    output: folder=directory("results/second"), table="results/second.csv"
+    log: "results/logs/second.log"
+    script: "second.py"
+
+adapt(workflow, steps_of(workflow, Path("results")), Path("results"), [])
+"""
+
+
+def test_a_clock_that_is_wrong_stops_nothing_and_a_failed_import_is_told(tmp_path):
+    """An instrument's clock may be years ahead, or that of this machine went back."""
+    for name, first in (("first", ""), ("second", "import no_such_package")):
+        (tmp_path / f"{name}.py").write_text(SCRIPT.format(first=first))
+    (tmp_path / "Snakefile").write_text(SNAKEFILE)
+    (scan := tmp_path / "scan.plu").write_text("heights")
+    os.utime(scan, (2**31, 2**31))
+    command = *SNAKEMAKE, "--cores", "1"
+    failed = run(*command, cwd=tmp_path)
+    assert failed.returncode == 1
+    assert (tmp_path / "results/first.csv").read_text() == "heights"
+    assert "No module named 'no_such_package'" in (tmp_path / "results/logs/second.log").read_text()
+    (tmp_path / "second.py").write_text(SCRIPT.format(first=""))
+    for number in (1, 0):
+        done = run(*command, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert done.stderr.count("rule second") == number
+        assert "rule first:" not in done.stderr

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gst import ROOT
 from gst.batches import share_out
-from gst.chain import AGAIN, plan_again, steps_of
+from gst.chain import AGAIN, hashes_of
 from gst.config import asked_of_files, complete, read_config_file, read_study
 from gst.contradictions import counterface_mesh
 from gst.named_files import check_files
@@ -15,12 +15,12 @@ from gst.owned import claim, move_aside, refuse_foreign
 from gst.patches import scan_files
 from gst.poses import batches_of, poses_of, reach_of
 from gst.provenance import commit, program_hash, source_hash
+from gst.scheduler import adapt, steps_of
 from gst.tables import TABLES
 from gstlib.conditions import rounded_form, stage_settings, study_poisson, study_radius
 from gstlib.preprocess.mesh import elements_around
 from snakemake.utils import update_config
 
-CAPTIONS = ROOT / "workflow/report"
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
 
 # Snakemake reads YAML 1.1. The values are those that `gst check` reads, and a file that it refuses is
@@ -171,7 +171,7 @@ def table(name, category):
     """A table of `gst.tables`, with its place on the page and in the report."""
     caption, title = f"tables/{name}.rst", TABLES[name].title
     file = f"{RESULTS}/{TABLES[name].file}"
-    SHOWN[file] = str(CAPTIONS / caption), category, title
+    SHOWN[file] = caption, category, title
     place = {"caption": f"../report/{caption}", "category": category}
     return report(file, labels={"what": f"table: {title}"}, **place)
 
@@ -179,7 +179,7 @@ def table(name, category):
 def picture(name, category, title):
     """The PNG of a figure, with its place on the page and in the report."""
     file = f"{RESULTS}/figures/{name}.png"
-    SHOWN[file] = str(CAPTIONS / f"{name}.rst"), category, title
+    SHOWN[file] = f"{name}.rst", category, title
     # Kind and content share one label. From a second label with two values, Snakemake's report
     # would make a switch, and fail where a content does not have both kinds.
     labels = {"what": f"figure: {title}"}

@@ -193,7 +193,7 @@ LOAD_PATHS = rules.tabulate_microscale.output.paths if SCANNED else []
 CAPTIONED = dict(SHOWN)
 if SCANNED:
     CAPTIONED[LOAD_PATHS] = (
-        f"{CAPTIONS}/tables/microscale_paths.rst",
+        "tables/microscale_paths.rst",
         "4 Microscale",
         TABLES["microscale_paths"].title,
     )
@@ -209,7 +209,6 @@ rule write_page:
         shown=list(SHOWN),
         exposure=EXPOSURE,
         behind=LOAD_PATHS,
-        captions=[caption for caption, _, _ in CAPTIONED.values()],
         by_patch=rules.draw_validation.output.patch_png if WORN_PATCHES else [],
         strips=rules.draw_validation.output.strip_jpg if WORN_PATCHES else [],
         made_from=[*filter(None, [config["patches"], config["published"]])]
@@ -227,10 +226,12 @@ rule write_page:
     resources:
         mem_mb=growing(650, mesh=12),
     params:
+        # Of the program, wherever it lies: `program` is the hash of these files, too.
+        captions=[caption for caption, _, _ in CAPTIONED.values()],
         titles=[[category, title] for _, category, title in CAPTIONED.values()],
-        # The study's own, whose records and warnings the page takes; none that other configs left in
-        # the folder, or of other studies in the same run.
-        steps=[step.name for step in steps_of(workflow, Path(RESULTS))],
+        # The study's own, whose records and warnings the page takes, each as this config asks for it;
+        # none that other configs left in the folder, or of other studies in the same run.
+        steps=hashes_of(steps_of(workflow, Path(RESULTS)), Path(RESULTS)),
         places=columns("patch", "x_mm", "y_mm", "rotation_deg", "t0", "t1"),
         patch_mm=PATCH_MM,
         mesh_unit=MESH_UNIT,

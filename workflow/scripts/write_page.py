@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from gst import ROOT
 from gst.logs import run_script
 from gst.study_page import StudyPage
 
@@ -11,8 +12,9 @@ def main(
     record: Path,
     contents: Path,
     *,
+    captions: list[str],
     titles: list[list[str]],
-    steps: list[str],
+    steps: dict[str, str],
     places: dict[str, list],
     patch_mm: float,
     mesh_unit: str,
@@ -22,7 +24,8 @@ def main(
     program: str,
     **files: Path | list[Path],
 ) -> None:
-    """`files` are the inputs (see `StudyPage`)."""
+    """`files` are the inputs (see `StudyPage`), `captions` names of files of the program."""
+    files["captions"] = [ROOT / "workflow/report" / caption for caption in captions]
     study = StudyPage(files, titles, steps, places, patch_mm, mesh_unit, active_tool, config)
     study.write(page, record, contents, commit=commit, program=program)
 

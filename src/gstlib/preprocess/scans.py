@@ -77,7 +77,7 @@ def prepare_scan(
     InputError
         Too many points are unmeasured.
     ContactInputError
-        The scan is no surface: see `gstlib.spacing_of`.
+        The scan is no surface: see `gstlib.surfaces.grid.spacing_of`.
     """
     spacing_of(raw)  # refuses what is no surface
     check_unmeasured(raw, maximum_unmeasured)
