@@ -73,5 +73,5 @@ if AGAIN and workflow.is_main_process and "gst.scheduler" not in sys.orig_argv:
 
 
 onstart:
-    claim(STEPS, Path(RESULTS))
+    claim(written_by(STEPS, Path(RESULTS)), Path(RESULTS))
     move_aside(workflow.dag.needrun_jobs(), Path(RESULTS), ALL_PATCHES)

@@ -5,6 +5,13 @@ It reads configs and files, runs the workflow and shows its results. The physics
 """
 
 import os
+import sys
+
+# `python -m gst` puts the working folder first on Python's path. It may be that of a study from
+# somebody else, whose files are no modules.
+if sys.argv[:1] == ["-m"] and sys.path[0] == os.getcwd() and not sys.flags.safe_path:
+    del sys.path[0]
+
 from pathlib import Path
 
 __all__ = ["ROOT", "SHIPPED"]

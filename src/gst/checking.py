@@ -11,13 +11,14 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gst.chain import break_in
+from gst.chain import break_in, check_links
 from gst.config import asked_of_files, read_config, read_study
 from gst.contradictions import counterface_mesh, improbable
 from gst.epochs import epochs_on_each_other
 from gst.fixing import Cure, cures_of
 from gst.inputs import Asked, Inputs, check_inputs
 from gst.named_files import check_files
+from gst.owned import claim_picture
 from gst.patches import overlaps, scan_files
 from gst.poses import poses_of, reach_of
 from gst.provenance import refuse_other_study
@@ -270,6 +271,7 @@ def check_study(path: Path, cures: list[Cure] | None = None) -> None:
     writable, reach, poses, found = False, None, None, None
     with _noted(problems):
         check_writable(config["results"])
+        check_links(Path(config["results"]))
         writable = True
         refuse_other_study(config)
     with _noted(problems):  # of the table of poses
@@ -294,8 +296,12 @@ def check_study(path: Path, cures: list[Cure] | None = None) -> None:
             cures += cures_of(study)
     print(f"{path}: {_summary(config, patches, found, poses, said)}")
     if writable and found is not None and found.frame is not None:
-        picture = _draw(config, patches, found, poses)
-        print(f"  {'picture':<11} {picture}: the square on the stone, and the patches in it")
+        if (picture := claim_picture(Path(config["results"]))) is None:
+            said_of_it = "none: move your own check.png from the results first"
+        else:
+            _draw(picture, config, patches, found, poses)
+            said_of_it = f"{picture}: the square on the stone, and the patches in it"
+        print(f"  {'picture':<11} {said_of_it}")
     if problems:
         print(flush=True)
         raise InputsError(problems)
@@ -337,13 +343,17 @@ def _read(config: dict, patches: pd.DataFrame, reach: float | None) -> Inputs:
 
 
 def _draw(
-    config: dict, patches: pd.DataFrame, found: Inputs, poses: pd.DataFrame | None
-) -> Path:
-    """The picture of the square on the stone, and of the patches in it."""
+    picture: Path,
+    config: dict,
+    patches: pd.DataFrame,
+    found: Inputs,
+    poses: pd.DataFrame | None,
+) -> None:
+    """Draw the square on the stone, and the patches in it."""
     from gst.figures.style import save_figure
     from gst.figures.tool import check_figure
 
-    size_mm, picture = config["square"]["size_mm"], Path(config["results"]) / "check.png"
+    size_mm = config["square"]["size_mm"]
     figure = check_figure(
         found.stone,
         found.frame,
@@ -354,4 +364,3 @@ def _draw(
         pressed=_active_stone(config, found.face, poses),
     )
     save_figure(figure, picture)
-    return picture

@@ -32,7 +32,7 @@ from gstlib.use.evidence import FEWEST_PATCHES
 
 __all__ = ["asked_of_files", "complete", "config_problems", "config_schema", "read_config"]
 __all__ += ["read_config_file"]
-__all__ += ["read_study", "refuse_config", "refuse_study", "value_problems"]
+__all__ += ["read_study", "read_unfinished", "refuse_config", "refuse_study", "value_problems"]
 
 _SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 # No length, force or seed is larger; sums and squares of such numbers stay finite.
@@ -194,6 +194,18 @@ def _to_do(config: Mapping) -> Iterator[str]:
     table = config.get("patches")
     if isinstance(table, str) and not is_to_do(table) and Path(table).is_file():
         yield from cells_to_do(table, "patches")
+
+
+def read_unfinished(path: Path) -> dict:
+    """Read a config as `read_config` does, in which values may still be given or corrected.
+
+    Raises a `ConfigError` if a value is of another type than its key has.
+    """
+    config = read_config(path)
+    errors = sorted(_validator().iter_errors(config), key=_order)
+    wrong = [error for error in errors if error.validator in ("type", "required")]
+    refuse_config([_explain(of) for of in wrong if not is_to_do(of.instance)], str(path))
+    return config
 
 
 def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:

@@ -204,8 +204,9 @@ def _results(results: Path, contents: Iterable[Mapping[str, str]]) -> list[_File
             problem = f"names a file outside the results: {file}"
             raise InputError(results / _CONTENTS, problem, _REMEDY)
         if results / file not in made:
-            problem = f"names a file that no step of the study made: {file}"
+            problem = f"names a file that no step made, or names it twice: {file}"
             raise InputError(results / _CONTENTS, problem, _REMEDY)
+        made.remove(results / file)
         content = regular_file(results / file, results).read_bytes()
         title = f"{entry['category'].partition(' ')[2]}: {entry['title']}"
         files.append(_File(f"results/{file}", content, title, _as_text(entry["caption"])))

@@ -47,13 +47,22 @@ def export_study(results: Path, to: Path) -> list[Path]:
         remedy = "Remove the files of an earlier export, or give another folder with --to."
         raise InputError(to, f"has the file {min(there).name} already", remedy)
     written = []
-    for name, content in _files(results):
+    for name, content in _whole(results):
         if Path(name).name != name:
             problem = f"holds the name of a file outside the export: {name!r}"
             raise InputError(results, problem, "Run the study again.")
         written.append(to / name)
         write_whole(written[-1], content)
     return written
+
+
+def _whole(results: Path) -> Iterator[tuple[str, bytes]]:
+    """The same as `_files`; fields of another form than a study writes are refused."""
+    try:
+        yield from _files(results)
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        problem = f"have a field that no study writes so ({error!s:.200})"
+        raise InputError(results, problem, "Run the study again.") from error
 
 
 def _files(results: Path) -> Iterator[tuple[str, bytes]]:

@@ -13,7 +13,7 @@ import platform
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +21,13 @@ import psutil
 from filelock import SoftFileLock, Timeout
 
 from gst.chain import Step, is_inside, read_record, record_of
+from gst.received import OUTPUTS, read_json, regular_file
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
-__all__ = ["CLAIMS", "LOCK", "MOVED", "RESULTS", "alive", "claim", "claimed_by", "locked"]
-__all__ += ["move_aside", "recorded", "refuse_foreign", "removable"]
+__all__ = ["CLAIMS", "LOCK", "MOVED", "RESULTS", "alive", "claim", "claim_picture"]
+__all__ += ["claimed_by", "locked", "move_aside", "recorded", "refuse_foreign", "removable"]
+__all__ += ["written_by"]
 
 CLAIMS = ".gst_outputs"  # in the results: the files that a study would write, one a line
 MOVED = "moved_aside"  # in the results: the user's files from folders that were made anew
@@ -35,19 +37,32 @@ LOCK = ".gst_lock"
 RESULTS = "GSTLIB_RESULTS"
 # Empty files: Snakemake's in each folder that a step made, and the mark that inputs were checked.
 _STAMP, _PASSED = ".snakemake_timestamp", "inputs_passed"
+_LONGEST_NAME = 1000  # of a claim
+_PICTURE = "check.png"  # of `gst check`, which makes no record
 # A file while it is written (see `gstlib.io.files`), by its later name.
 _PART = re.compile(r"\.(?P<name>.+?)(\.\d+)?\.part\d*")
 
 
 def recorded(results: Path) -> set[str]:
-    """Every file that some record names, by its name in the results; not records and logs."""
-    return _inside(name for record in _records(results).values() for name in record["outputs"])
+    """The records of steps, their logs and all files that they name, by name in the results.
+
+    Records of a former version count, too, although their steps run again.
+    """
+    names: set[str] = set()
+    for file in filter(Path.is_file, results.glob("logs/*.json")):
+        with suppress(InputError, OSError):
+            made = read_json(file, results, OUTPUTS)["outputs"]
+            names |= _inside([*made, f"logs/{file.name}", f"logs/{file.stem}.log"])
+    return names
 
 
 def claimed_by(results: Path) -> set[str]:
     """The files and folders that a study would write, as listed before its first step."""
     file = results / CLAIMS
-    return _inside(file.read_text("utf-8", "replace").splitlines()) if file.is_file() else set()
+    with suppress(InputError):
+        lines = regular_file(file, results).read_text("utf-8", "replace").splitlines()
+        return _inside(name for name in lines if len(name) <= _LONGEST_NAME)
+    return set()
 
 
 def _inside(names: Iterable[str]) -> set[str]:
@@ -57,26 +72,38 @@ def _inside(names: Iterable[str]) -> set[str]:
 
 def refuse_foreign(steps: Iterable[Step], results: Path) -> None:
     """End with exit code 2 if a file is in the way of the study that no study made."""
-    names, claims = recorded(results), claimed_by(results)
-    if names and not claims:  # the results of a version that claimed nothing
-        return
-    for path in _written_by(steps, results):
-        if path.relative_to(results).as_posix() not in names | claims:
-            for file in _in_the_way(path, results):
-                problem = (
-                    "a step would write in its place, and no record says that a study made it"
-                )
-                remedy = "Give `results` another name in the config, or move the file."
-                print(f"ERROR: {InputError(file, problem, remedy)}", file=sys.stderr)
-                sys.exit(2)  # Snakemake would give any other error another code
+    owned = recorded(results) | claimed_by(results)
+    for path in written_by(steps, results):
+        name = path.relative_to(results).as_posix()
+        # a user's files among the study's own are moved aside
+        if name in owned or any(each.startswith(f"{name}/") for each in owned):
+            continue
+        for file in _in_the_way(path, results):
+            if file.relative_to(results).as_posix() in owned:
+                continue
+            problem = "a step would write in its place, and no record says that a study made it"
+            remedy = "Give `results` another name in the config, or move the file."
+            print(f"ERROR: {InputError(file, problem, remedy)}", file=sys.stderr)
+            sys.exit(2)  # Snakemake would give any other error another code
 
 
-def claim(steps: Iterable[Step], results: Path) -> None:
-    """List what the study would write, beside what it listed before."""
+def claim(files: Iterable[Path], results: Path) -> None:
+    """List files and folders that are about to be written, beside those listed before."""
     before = claimed_by(results)
-    names = {path.relative_to(results).as_posix() for path in _written_by(steps, results)}
+    names = {path.relative_to(results).as_posix() for path in files}
     if not names <= before:
         write_whole(results / CLAIMS, "\n".join(sorted(names | before)).encode())
+
+
+def claim_picture(results: Path) -> Path | None:
+    """Where `gst check` may draw what it read; None if a user's own file lies there."""
+    picture = results / _PICTURE
+    if os.path.lexists(picture) and (
+        _PICTURE not in claimed_by(results) or picture.is_symlink()
+    ):
+        return None
+    claim([picture], results)
+    return picture
 
 
 def move_aside(jobs: Iterable[Any], results: Path, patches: Sequence[str]) -> None:
@@ -107,10 +134,8 @@ def removable(results: Path) -> list[Path]:
     written to its end. No link is removed or followed: a study makes none.
     """
     names, claims = recorded(results), claimed_by(results)
-    files = {results / name for name in names}
-    for name in _records(results):
-        files |= {record_of(results, name), record_of(results, name).with_suffix(".log")}
-    files = set(filter(os.path.lexists, files))
+    ours = names | ({_PICTURE} & claims)
+    files = set(filter(os.path.lexists, (results / name for name in ours)))
     for folder in {file.parent for file in files} | {results / name for name in claims}:
         for file in folder.glob("*"):
             made = _finished(file).relative_to(results)
@@ -163,14 +188,7 @@ def _at_work(results: Path, pids: Sequence[int]) -> InputError:
     return InputError(results, problem, f"Wait, or end them: kill {' '.join(map(str, pids))}")
 
 
-def _records(results: Path) -> dict[str, Any]:
-    """The records of all steps, by the steps' names; damaged ones are none."""
-    steps = [file.stem for file in results.glob("logs/*.json") if file.is_file()]
-    records = {step: read_record(results, step) for step in sorted(steps)}
-    return {step: record for step, record in records.items() if record}
-
-
-def _written_by(steps: Iterable[Step], results: Path) -> Iterator[Path]:
+def written_by(steps: Iterable[Step], results: Path) -> Iterator[Path]:
     """Files and folders that steps write, with their records and logs."""
     for step in steps:
         record = record_of(results, step.name)

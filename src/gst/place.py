@@ -37,7 +37,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
 
 from gst.chain import break_in
-from gst.config import read_config
+from gst.config import read_unfinished
 from gst.place_scans import find_places, has_stage, picture_of
 from gst.place_state import (
     SENT_ANSWERS,
@@ -53,7 +53,7 @@ from gst.place_state import (
 )
 from gst.viewer import shipped, three_js
 from gstlib.errors import GstError, InputError
-from gstlib.io.files import write_whole
+from gstlib.io.files import check_regular
 
 __all__ = ["PlaceServer", "serve"]
 
@@ -113,8 +113,9 @@ class _Command:
         if self.is_running():
             return
         _make_logs()
-        # a link in its place may lead anywhere: a new file is made
-        self._log.unlink(missing_ok=True)
+        # a link in their place may lead anywhere: new files are made
+        for file in (self._log, self._number):
+            file.unlink(missing_ok=True)
         # -P: not a folder `gst` in the study's own
         with self._log.open("xb") as said:
             self._own = subprocess.Popen(
@@ -124,7 +125,8 @@ class _Command:
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # Ctrl-C ends the server alone
             )
-        write_whole(self._number, str(self._own.pid).encode())
+        with self._number.open("x") as number:
+            print(self._own.pid, file=number)
 
     def stop(self) -> None:
         """Ask it to end; a study keeps the steps that are done."""
@@ -153,11 +155,12 @@ class _Command:
         if self._own is not None and self._own.poll() is not None:
             return None
         try:
+            check_regular(self._number)
             process = psutil.Process(int(self._number.read_text(encoding="utf-8")))
             # numbers are given again
             is_it = process.cmdline()[-len(self._words) :] == self._words
             return process if is_it and process.cwd() == str(Path.cwd()) else None
-        except (OSError, ValueError, psutil.Error):
+        except (InputError, OSError, ValueError, psutil.Error):
             return None
 
 
@@ -275,7 +278,7 @@ class PlaceServer(ThreadingHTTPServer):
 
     def result(self) -> dict[str, Any]:
         """Where the page of the result is, if it is there, and what is wrong with it."""
-        config = read_config(self.config)
+        config = read_unfinished(self.config)
         folder = Path(config["results"])
         if not (folder / "index.html").is_file():
             return {"page": None, "problem": "the study has not been run to its end"}
@@ -284,7 +287,7 @@ class PlaceServer(ThreadingHTTPServer):
 
     def result_file(self, name: str) -> Path:
         """A file of the results, which are in the study's folder."""
-        folder = Path(os.path.realpath(read_config(self.config)["results"]))
+        folder = Path(os.path.realpath(read_unfinished(self.config)["results"]))
         file = Path(os.path.realpath(folder / name))
         if not (file.is_relative_to(folder) and folder.is_relative_to(Path.cwd())):
             raise _RefusedError(HTTPStatus.FORBIDDEN, "outside the study's results")
@@ -444,7 +447,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 def serve(config: Path, *, browser: bool) -> None:
     """Serve the page of a study in the working folder until Ctrl-C, or until the page ends it."""
-    read_config(config)  # in a sentence, before anything opens
+    read_unfinished(config)  # in a sentence, before anything opens
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)  # as Ctrl-C does

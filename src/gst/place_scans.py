@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from gst.config import read_config
+from gst.config import read_unfinished
 from gst.place_matching import (
     Found,
     corners_of,
@@ -50,7 +50,7 @@ def find_places(path: Path) -> dict[str, Any]:
     (``patch, x_mm, y_mm, rotation_deg``); what was ``said`` of each patch, and of ``all``; and the
     ``answers`` that follow from how the scans are laid.
     """
-    config = read_config(path)
+    config = read_unfinished(path)
     rows, _ = rows_of(config)
     scans = dict(zip(rows.patch, _scans_of(path, [*rows.index]), strict=True))
     heights = {patch: scan.heights for patch, scan in scans.items()}
@@ -186,7 +186,7 @@ def picture_of(path: Path, number: int) -> bytes:
 
 def has_stage(path: Path) -> bool:
     """Whether every scan has a place from the stage, each another."""
-    rows, has_scans = rows_of(read_config(path))
+    rows, has_scans = rows_of(read_unfinished(path))
     return has_scans and _stages(_scans_of(path, [*rows.index])) is not None
 
 
@@ -197,7 +197,7 @@ def _stages(scans: Sequence[_Scan]) -> list[tuple[float, float]] | None:
 
 
 def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
-    config = read_config(path)
+    config = read_unfinished(path)
     rows, _ = rows_of(config)
     scans, found = config["scans"], []
     given = (config["inputs"] or {}).get("scan_folder")

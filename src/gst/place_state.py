@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from gst.config import complete, read_config, refuse_config, value_problems
+from gst.config import complete, read_unfinished, refuse_config, value_problems
 from gst.edited import Cells, save_text, text_of, with_cells, with_values
 from gst.fixing import keep_copy
 from gst.patches import EPOCHS, cell_of, find_scans, no_patches
@@ -123,7 +123,7 @@ def check_files(path: Path) -> None:
 
 def _files_of(path: Path) -> list[Path]:
     try:
-        table = read_config(path)["patches"]
+        table = read_unfinished(path)["patches"]
     except (GstError, OSError):
         return [path]
     return [path, *([Path(table)] if table is not None else [])]
@@ -136,7 +136,7 @@ def state_of(path: Path) -> dict[str, Any]:
     """
     # first: if a file changes meanwhile, saves are refused
     digest = digest_of(path)
-    config = read_config(path)
+    config = read_unfinished(path)
     rows, has_scans = rows_of(config)
     columns = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
     asked = [
@@ -199,15 +199,15 @@ def save_answers(path: Path, values: Mapping[str, Any]) -> dict[str, str | None]
     """Write values into the config, each by its key; they fit `SENT_ANSWERS`.
 
     Every save returns the ``digest`` of the files after it, and in ``kept`` the name of a copy of
-    the table, if a part of the table was removed. It raises a `ConfigError` if a value cannot be
+    the file of which a part was removed. It raises a `ConfigError` if a value cannot be
     meant.
     """
     given = dict(values)
-    of_pressure = _value(read_config(path), "load.pressure_MPa")
+    of_pressure = _value(read_unfinished(path), "load.pressure_MPa")
     if "load.force_N" in given and of_pressure is not None:
         given["load.pressure_MPa"] = None  # exactly one of them
-    save_text(path, _checked(path, given))
-    return {"digest": digest_of(path), "kept": None}
+    kept = _save_config(path, given)
+    return {"digest": digest_of(path), "kept": kept}
 
 
 def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str | None]:
@@ -215,7 +215,7 @@ def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str |
 
     Raises a `ConfigError` if this is not asked for, or there is no such scan in the folder.
     """
-    config = read_config(path)
+    config = read_unfinished(path)
     state = state_of(path)
     is_asked = (patch, column) in [(row["patch"], row["column"]) for row in state["asked"]]
     if not is_asked or name not in ["", *state["files"]]:
@@ -236,7 +236,7 @@ def save_places(
     They fit `SENT_PLACES`; null is still to be given. Raises a `ConfigError` if a value cannot be
     meant, or the table has become another.
     """
-    config = read_config(path)
+    config = read_unfinished(path)
     former, has_scans = rows_of(config)
     names = [row["patch"] for row in rows]
     is_known = sorted(names) == sorted(former.patch)
@@ -251,13 +251,25 @@ def save_places(
     if not has_scans:
         values["patches"] = str(config["patches"] or _TABLE) if rows else None
     changed = {key: value for key, value in values.items() if value != _value(config, key)}
-    text = _checked(path, changed)
+    _checked(path, changed)  # before the table is written
     if not rows:  # a config never names a table that is gone
-        save_text(path, text)
+        _save_config(path, changed)
     kept = _write_table(config["patches"], table)
     if rows:
-        save_text(path, text)
+        kept = _save_config(path, changed) or kept
     return {"digest": digest_of(path), "kept": kept}
+
+
+def _save_config(path: Path, values: Mapping[str, Any]) -> str | None:
+    """Write values into the config; the name of a copy of it, if one of them was removed."""
+    config, text = read_unfinished(path), _checked(path, values)
+    is_less = any(
+        _is_filled(_value(config, key)) and not _is_filled(value)
+        for key, value in values.items()
+    )
+    kept = keep_copy(path) if is_less else None
+    save_text(path, text)
+    return None if kept is None else str(kept)
 
 
 def _cells(row: Mapping[str, Any], *, turn: bool, grade: bool) -> dict[str, str]:
@@ -336,7 +348,7 @@ def stone_of(path: Path) -> dict[str, Any]:
 
 
 def mesh_of(path: Path) -> "trimesh.Trimesh":
-    inputs = read_config(path)["inputs"]
+    inputs = read_unfinished(path)["inputs"]
     if inputs is None:
         raise ConfigError(path, "names no mesh", "Give inputs.mesh, or begin with `gst new`.")
     if is_to_do(inputs["mesh_unit"]):

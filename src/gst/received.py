@@ -15,7 +15,15 @@ from gst import ROOT
 from gstlib.errors import InputError
 from gstlib.io.files import check_size
 
-__all__ = ["CONTENTS", "RECORD", "is_readable", "places_of", "read_json", "read_provenance"]
+__all__ = [
+    "CONTENTS",
+    "OUTPUTS",
+    "RECORD",
+    "is_readable",
+    "places_of",
+    "read_json",
+    "read_provenance",
+]
 __all__ += ["regular_file"]
 
 _LARGEST_JSON = 1 << 26  # bytes: digests of half a million files
@@ -43,7 +51,9 @@ RECORD = _form(
     "messages",
     "faults",
     "software",
-    params=_form("makes", makes=_TEXTS, steps=_TEXT_BY_NAME),
+    params=_form(
+        "makes", makes=_TEXTS, steps=_TEXT_BY_NAME, config=_form("accept", accept=_TEXTS)
+    ),
     faults=_FAULTS,
     software=_TEXT_BY_NAME,
     inputs=_DIGESTS,
@@ -51,6 +61,8 @@ RECORD = _form(
     files=_TEXT_BY_NAME,
     messages={"type": "object", "additionalProperties": _TEXTS},
 )
+# What every version of a record has.
+OUTPUTS = _form("outputs", outputs=_DIGESTS)
 _ENTRY = dict.fromkeys(("file", "category", "title", "caption"), _TEXT)
 CONTENTS = {"type": "array", "items": _form(*_ENTRY, **_ENTRY)}
 _INPUTS = _form("mesh", "scan_folder", mesh=_TEXT, mesh_unit=_TEXT, scan_folder=_TEXT_OR_NULL)

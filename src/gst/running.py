@@ -51,9 +51,14 @@ _NO_OTHER_CODE = {"PYTHONSAFEPATH": "1", "SNAKEMAKE_PROFILE": "none"}
 # Bytecode that Python compares with the content of its source, and not with its date.
 _CHECKED = py_compile.PycInvalidationMode.CHECKED_HASH
 _PLANNING = {"-n", "--dry-run", "--dryrun"}
-_REFUSED = {"--config", "-C", "--configfile", "--configfiles"}  # gst reads CONFIG, too,
-_REFUSED |= {"--directory", "-d", "--snakefile", "-s"}  # and looks for the results here
-_REFUSED |= {"--no-hooks", "--trust-io-cache"}  # what is moved aside; a pickle in the folder
+_REFUSED = (
+    "--configfiles",  # gst reads CONFIG, too,
+    "--directory",  # and looks for the results here
+    "--snakefile",
+    "--no-hooks",  # which move a user's files aside
+    "--trust-io-cache",  # a pickle in the folder
+)
+_REFUSED_SHORT = "-C", "-d", "-s"
 
 
 def run_study(
@@ -68,7 +73,7 @@ def run_study(
     """
     read = read_config(config)
     refuse_study(read, str(config))
-    if refused := sorted({option.partition("=")[0] for option in options} & _REFUSED):
+    if refused := list(filter(_is_refused, options)):
         problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
         remedy = "Leave it out; give gst another CONFIG, or start it elsewhere."
         raise InputError("gst study", problem, remedy)
@@ -97,6 +102,7 @@ def run_study(
         code = _snakemake(*command, "--dry-run", *options, environment={PLAN: "1"})
     else:
         check_writable(".snakemake")
+        _refuse_links(Path(".snakemake"))
         with locked(results):
             _check_bytecode()
             mark = {RESULTS: str(results.resolve())}
@@ -111,12 +117,29 @@ def run_study(
     return 0
 
 
+def _is_refused(option: str) -> bool:
+    """Whether Snakemake takes an option for one that is refused; it may be cut, or joined."""
+    name = option.partition("=")[0]
+    is_short = option.startswith(_REFUSED_SHORT)
+    return is_short or (len(name) > 3 and any(each.startswith(name) for each in _REFUSED))
+
+
+def _refuse_links(folder: Path) -> None:
+    """Refuse links in Snakemake's own folder, through which it would write elsewhere."""
+    for path in (folder, *folder.iterdir()):
+        if path.is_symlink():
+            raise InputError(path, "is a link", "Remove it: Snakemake writes into this folder.")
+
+
 def _snakemake(*arguments: object, environment: dict[str, str]) -> int:
     """Run Snakemake, and return its exit code; the lock is that of gst."""
     snakefile = ROOT / "Snakefile"
     command = [sys.executable, "-m", "gst.scheduler", "--nolock", "--snakefile", snakefile]
     words = list(map(str, [*command, *arguments]))
     around = _REUSE_MEMORY | os.environ | _NO_OTHER_CODE | environment
+    # an empty or relative folder is the working folder, or lies in it
+    given = around.get("PYTHONPATH", "").split(os.pathsep)
+    around["PYTHONPATH"] = os.pathsep.join(filter(os.path.isabs, given))
     # in a group of its own: Ctrl-C would end the jobs in the middle of their imports, too
     with subprocess.Popen(words, env=around, process_group=0) as process:
         for number in (signal.SIGTERM, signal.SIGHUP):

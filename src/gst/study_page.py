@@ -36,7 +36,7 @@ from gstlib.macroscale.sampling_sites import concentration
 from gstlib.surfaces.footprints import footprint_weights, places_of, square_of
 from gstlib.surfaces.frames import FRAME, stored_frame
 
-__all__ = ["StudyPage"]
+__all__ = ["StudyPage", "refuse_edited"]
 
 # Tables that the answer is computed from.
 _SCORED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
@@ -46,6 +46,13 @@ _PAGE = "0 Overview", "the page of the study"
 _WHAT = (
     "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
 )
+
+
+def refuse_edited(tables: Mapping[str, str]) -> None:
+    """Raise an `InputError` if a table is no longer the one with this SHA-256, by path."""
+    for table, digest in tables.items():
+        if not Path(table).is_file() or sha256(table) != digest:
+            raise InputError(table, "was edited while the study ran", "Run the study again.")
 
 
 @dataclass(frozen=True)

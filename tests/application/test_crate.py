@@ -217,6 +217,10 @@ DAMAGED = {
         lambda: list_in_contents("../../private"),
         "outside the results: ../../private",
     ),
+    "contents twice": (
+        lambda: list_in_contents("figures/wear.png"),
+        "names it twice: figures/wear.png",
+    ),
     "contents of no step": (lambda: list_in_contents("tables/old.csv"), "tables/old.csv"),
     "private table": (lambda: name_table("/etc/passwd"), "/etc/passwd"),
     "private table by a link": (link_table, "link.tsv"),

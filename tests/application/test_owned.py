@@ -8,7 +8,7 @@ import gst
 import pytest
 import yaml
 from gst.chain import Step
-from gst.owned import claim, refuse_foreign
+from gst.owned import claim, claim_picture, claimed_by, refuse_foreign, written_by
 from gst.running import remove_results
 
 NAMES = ("figures", "tables", "logs", "wear", "1", "7.h5", "a.csv", "index.html", "note.txt")
@@ -52,7 +52,7 @@ def record(results, choose):
         names = choose.sample(inside, min(3, len(inside)))
         bad = choose.choice([[], [], choose.sample(hostile, 1)])
         parts = {part: {} for part in ("params", "inputs", "files", "messages")}
-        text = json.dumps(parts | {"outputs": dict.fromkeys([*names, *bad], "")})
+        text = json.dumps(parts | {"outputs": dict.fromkeys([*names, *bad], "a1")})
         file = results / f"logs/step{step}.json"
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -99,7 +99,7 @@ def test_what_a_killed_run_left_is_the_study_s_own(tmp_path):
     page, folder = tmp_path / "index.html", tmp_path / "wear/1"
     steps = [Step("write_page", {}, [], [page]), Step("predict", {}, [], [folder])]
     refuse_foreign(steps, tmp_path)
-    claim(steps, tmp_path)
+    claim(written_by(steps, tmp_path), tmp_path)
     folder.mkdir(parents=True)
     for file in (page, folder / "7.h5", tmp_path / "late.csv"):
         file.write_text("")
@@ -107,3 +107,40 @@ def test_what_a_killed_run_left_is_the_study_s_own(tmp_path):
     with pytest.raises(SystemExit) as ended:
         refuse_foreign([*steps, Step("late", {}, [], [tmp_path / "late.csv"])], tmp_path)
     assert ended.value.code == 2
+
+
+def test_results_of_a_former_version_are_the_study_s_own(tmp_path):
+    """Their records lack what records have now, and no list of files was made."""
+    files = ("surfaces/7.h5", "logs/prepare.json", "logs/prepare.log", "surfaces/Thumbs.db")
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    record = {"outputs": {"surfaces/7.h5": "a1"}}
+    (tmp_path / "logs/prepare.json").write_text(json.dumps(record))
+    steps = [Step("prepare", {}, [], [tmp_path / "surfaces"])]
+    refuse_foreign(steps, tmp_path)
+    (tmp_path / "logs/prepare.json").write_text("{}")
+    with pytest.raises(SystemExit):
+        refuse_foreign(steps, tmp_path)
+
+
+def test_the_picture_of_a_check_takes_no_file_s_place(tmp_path):
+    picture = claim_picture(tmp_path)
+    picture.write_text("first")
+    assert claim_picture(tmp_path) == picture
+    picture.unlink()
+    picture.symlink_to(tmp_path / "mine")
+    assert claim_picture(tmp_path) is None
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other/check.png").write_text("mine")
+    assert claim_picture(tmp_path / "other") is None
+
+
+@pytest.mark.parametrize("kind", ["symlink_to", "long"])
+def test_no_list_of_claims_leads_elsewhere(tmp_path, kind):
+    secret = tmp_path / "secret"
+    secret.write_text("index.html")
+    (tmp_path / "results").mkdir()
+    claims = tmp_path / "results/.gst_outputs"
+    claims.symlink_to(secret) if kind == "symlink_to" else claims.write_text("a" * 5000)
+    assert claimed_by(tmp_path / "results") == set()

@@ -407,6 +407,38 @@ def test_what_a_command_says_is_written_through_no_link(server, study, name, kin
     assert "ERROR" in (study / f".snakemake/place_{name}.log").read_text()
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "square: null",
+        "results: 0",
+        "patches: 1.5",
+        "patches: [a]",
+        "inputs: 5",
+        "inputs: {}",
+        "scans: [1]",
+    ],
+)
+@pytest.mark.parametrize("name", ["state", "stone", "scan/0", "result", "results/index.html"])
+def test_a_config_of_wrong_types_is_refused_in_a_sentence(server, study, line, name):
+    key = line.partition(":")[0]
+    config = yaml.safe_load(CONFIG) | yaml.safe_load(line)
+    (study / "study.yaml").write_text(yaml.safe_dump(config))
+    status, content = ask(server, name)[:2]
+    assert status == 422
+    assert f"'{key}" in str(content)
+
+
+def test_a_pipe_in_place_of_a_number_stops_no_answer(server, study):
+    os.mkfifo(study / ".snakemake/place_check.pid")
+    assert ask(server, "said/check")[0] == 200
+
+
+def test_a_copy_is_kept_before_a_value_of_the_config_goes(server, study):
+    kept = save(server, "answers", {"load.force_N": None})[1]["kept"]
+    assert (study / kept).read_text() == CONFIG
+
+
 def test_a_folder_has_one_server(server, study):
     with pytest.raises(InputError):  # else the command would serve, and not return
         PlaceServer(Path("study.yaml"))
@@ -578,13 +610,6 @@ def test_what_is_found_on_one_square_lies_there_on_another():
         for frame, place in ((square, seen["A"]), (turned, match.place))
     )
     np.testing.assert_allclose(ours, theirs, atol=1e-12)
-
-
-def test_a_config_that_nothing_checked_is_said(server, study):
-    (study / "study.yaml").write_text("square: null\npatches: null\n")
-    assert ask(server, "state")[0] == 500
-    (study / "study.yaml").write_text("{")
-    assert ask(server, "state")[0] == 422
 
 
 def test_a_result_of_other_settings_is_said_to_be(server, study):

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -54,6 +55,9 @@ USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
     [
         ("mine.yaml", {"profile": "mine"}, "no folder .*mine"),
         ("mine.yaml", {"profile": "slurm"}, "no sbatch on this machine"),
+        ("mine.yaml", {"options": ["--config=a"]}, "--config=a would make"),
+        ("mine.yaml", {"options": ["-d/tmp"]}, "-d/tmp would make"),
+        ("mine.yaml", {"options": ["--trust-io"]}, "--trust-io would make"),
         ("yours.yaml", {}, r"yours\.yaml: cannot be opened"),
         ("twice.yaml", {"plan": True}, r"twice\.yaml: line 2: seed is given in line 1"),
         ("bad.yaml", {}, r"bad\.yaml: .*\n  - 'results' is 5"),
@@ -126,3 +130,36 @@ def test_results_of_a_former_layout_are_named_until_there_are_new_ones(tmp_path)
     (tmp_path / "logs/grid_macroscale.json").touch()
     assert former_layout(tmp_path) is None
     assert (tmp_path / "surfaces/1_T0.h5").exists()
+
+
+@pytest.mark.parametrize("path", ["", ":", "lib"])
+def test_the_folder_of_a_study_is_on_no_path_of_modules(tmp_path, monkeypatch, path):
+    """An empty or relative entry would put it on that of the processes that are started."""
+    for name in ("re", "json", "numpy"):
+        (tmp_path / f"{name}.py").write_text("open('executed', 'w')\n")
+    source = str(Path(gst.__file__).parents[1])
+    words = [sys.executable, "-m", "gst", "--version"]
+    environment = {"PYTHONPATH": source, "PATH": os.environ["PATH"]}
+    subprocess.run(words, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    assert not (tmp_path / "executed").exists()
+    started = {}
+
+    def popen(_words, **options):
+        started.update(options["env"])
+        return nullcontext(SimpleNamespace(returncode=0, terminate=None))
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([path, source]))
+    running._snakemake(environment={})
+    assert started["PYTHONPATH"] == source
+    assert started["PYTHONSAFEPATH"] == "1"
+
+
+@pytest.mark.parametrize("name", [".snakemake", ".snakemake/log"])
+def test_snakemake_writes_through_no_link(folder, name):
+    (folder / "elsewhere").mkdir()
+    (folder / name).parent.mkdir(exist_ok=True)
+    (folder / name).symlink_to(folder / "elsewhere")
+    with pytest.raises(InputError, match="is a link"):
+        run_study("mine.yaml", **USUAL)
+    assert not any((folder / "elsewhere").iterdir())

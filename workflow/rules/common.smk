@@ -11,13 +11,14 @@ from gst.chain import AGAIN, hashes_of
 from gst.config import asked_of_files, complete, read_config_file, read_study
 from gst.contradictions import counterface_mesh
 from gst.named_files import check_files
-from gst.owned import claim, move_aside, refuse_foreign
+from gst.owned import claim, move_aside, refuse_foreign, written_by
 from gst.patches import scan_files
 from gst.poses import batches_of, poses_of, reach_of
 from gst.provenance import commit, program_hash, source_hash
 from gst.scheduler import adapt, steps_of
 from gst.tables import TABLES
 from gstlib.conditions import rounded_form, stage_settings, study_poisson, study_radius
+from gstlib.io.files import sha256
 from gstlib.preprocess.mesh import elements_around
 from snakemake.utils import update_config
 
@@ -34,6 +35,11 @@ if not workflow.modifier.skip_configfile:
 # Patches that share a job, from the profile; no result depends on it.
 PER_JOB = config.pop("patches_per_job", None)
 config.update(complete(config))
+# The tables as they are before they are read: an edit during the run has to be seen.
+GIVEN_TABLES = [config["patches"], config["published"], (config["gesture"] or {}).get("table")]
+TABLE_DIGESTS = {
+    table: sha256(table) for table in filter(None, GIVEN_TABLES) if os.path.isfile(table)
+}
 PATCHES = read_study(config, CONFIG_FILES)
 PATCHES = PATCHES.set_index("patch", drop=False)
 # Places with a grade of wear, where there are grades in place of scans.

@@ -237,6 +237,7 @@ rule write_page:
         mesh_unit=MESH_UNIT,
         active_tool=ACTIVE_TOOL,
         config=config,
+        tables=TABLE_DIGESTS,
         commit=commit(ROOT),
         program=program_hash(),
         code=code("write_page.py"),

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gst import ROOT
 from gst.logs import run_script
-from gst.study_page import StudyPage
+from gst.study_page import StudyPage, refuse_edited
 
 
 def main(
@@ -20,11 +20,16 @@ def main(
     mesh_unit: str,
     active_tool: dict | None,
     config: dict,
+    tables: dict[str, str],
     commit: str | None,
     program: str,
     **files: Path | list[Path],
 ) -> None:
-    """`files` are the inputs (see `StudyPage`), `captions` names of files of the program."""
+    """`files` are the inputs (see `StudyPage`), `captions` names of files of the program.
+
+    `tables` are those of the config, with their SHA-256 as the run began.
+    """
+    refuse_edited(tables)
     files["captions"] = [ROOT / "workflow/report" / caption for caption in captions]
     study = StudyPage(files, titles, steps, places, patch_mm, mesh_unit, active_tool, config)
     study.write(page, record, contents, commit=commit, program=program)
