@@ -212,28 +212,30 @@ def _breaks(
     accepted: Container[str] | None = None,
 ) -> Iterator[str]:
     """Every break between these steps, in a sentence; `named` is that of `places_of`."""
-    places = places_of(named)
-    contents = _Contents(results)
+    places, contents = places_of(named), _Contents(results)
+    records = {}
     for name, asked in steps.items():
         record = read_record(results, name)
         if record is None:
             yield f"no record says what the step {name} made"
             continue
+        records[name] = record
         if asked not in (None, _hash(record["params"])):
             yield f"the step {name} was made with other params or files than the config gives"
         if accepted is not None and (fault := _judged_otherwise(record, accepted)):
             yield f"{fault} since the step {name} was made"
-        for part, did in (("inputs", "read"), ("outputs", "made")):
-            names = record[part]
-            if changed := _changed(names, contents.of(results / each for each in names)):
-                file = results / changed
-                if os.path.exists(file):
-                    yield f"{file} is not as the step {name} {did} it"
-                else:
-                    yield f"{file}, which the step {name} {did}, is missing"
-        there = {path: of for path, of in record["files"].items() if is_readable(path, places)}
-        if changed := _changed(there, contents.of(map(Path, there))):
-            yield f"{changed} is not as the step {name} read it"
+    # who made a file is named before those that read it
+    for part, did in (("outputs", "made"), ("inputs", "read"), ("files", "read")):
+        for name, record in records.items():
+            paths = {results / each: of for each, of in record[part].items()}
+            if part == "files":  # the others, which may be gone
+                paths = {Path(each): of for each, of in record[part].items()}
+                paths = {path: of for path, of in paths.items() if is_readable(path, places)}
+            for path, digest in paths.items():
+                if contents.digest(path) != digest:
+                    as_then = f"{path} is not as the step {name} {did} it"
+                    missing = f"{path}, which the step {name} {did}, is missing"
+                    yield as_then if os.path.exists(path) else missing
 
 
 def made_in(results: Path) -> list[Path]:
@@ -295,12 +297,12 @@ class _Contents:
 
     def __init__(self, results: Path):
         self.results = results
-        self._digest = cache(lambda file: sha256(file) if os.path.isfile(file) else "")
+        self.digest = cache(lambda file: sha256(file) if os.path.isfile(file) else "")
 
     def of(self, paths: Iterable[Path]) -> dict[str, str]:
         """Of these files, and of those in these folders; empty for one that is missing."""
         files = [file for path in paths for file in self._files_of(path)]
-        return {_plain(file, self.results): self._digest(file) for file in files}
+        return {_plain(file, self.results): self.digest(file) for file in files}
 
     def _files_of(self, path: Path) -> list[Path]:
         """Of a folder the files that its step recorded: other programs leave theirs there, too."""

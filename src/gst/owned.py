@@ -27,7 +27,7 @@ from gstlib.io.files import check_writable, write_whole
 
 __all__ = ["CLAIMS", "LOCK", "MOVED", "RESULTS", "alive", "claim", "claim_picture"]
 __all__ += ["claimed_by", "locked", "move_aside", "recorded", "refuse_foreign", "removable"]
-__all__ += ["written_by"]
+__all__ += ["refuse_links", "written_by"]
 
 CLAIMS = ".gst_outputs"  # in the results: the files that a study would write, one a line
 MOVED = "moved_aside"  # in the results: the user's files from folders that were made anew
@@ -85,6 +85,13 @@ def refuse_foreign(steps: Iterable[Step], results: Path) -> None:
             remedy = "Give `results` another name in the config, or move the file."
             print(f"ERROR: {InputError(file, problem, remedy)}", file=sys.stderr)
             sys.exit(2)  # Snakemake would give any other error another code
+
+
+def refuse_links(folder: Path) -> None:
+    """Refuse links in Snakemake's own folder, through which it would write elsewhere."""
+    for path in (folder, *folder.iterdir()):
+        if path.is_symlink():
+            raise InputError(path, "is a link", "Remove it: Snakemake writes into this folder.")
 
 
 def claim(files: Iterable[Path], results: Path) -> None:

@@ -69,7 +69,7 @@ def refuse_other_study(config: Mapping[str, Any]) -> None:
     """
     results = Path(config["results"])
     try:
-        written = read_provenance(results, "title", "inputs")
+        written = read_provenance(results, "title", "inputs", parts=("config", "inputs"))
     except (OSError, InputError):
         return  # none, or half written: the study writes it anew
     made = written["config"]
@@ -92,7 +92,7 @@ def _is_same_study(
         return True
     if before is None or now is None or made["title"] != config["title"]:
         return False
-    if before["mesh"] == now["mesh"] or before["scan_folder"] == (now["scan_folder"] or ""):
+    if before["mesh"] == now["mesh"] or before.get("scan_folder") == (now["scan_folder"] or ""):
         return True
     return Path(now["mesh"]).is_file() and sha256(now["mesh"]) in digests
 

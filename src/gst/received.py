@@ -7,7 +7,7 @@ resolved. Neither a pipe nor a link can therefore stop the program or lead it el
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -51,9 +51,7 @@ RECORD = _form(
     "messages",
     "faults",
     "software",
-    params=_form(
-        "makes", makes=_TEXTS, steps=_TEXT_BY_NAME, config=_form("accept", accept=_TEXTS)
-    ),
+    params=_form("makes", makes=_TEXTS, steps=_TEXT_BY_NAME, config=_form(accept=_TEXTS)),
     faults=_FAULTS,
     software=_TEXT_BY_NAME,
     inputs=_DIGESTS,
@@ -65,7 +63,7 @@ RECORD = _form(
 OUTPUTS = _form("outputs", outputs=_DIGESTS)
 _ENTRY = dict.fromkeys(("file", "category", "title", "caption"), _TEXT)
 CONTENTS = {"type": "array", "items": _form(*_ENTRY, **_ENTRY)}
-_INPUTS = _form("mesh", "scan_folder", mesh=_TEXT, mesh_unit=_TEXT, scan_folder=_TEXT_OR_NULL)
+_INPUTS = _form("mesh", mesh=_TEXT, mesh_unit=_TEXT, scan_folder=_TEXT_OR_NULL)
 _CONFIG = {
     "title": _TEXT,
     "patches": _TEXT_OR_NULL,
@@ -139,12 +137,15 @@ def _depth(value: Any) -> int:
     return 1 + max(map(_depth, parts), default=0) if isinstance(value, dict | list) else 0
 
 
-def read_provenance(results: Path, *keys: str) -> dict[str, Any]:
-    """The provenance of results, whose config has these keys; raises as `read_json`."""
+def read_provenance(
+    results: Path, *keys: str, parts: Sequence[str] = ("config", "inputs", "software")
+) -> dict[str, Any]:
+    """The provenance of results with these parts, whose config has these keys.
+
+    Raises as `read_json`.
+    """
     form = _form(
-        "config",
-        "inputs",
-        "software",
+        *parts,
         config=_form(*keys, **_CONFIG),
         inputs=_TEXT_BY_NAME,
         software=_form(*_SOFTWARE, **_SOFTWARE),

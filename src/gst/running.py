@@ -21,7 +21,7 @@ from gst import ROOT
 from gst.chain import break_in, check_links
 from gst.config import config_problems, read_config, refuse_config, refuse_study
 from gst.logs import PLAN
-from gst.owned import CLAIMS, RESULTS, claimed_by, locked, removable
+from gst.owned import CLAIMS, RESULTS, claimed_by, locked, refuse_links, removable
 from gst.provenance import refuse_other_study
 from gst.strict_yaml import read_yaml
 from gstlib.errors import InputError
@@ -102,7 +102,7 @@ def run_study(
         code = _snakemake(*command, "--dry-run", *options, environment={PLAN: "1"})
     else:
         check_writable(".snakemake")
-        _refuse_links(Path(".snakemake"))
+        refuse_links(Path(".snakemake"))
         with locked(results):
             _check_bytecode()
             mark = {RESULTS: str(results.resolve())}
@@ -124,13 +124,6 @@ def _is_refused(option: str) -> bool:
     return is_short or (len(name) > 3 and any(each.startswith(name) for each in _REFUSED))
 
 
-def _refuse_links(folder: Path) -> None:
-    """Refuse links in Snakemake's own folder, through which it would write elsewhere."""
-    for path in (folder, *folder.iterdir()):
-        if path.is_symlink():
-            raise InputError(path, "is a link", "Remove it: Snakemake writes into this folder.")
-
-
 def _snakemake(*arguments: object, environment: dict[str, str]) -> int:
     """Run Snakemake, and return its exit code; the lock is that of gst."""
     snakefile = ROOT / "Snakefile"
@@ -143,7 +136,8 @@ def _snakemake(*arguments: object, environment: dict[str, str]) -> int:
     # in a group of its own: Ctrl-C would end the jobs in the middle of their imports, too
     with subprocess.Popen(words, env=around, process_group=0) as process:
         for number in (signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, lambda *_: process.terminate())
+            if signal.getsignal(number) != signal.SIG_IGN:  # as nohup asks
+                signal.signal(number, lambda *_: process.terminate())
         while process.returncode is None:
             try:
                 process.wait()
@@ -158,8 +152,8 @@ def _check_bytecode() -> None:
     By date and size, it would run the bytecode of a module that was edited with both kept. Where
     the program cannot be written, it is not edited either.
     """
-    for package in (*gst.__path__, *gstlib.__path__):
-        for source in Path(package).rglob("*.py"):
+    for package in (gst, gstlib):
+        for source in Path(str(package.__file__)).parent.rglob("*.py"):
             stored = Path(importlib.util.cache_from_source(str(source)))
             with suppress(OSError):
                 if int.from_bytes(stored.read_bytes()[4:8], "little") != 3:
@@ -210,18 +204,21 @@ def remove_results(config: Path, *, intermediate: bool) -> None:
     size = sum(file.lstat().st_size for file in made) / 1e6
     if input(f"Remove these {len(made)} files ({size:.1f} MB) from {folder}? [y/N] ") != "y":
         return
+    emptied = {place for file in made for place in file.parents if folder in place.parents}
     with locked(folder):
         for file in made:
             file.unlink(missing_ok=True)
+        for place in sorted(emptied, reverse=True):
+            _remove_empty(place)
         # a run that was killed may have left files which no record names: it can still go on
         if not any((folder / name).exists() for name in claimed_by(folder)):
             (folder / CLAIMS).unlink(missing_ok=True)
-    emptied = {
-        place for file in made for place in file.parents if folder in (place, *place.parents)
-    }
-    for place in sorted(emptied, reverse=True):
-        with suppress(OSError):  # something else is in it, or it is a link
-            place.rmdir()
+    _remove_empty(folder)
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):  # something else is in it, or it is a link
+        folder.rmdir()
 
 
 def lay_out(folder: Path, name: str) -> list[Path]:

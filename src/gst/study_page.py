@@ -12,7 +12,6 @@ import pandas as pd
 import xarray as xr
 
 from gst.chain import certified_inputs, versions_of
-from gst.contradictions import improbable
 from gst.page import (
     Shown,
     by_category,
@@ -71,6 +70,7 @@ class StudyPage:
     mesh_unit: str
     active_tool: Mapping[str, Any] | None  # of `ActiveTool.read`
     config: Mapping[str, Any]
+    config_faults: Sequence[Mapping[str, Any]]  # that the config accepts in its own values
 
     def write(
         self, page: Path, record: Path, contents: Path, *, commit: str | None, program: str
@@ -85,21 +85,13 @@ class StudyPage:
         said = {
             "answer": self.answer,
             "generated": self.config["specimen"] is not None,
-            "faults": self._faults(results),
+            "faults": [*self.config_faults, *reported(results, [*self.steps], "ERROR")],
         }
         write_whole(page, render("page.html", **said, **self._content(results)).encode())
         entries = [Shown(page, *_PAGE, _WHAT), *self.entries]
         _write_json(contents, _listed(entries, results))
         versions = versions_of(results, self.steps)
         _write_json(record, study_provenance(self.config, inputs, commit, program, versions))
-
-    def _faults(self, results: Path) -> list[dict[str, Any]]:
-        """The faults that the config accepts: in its files, and in its own values."""
-        own = [
-            {"text": InputError.__str__(fault), "steps": ["config"], "patches": fault.patches}
-            for fault in improbable(self.config, pd.DataFrame(self.places))
-        ]
-        return own + reported(results, [*self.steps], "ERROR")
 
     @cached_property
     def _tables(self) -> dict[str, Path]:

@@ -53,6 +53,8 @@ def test_what_cannot_be_done(tmp_path, monkeypatch, arguments, said):
     (tmp_path / "full.yaml").write_text(f"results: full\npatches: {patches}\n")
     (tmp_path / "full/tables").mkdir(parents=True)
     (tmp_path / "full/tables/a.csv").write_text("patch,x\n1,2\n")
+    (tmp_path / "full/logs").mkdir()
+    (tmp_path / "full/logs/a.json").write_text('{"outputs": {"tables/a.csv": "a1"}}')
     (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "in_loop.yaml").write_text(f"results: loop\npatches: {patches}\n")
     monkeypatch.chdir(tmp_path)

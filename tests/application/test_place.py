@@ -528,6 +528,7 @@ def test_the_token_is_given_to_the_browser_in_a_private_file(study, tmp_path):
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])  # its terminal was closed
 def test_a_server_that_is_ended_leaves_no_token_and_no_lock(study, tmp_path, number):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # these tests may run under nohup
     with started(study, tmp_path) as (process, _, given):
         file = Path(wait_for(given).removeprefix("file://"))
         assert file.exists()

@@ -111,7 +111,7 @@ def test_stale_bytecode_of_an_edited_module_is_not_run(tmp_path, monkeypatch):
     os.utime(module, ns=(date, date))
     command = [sys.executable, "-c", code]
     assert subprocess.check_output(command, cwd=tmp_path) == b"1\n"
-    monkeypatch.setattr(gst, "__path__", [str(tmp_path)])
+    monkeypatch.setattr(gst, "__file__", str(tmp_path / "__init__.py"))
     running._check_bytecode()
     assert subprocess.check_output(command, cwd=tmp_path) == b"2\n"
     before = stored.stat().st_mtime_ns

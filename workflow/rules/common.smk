@@ -9,7 +9,7 @@ from gst import ROOT
 from gst.batches import share_out
 from gst.chain import AGAIN, hashes_of
 from gst.config import asked_of_files, complete, read_config_file, read_study
-from gst.contradictions import counterface_mesh
+from gst.contradictions import counterface_mesh, improbable
 from gst.named_files import check_files
 from gst.owned import claim, move_aside, refuse_foreign, written_by
 from gst.patches import scan_files
@@ -41,6 +41,11 @@ TABLE_DIGESTS = {
     table: sha256(table) for table in filter(None, GIVEN_TABLES) if os.path.isfile(table)
 }
 PATCHES = read_study(config, CONFIG_FILES)
+# What the config accepts in its own values, as the page tells it.
+CONFIG_FAULTS = [
+    {"text": f"{fault.source}: {fault.problem}.", "steps": ["config"], "patches": fault.patches}
+    for fault in improbable(config, PATCHES)
+]
 PATCHES = PATCHES.set_index("patch", drop=False)
 # Places with a grade of wear, where there are grades in place of scans.
 IS_GRADED = (PATCHES.t0 == "") & PATCHES.wear_grade.notna()

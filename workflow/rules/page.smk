@@ -237,6 +237,7 @@ rule write_page:
         mesh_unit=MESH_UNIT,
         active_tool=ACTIVE_TOOL,
         config=config,
+        config_faults=CONFIG_FAULTS,
         tables=TABLE_DIGESTS,
         commit=commit(ROOT),
         program=program_hash(),

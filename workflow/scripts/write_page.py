@@ -20,6 +20,7 @@ def main(
     mesh_unit: str,
     active_tool: dict | None,
     config: dict,
+    config_faults: list[dict],
     tables: dict[str, str],
     commit: str | None,
     program: str,
@@ -31,7 +32,8 @@ def main(
     """
     refuse_edited(tables)
     files["captions"] = [ROOT / "workflow/report" / caption for caption in captions]
-    study = StudyPage(files, titles, steps, places, patch_mm, mesh_unit, active_tool, config)
+    told = titles, steps, places, patch_mm, mesh_unit, active_tool, config, config_faults
+    study = StudyPage(files, *told)
     study.write(page, record, contents, commit=commit, program=program)
 
 
