@@ -98,9 +98,7 @@ def test_stale_results_are_not_certified_without_the_records_of_snakemake(tiny):
     for command in (["export"], ["package"]):
         refused = tiny.gst(*command, tiny.results.name)
         assert refused.returncode == 2
-        assert (
-            "results-tiny: results-tiny/macroscale/contact.h5 is not as the step" in refused.stderr
-        )
+        assert "was made with other params or files than the config gives" in refused.stderr
     assert not list(tiny.folder.glob("*.zip"))
 
 
