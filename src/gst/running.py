@@ -130,9 +130,9 @@ def _snakemake(*arguments: object, environment: dict[str, str]) -> int:
     command = [sys.executable, "-m", "gst.scheduler", "--nolock", "--snakefile", snakefile]
     words = list(map(str, [*command, *arguments]))
     around = _REUSE_MEMORY | os.environ | _NO_OTHER_CODE | environment
-    # an empty or relative folder is the working folder, or lies in it
-    given = around.get("PYTHONPATH", "").split(os.pathsep)
-    around["PYTHONPATH"] = os.pathsep.join(filter(os.path.isabs, given))
+    # an entry without a name is the working folder
+    named = filter(None, around.get("PYTHONPATH", "").split(os.pathsep))
+    around["PYTHONPATH"] = os.pathsep.join(map(os.path.abspath, named))
     # in a group of its own: Ctrl-C would end the jobs in the middle of their imports, too
     with subprocess.Popen(words, env=around, process_group=0) as process:
         for number in (signal.SIGTERM, signal.SIGHUP):
