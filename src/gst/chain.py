@@ -233,9 +233,11 @@ def _breaks(
                 paths = {path: of for path, of in paths.items() if is_readable(path, places)}
             for path, digest in paths.items():
                 if contents.digest(path) != digest:
-                    as_then = f"{path} is not as the step {name} {did} it"
-                    missing = f"{path}, which the step {name} {did}, is missing"
-                    yield as_then if os.path.exists(path) else missing
+                    yield (
+                        f"{path} is not as the step {name} {did} it"
+                        if os.path.exists(path)
+                        else f"{path}, which the step {name} {did}, is missing"
+                    )
 
 
 def made_in(results: Path) -> list[Path]:

@@ -119,9 +119,10 @@ def run_study(
 
 def _is_refused(option: str) -> bool:
     """Whether Snakemake takes an option for one that is refused; it may be cut, or joined."""
+    if option.startswith(_REFUSED_SHORT):
+        return True
     name = option.partition("=")[0]
-    is_short = option.startswith(_REFUSED_SHORT)
-    return is_short or (len(name) > 3 and any(each.startswith(name) for each in _REFUSED))
+    return len(name) > 3 and any(each.startswith(name) for each in _REFUSED)
 
 
 def _snakemake(*arguments: object, environment: dict[str, str]) -> int:
