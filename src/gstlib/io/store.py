@@ -103,8 +103,8 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
     Raises
     ------
     InputError
-        The file is missing, damaged or no HDF5 file, or lacks a variable; or it is refused by
-        `gstlib.io.containers.check_hdf5`.
+        The file is missing, damaged or no HDF5 file, or lacks a variable; or it leads to other
+        files, or states more than it can hold.
     """
     try:
         check_regular(path)
