@@ -115,7 +115,7 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
         Vertices in mm, equal ones merged; colours, textures and normals are left out. A closed one
         that is inside out is turned, with a warning. Its metadata ``file_unit`` is the unit of the
         file, ``states_unit`` is whether it states one, and ``step_mm`` is the step of its
-        coordinates, as `gstlib.io.rounding` finds it. Above 1 µm there is a warning.
+        coordinates, found from these. Above 1 µm there is a warning.
 
     Raises
     ------
