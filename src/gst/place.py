@@ -227,6 +227,9 @@ class PlaceServer(ThreadingHTTPServer):
     Raises an `InputError` if the folder has another server.
     """
 
+    # a page asks for many pictures at once; beyond the queue, connections are reset
+    request_queue_size = 128
+
     daemon_threads = True
 
     def __init__(self, config: Path):
