@@ -539,7 +539,8 @@ def test_a_server_that_is_ended_leaves_no_token_and_no_lock(study, tmp_path, num
 
 
 def test_a_killed_server_leaves_its_folder_to_the_next(study, tmp_path):
-    with started(study, tmp_path) as (process, *_):
+    with started(study, tmp_path) as (process, _, given):
+        wait_for(given)  # while the browser is started, its process has the lock, too
         lock = (study / ".snakemake/place.lock").read_text()
         assert lock.split()[1] == str(process.pid)
         process.kill()
