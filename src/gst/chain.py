@@ -95,7 +95,7 @@ def given_to(results: Path, step: Step, contents: "_Contents | None" = None) -> 
     with whether it was accepted, and the ``software`` that the step ran on.
     """
     contents = contents or _Contents(results)
-    own = [path for path in step.inputs if path.is_relative_to(results)]
+    own = {path for path in step.inputs if path.is_relative_to(results)}
     return {
         "params": _asked(step, results),
         "inputs": contents.of(own),

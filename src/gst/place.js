@@ -65,7 +65,7 @@ function save(route, sent) {
   const origin = state;
   last = last.then(() => told(ask(route, text, origin.digest).then(({ digest, kept }) => {
     origin.digest = digest;
-    say(kept ? `Saved. The former table is kept as ${kept}.` : "Saved.");
+    say(kept ? `Saved. The former file is kept as ${kept}.` : "Saved.");
   })));
   return last;
 }

@@ -84,6 +84,7 @@ def test_clean_and_a_refused_run_lose_nothing_that_no_record_names(seed, tmp_pat
     assert contents(tmp_path) == before
     named = record(results, choose)
     before = contents(tmp_path)
+    own = {path for path in named if path.is_file() and path.resolve() == path}
     monkeypatch.setattr("builtins.input", lambda _: "y")
     remove_results(config, intermediate=False)
     after = contents(tmp_path)
@@ -91,6 +92,7 @@ def test_clean_and_a_refused_run_lose_nothing_that_no_record_names(seed, tmp_pat
     assert {path: before[path] for path in before if path not in gone} == after
     parts = {path for path in gone if path.name.endswith(".part")}
     assert all(path.parent in {each.parent for each in named} for path in parts)
+    assert own <= gone
     assert gone - parts <= named
 
 
