@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gst.config import read_config_file
 from gst.edited import Cells, save_text, text_of, with_cells, with_values
 from gstlib.change.selection import is_more
-from gstlib.coupling.matching import REACH, match_near
+from gstlib.coupling.nearby import REACH, match_near
 from gstlib.coupling.placement import (
     AS_GIVEN,
     CANNOT_TELL,

@@ -13,7 +13,8 @@ import numpy as np
 import xarray as xr
 
 from gstlib.coupling.finding import find_on_map, find_on_stone, view_of
-from gstlib.coupling.matching import Match, match_near
+from gstlib.coupling.matching import Match
+from gstlib.coupling.nearby import match_near
 from gstlib.coupling.placement import shows_waves
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.frames import Frame
@@ -160,8 +161,14 @@ def corners_of(frame: Frame, size_mm: float) -> list[list[float]]:
 
 
 def described(match: Match) -> str:
-    """How well a scan fits where it was found, or that it fits nowhere."""
+    """How well a scan fits where it was found, or that it is not certain, or fits nowhere."""
     fit = f"r {match.correlation:.2f}, lead {match.lead:.2f} over the next best"
     if match.found:
         return f"{fit}, ± {max(1, round(1e3 * match.error_mm))} µm"
+    if match.is_uncertain:
+        error = f"± {math.ceil(1e3 * match.error_mm)} µm"
+        others = "; ".join(f"x {at.x_mm:.2f}, y {at.y_mm:.2f} mm" for at in match.alternatives)
+        more = f", and as well at {others}" * bool(others)
+        at = f"x {match.place.x_mm:.2f}, y {match.place.y_mm:.2f} mm"
+        return f"not certain (fits at {at}, {error}{more}); an overview map would tell"
     return f"not found ({fit})"

@@ -88,7 +88,7 @@ def find_places(path: Path) -> dict[str, Any]:
         "square": {"points_mm": laid, "size_mm": size_mm},
         "places": [{"patch": patch} | _shown(place, turn) for patch, place in places.items()],
         "said": said,
-        "all": _how_many(len(places), len(rows)),
+        "all": _how_many(len(places), len(rows), _uncertain(matches)),
         "answers": answers,
     }
 
@@ -99,15 +99,25 @@ def _shown(place: Place, turn: float) -> dict[str, float]:
     return {name: round(value, DECIMALS) for name, value in turned._asdict().items()}
 
 
-def _how_many(found: int, scans: int) -> str:
-    """How many scans are found, and what to do next."""
+def _uncertain(matches: Mapping[str, Match]) -> list[str]:
+    return [patch for patch, match in matches.items() if match.is_uncertain]
+
+
+def _how_many(found: int, scans: int, uncertain: Sequence[str]) -> str:
+    """How many scans are found, which are not certain, and what to do next."""
+    doubt = (
+        f" {', '.join(uncertain)}: not certain, and not moved. Lay each nearer to its place by "
+        "eye, or add an overview map."
+    ) * bool(uncertain)
+    if not found and uncertain:
+        return f"No scan is found.{doubt}"
     if not found:
         return (
             "No scan is found, and all stay where they were: does each lie within half a "
             "millimetre of its place, and turned as on the stone, within 10°?"
         )
     rest = "" if found == scans else " The others stay where they were."
-    return f"{found} of {scans} are found; each says how well it fits.{rest}"
+    return f"{found} of {scans} are found; each says how well it fits.{rest}{doubt}"
 
 
 def _nothing_found(found: Found) -> str:

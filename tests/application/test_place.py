@@ -594,7 +594,7 @@ def test_scans_find_their_exact_places_near_those_by_hand(server, study, flip, s
 
 @pytest.mark.parametrize("odd", ["mirrored", "inverted"])
 def test_a_scan_that_is_laid_otherwise_than_most_is_not_found(odd):
-    match = Match(Place(1.0, 2.0), False, False, 0.9, 0.1, 0.01, found=True)
+    match = Match(Place(1.0, 2.0), False, False, 0.9, 0.1, np.eye(3), found=True)
     laid = _laid_alike({"A": match, "B": match, "C": replace(match, **{odd: True})})
     assert [each.found for each in laid.values()] == [True, True, False]
 
@@ -602,7 +602,7 @@ def test_a_scan_that_is_laid_otherwise_than_most_is_not_found(odd):
 def test_what_is_found_on_one_square_lies_there_on_another():
     turned = Frame((1.0, 2.0, 3.0), (0.0, 0.6, 0.8), (1.0, 0.0, 0.0))
     square = Frame((1.0, 0.5, 2.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
-    match = Match(Place(1.0, 2.0, 150.0), False, False, 0.9, 0.1, 0.01, True)
+    match = Match(Place(1.0, 2.0, 150.0), False, False, 0.9, 0.1, np.eye(3), True)
     found = Found(turned, None, {"A": match, "B": replace(match, found=False)})
     seen = seen_in(square, found)
     assert list(seen) == ["A"]

@@ -1,6 +1,8 @@
 """Scans laid on a surface as well as they fit, between its elements, and how sure that is.
 
-The error of a place is that of the jackknife over blocks of the scans.
+What is left between scans and surface is no white noise, but smooth. It has as many independent
+values as waves down to the shortest on the scans' area, and its slopes tell these. The fit takes
+some of the values. The others give the variance, and this the covariance of place and turn.
 """
 
 import math
@@ -16,12 +18,18 @@ from gstlib.coupling.sliding import Template, planes_over
 from gstlib.surfaces.footprints import Place, spline_of
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["Fit", "Refined", "part_around"]
+__all__ = ["Fit", "Refined", "part_around", "widened"]
+
 
 # Points along a scan's side that are enough to refine its place.
 _REFINED = 100
-# Blocks along a side, of which each is left out in turn for the error of the place.
-_BLOCKS = 3
+# Numbers of a plane; it and a scale are fitted to each scan, besides its place.
+_OF_PLANE = 3
+_FITTED = _OF_PLANE + 1
+# mm², so that equal surfaces can be compared.
+_LEAST_SQUARES = 1e-20
+# The standard errors within which 95 % of normal values lie.
+_NORMAL = 1.96
 
 
 @dataclass(frozen=True)
@@ -31,7 +39,7 @@ class Fit:
     surface: xr.DataArray
     points: list[tuple[np.ndarray, np.ndarray]]  # (v, u) of each, mm
     heights: list[np.ndarray]
-    blocks: np.ndarray  # of all points
+    shapes: list[tuple[int, int]]  # of their grids
     step: float
 
     @classmethod
@@ -47,15 +55,15 @@ class Fit:
         ]
         step = max(spacing_of(surface)[0], min(sides) / _REFINED)
         edge = max(step, surface.attrs.get("mesh_edge_mm", 0.0))
-        points, heights, blocks = [], [], list[np.ndarray]()
+        points, heights, shapes = [], [], []
         for scan, (dv, du) in zip(scans, reading, strict=True):
             template = Template.of(scan, edge)
             along = [np.arange(-side / 2 + step / 2, side / 2, step) for side in template.sides]
             v, u = (each.ravel() for each in np.meshgrid(*along, indexing="ij"))
-            blocks.append(_blocks(v, u) + _BLOCKS**2 * len(blocks))
+            shapes.append((len(along[0]), len(along[1])))
             heights.append(template.at(v, u, mirrored))
             points.append((v + dv, u + (-du if mirrored else du)))
-        return cls(surface, points, heights, np.concatenate(blocks), step)
+        return cls(surface, points, heights, shapes, step)
 
     def refined(self, start: Place, *, is_turned: bool = True) -> "Refined":
         """The best place near another; perhaps without turning."""
@@ -90,19 +98,59 @@ class Fit:
             at(fit.x),
             correlation=_correlation(seen, own),
             each=np.array([*map(_correlation, *pairs)]),
-            error_mm=_jackknife(fit.jac, fit.fun, self.blocks),
+            shape=np.linalg.pinv(fit.jac.T @ fit.jac),
+            squares=float(fit.fun @ fit.fun),
+            freedom=max(1.0, self._independent(fit.fun) - _FITTED * len(self.points) - count),
             scale=common / squares if squares > 0 else 0.0,
+            own=squares,
         )
+
+    def _independent(self, rest: np.ndarray) -> float:
+        """How many independent values are in what is left: waves of equal power, down to some k.
+
+        On an area A they are A k²/4π, and the mean of their squared slopes is k²/2 of that of
+        their squares. A plane that was taken has squares but hardly slopes, so it is counted once
+        too often.
+        """
+        slopes, ends = 0.0, np.cumsum([math.prod(shape) for shape in self.shapes])
+        for part, shape in zip(np.split(rest, ends[:-1]), self.shapes, strict=True):
+            slopes += len(part) * sum(
+                float(np.mean(np.diff(part.reshape(shape), axis=axis) ** 2)) for axis in (0, 1)
+            )
+        values = slopes / (2 * math.pi) * len(rest) / max(float(rest @ rest), _LEAST_SQUARES)
+        return values - _OF_PLANE * len(self.shapes)
 
 
 class Refined(NamedTuple):
-    """A place between the elements, how well scans fit there, and the error of the place."""
+    """A place between the elements, how well scans fit there, and how sure that is."""
 
     place: Place
     correlation: float
     each: np.ndarray  # correlation of each scan by itself, there
-    error_mm: float
+    shape: np.ndarray  # covariance of y, x and perhaps the turn, over the variance
+    squares: float  # sum of the squares of what is left, mm²
+    freedom: float  # independent values that are left after the fit
     scale: float  # heights of the surface beside those of the scans
+    own: float  # sum of the squares of the scans' heights, without their planes, mm²
+
+    def squares_with(self, scale: float) -> float:
+        """The squares of what is left with another scale."""
+        return self.squares + (self.scale - scale) ** 2 * self.own
+
+    @property
+    def variance(self) -> float:
+        """The variance of one independent value times how many points stand for it, mm²."""
+        return self.squares / self.freedom
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """That of y, x (mm) and the turn (radians), such that 95 % lie within ±1.96 errors."""
+        return self.variance * widened(self.freedom) ** 2 * self.shape
+
+
+def widened(freedom: float) -> float:
+    """Student's t over the normal distribution, where 95 % of both lie within."""
+    return float(scipy.special.stdtrit(freedom, 0.975)) / _NORMAL
 
 
 def part_around(surface: xr.DataArray, place: Place, half: float) -> xr.DataArray:
@@ -121,24 +169,3 @@ def _correlation(one: np.ndarray, other: np.ndarray) -> float:
     """That of values without their means; 0 if one is flat."""
     length = math.sqrt(float(one @ one) * float(other @ other))
     return float(one @ other) / length if length > 0 else 0.0
-
-
-def _blocks(v: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """The number of the block that each point (v, u) lies in."""
-    parts = [
-        np.clip((_BLOCKS * (at / (2 * abs(at).max()) + 0.5)).astype(int), 0, _BLOCKS - 1)
-        for at in (v, u)
-    ]
-    return _BLOCKS * parts[0] + parts[1]
-
-
-def _jackknife(jacobian: np.ndarray, residual: np.ndarray, block: np.ndarray) -> float:
-    """Standard error of a fitted place (y, x), the larger of the two, leaving out each block."""
-    moved = [
-        np.linalg.lstsq(jacobian[block != number], -residual[block != number], rcond=None)[0][
-            :2
-        ]
-        for number in np.unique(block)
-    ]
-    covariance = (len(moved) - 1) * np.cov(moved, rowvar=False, bias=True)
-    return float(np.sqrt(np.diag(covariance)).max())

@@ -130,8 +130,9 @@ def view_of(
         places, tree = np.stack([x, y], axis=-1), scipy.spatial.KDTree(cloud[:, :2])
         away, _ = tree.query(places, distance_upper_bound=_GAP * edge)
         is_stone = np.isfinite(away)
-        linear = scipy.interpolate.LinearNDInterpolator(cloud[:, :2], cloud[:, 2])
-        heights[is_stone] = linear(places[is_stone])
+        # straight lines between vertices would cut the shortest waves that the mesh has
+        smooth = scipy.interpolate.CloughTocher2DInterpolator(cloud[:, :2], cloud[:, 2])
+        heights[is_stone] = smooth(places[is_stone])
     rows, columns = (np.flatnonzero(np.isfinite(heights).any(axis=n)) for n in (1, 0))
     view = make_surface(heights, step, mesh_edge_mm=edge)
     view = view.assign_coords(

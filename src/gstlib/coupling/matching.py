@@ -5,17 +5,18 @@ Heights are correlated at every shift, for turns all around and mirrored, too
 (`gstlib.coupling.aligning`).
 
 A patch of 0.85 mm has too few waves that a mesh shows to be found anywhere (`match_map`). Several
-are, whose distances the stage tells (`match_together`), or from a start by hand (`match_near`).
+are, whose distances the stage tells (`match_together`), or from a start by hand
+(`gstlib.coupling.nearby`).
 """
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
 
-from gstlib.coupling.aligning import Fit, part_around
+from gstlib.coupling.aligning import Fit
 from gstlib.coupling.sliding import (
     Image,
     Template,
@@ -29,7 +30,7 @@ from gstlib.coupling.sliding import (
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["REACH", "Match", "match_map", "match_near", "match_together"]
+__all__ = ["LEAST_LEAD", "Match", "match_map", "match_together"]
 
 # Turns that are tried: a map of 2.5 mm that is turned by half a step too far is off by 50 µm at its
 # corners, a quarter of the shortest waves that a mesh shows.
@@ -37,7 +38,7 @@ _TURNS = 72
 # ASSUME: a map is found if it correlates by this much, and more than at any other place, turn or
 # mirroring by this much, in Fisher's z (artanh r); several scans that the stage ties together, by
 # the second: benchmarks/finding.py has how far they lead on their own stones, and on others.
-_LEAST_CORRELATION, _LEAST_LEAD, _LEAST_LEAD_TOGETHER = 0.6, 0.35, 0.25
+_LEAST_CORRELATION, LEAST_LEAD, _LEAST_LEAD_TOGETHER = 0.6, 0.35, 0.2
 # ASSUME: a scan that the stage ties to others was taken elsewhere if it correlates by less than
 # this where they lie, and in Fisher's z by so much less than they do.
 _LEAST_OWN, _BELOW_TIED = 0.7, 0.6
@@ -46,21 +47,6 @@ _ONE = 1 - 1e-9
 # What is as near to the best place as this share of the map's shorter side, and is turned by no
 # more than this (degrees), is the same match.
 _SAME_PLACE, _SAME_TURN = 0.5, 20.0
-# How far places by hand may be off (mm, degrees), and the step of the turns that are tried.
-REACH, _STEP = 0.75, 3.0
-_BY_HAND = np.arange(-12.0, 12.1, _STEP)
-# Of scans near places by hand, what is nearer to the best than this share of their side is the same
-# match.
-_SAME_NEAR = 0.25
-# ASSUME: a scan near its place by hand is found if it correlates by this much, and in Fisher's z
-# clearly more than elsewhere and hardly less than the scans do in general; if it does not turn
-# farther by itself (degrees), and if its heights are as high beside the mesh's as theirs, up to a
-# factor: benchmarks/finding.py has what is found so, in its place and on another stone.
-_LEAST_NEAR, _LEAST_LEAD_NEAR, _BELOW_OTHERS = 0.8, 0.2, 0.5
-_MOST_TURNED, _MOST_HIGHER = 10.0, 1.4
-# The blocks of a patch are no longer than the waves that a mesh shows, so the jackknife's errors
-# are too small: on synthetic stones, by about so much.
-_NEAR_ERRORS = 1.8
 
 
 @dataclass(frozen=True)
@@ -73,9 +59,19 @@ class Match:
     inverted: bool  # whether its heights have the other sign, as those of a mould
     correlation: float  # of heights, a plane removed from each
     next_best: float  # correlation elsewhere, or otherwise turned or mirrored
-    error_mm: float  # standard error of the place, along the axis where it is larger; a guide
+    # Covariance (3, 3) of y and x (mm) and the turn (radians).
+    covariance: np.ndarray = field(compare=False)
     found: bool  # whether correlation and lead are those of a right match
     own: tuple[float, ...] = ()  # of scans that were found together: the correlation of each
+    # Whether a scan was taken here, but at which of several places nearby, or where exactly, is
+    # not certain; and the other places.
+    is_uncertain: bool = False
+    alternatives: tuple[Place, ...] = ()
+
+    @property
+    def error_mm(self) -> float:
+        """Standard error of the place, along the axis where it is larger."""
+        return math.sqrt(self.covariance.diagonal()[:2].max())
 
     @property
     def strength(self) -> float:
@@ -93,8 +89,11 @@ class Match:
         return Place(float(y), float(x), self.place.rotation_deg)
 
     def at(self, v: float, u: float) -> "Match":
-        """The same of what lies (v, u) from the centre."""
-        return replace(self, place=self.place_of(v, u))
+        """The same of what lies (v, u) from the centre, where the error of the turn counts."""
+        place = self.place_of(v, u)
+        lever = np.eye(3)
+        lever[:2, 2] = place.x_mm - self.place.x_mm, self.place.y_mm - place.y_mm
+        return replace(self, place=place, covariance=lever @ self.covariance @ lever.T)
 
     def each(self, offsets: np.ndarray) -> "list[Match]":
         """Those of scans that were found together, at (n, 2) from their common point.
@@ -110,14 +109,17 @@ class Match:
     def carrying(self, inner: "Match", middle: Sequence[float]) -> "Match":
         """Where a scan lies that was found on this scan, whose middle is at (y, x) there, mm."""
         y, x, turn = inner.place
-        place = self.place_of(y - middle[0], x - middle[1])
-        turned = place.rotation_deg + (-turn if self.mirrored else turn)
+        there, way = self.at(y - middle[0], x - middle[1]), -1 if self.mirrored else 1
+        turned = there.place.rotation_deg + way * turn
+        upright = Place(0.0, 0.0, there.place.rotation_deg)
+        axes = np.diag([0.0, 0.0, way])
+        axes[:2, :2] = upright.points(np.array([1, 0]), np.array([0, way]))
         return replace(
             inner,
-            place=place._replace(rotation_deg=(turned + 180) % 360 - 180),
+            place=there.place._replace(rotation_deg=(turned + 180) % 360 - 180),
             mirrored=self.mirrored != inner.mirrored,
             inverted=self.inverted != inner.inverted,
-            error_mm=math.hypot(self.error_mm, inner.error_mm),
+            covariance=there.covariance + axes @ inner.covariance @ axes.T,
             found=self.found and inner.found,
         )
 
@@ -191,122 +193,31 @@ def match_together(
     sign, at = np.sign(best[0]), readings[number]
     start = Place(y, x, turn)
     fit = Fit.of(surface, scans, at, mirrored).refined(start)
-    own, place, error_mm = sign * fit.each, fit.place, fit.error_mm
+    own, best_fit = sign * fit.each, fit
     if not (fits := _fitting(own)).all():  # the others alone say where they lie
         kept = [scan for scan, fitting in zip(scans, fits, strict=True) if fitting]
-        again = Fit.of(surface, kept, at[fits], mirrored).refined(start)
-        place, error_mm = again.place, again.error_mm
+        best_fit = Fit.of(surface, kept, at[fits], mirrored).refined(start)
     radius = _SAME_PLACE * min(min(each.sides) for each in templates) / step
-    elsewhere = max(
+    next_best = max(
         _elsewhere(found, best, radius if _is_same(key, other) else 0.0)
         for other, found in peaks.items()
     )
     match = Match(
-        place,
+        best_fit.place,
         mirrored,
         inverted=bool(sign < 0),
         correlation=abs(fit.correlation),
-        next_best=elsewhere,
-        error_mm=error_mm,
+        next_best=next_best,
+        covariance=best_fit.covariance,
         found=True,
         own=tuple(map(float, own)),
     )
     return _judged(match, len(scans)), number
 
 
-def match_near(
-    surface: xr.DataArray, scans: Sequence[xr.DataArray], places: Sequence[Place]
-) -> list[Match]:
-    """Find scans near places by hand: within 0.75 mm, and turned by a common angle up to 12°.
-
-    All are mirrored or none, and have heights of the same sign; they may be turned by half a turn.
-
-    Parameters
-    ----------
-    surface, scans
-        As in `match_together`.
-    places : sequence of Place
-        Where each lies, about.
-
-    Raises
-    ------
-    ValueError
-        As in `match_map`.
-    """
-    search, templates = to_search(surface, scans)
-    near = [_near(search, *each) for each in zip(templates, places, strict=True)]
-    sums = {pose: _common([peaks[pose] for peaks in near]) for pose in near[0]}
-    pose = max(sums, key=lambda each: sums[each])
-    mirrored, sign, half, number = pose
-    another = max(of for each, of in sums.items() if each[:3] != pose[:3])
-    is_clear = sums[pose] - another >= _LEAST_LEAD / math.sqrt(len(scans))
-    turn = 180 * half + _top(number, [sums[*pose[:3], n] for n in range(len(_BY_HAND))])
-    snapped = []
-    for peaks, template, scan, place in zip(near, templates, scans, places, strict=True):
-        match = Match(place, mirrored, sign < 0, 0.0, 0.0, math.inf, found=False)
-        own_turn, scale = math.inf, 1.0
-        if len(there := peaks[pose]):
-            best = there[there[:, 0].argmax()]
-            fit = Fit.of(surface, [scan], np.zeros((1, 2)), mirrored)
-            start = Place(float(best[1]), float(best[2]), place.rotation_deg + turn)
-            lies = fit.refined(start, is_turned=False)
-            own_turn = fit.refined(lies.place).place.rotation_deg - lies.place.rotation_deg
-            elsewhere = _elsewhere(there, best, _SAME_NEAR * min(template.sides))
-            scale, fits = sign * lies.scale, (sign * lies.correlation, elsewhere)
-            match = replace(match, place=lies.place, error_mm=_NEAR_ERRORS * lies.error_mm)
-            match = replace(match, correlation=fits[0], next_best=fits[1])
-        snapped.append((match, abs((own_turn + 180) % 360 - 180), math.log(max(scale, 1e-6))))
-    usual = np.median([(match.strength, scale) for match, _, scale in snapped], axis=0)
-    return [
-        replace(
-            match,
-            found=is_clear
-            and match.correlation >= _LEAST_NEAR
-            and match.lead >= _LEAST_LEAD_NEAR
-            and match.strength >= usual[0] - _BELOW_OTHERS
-            and own_turn <= _MOST_TURNED
-            and abs(scale - usual[1]) <= math.log(_MOST_HIGHER),
-        )
-        for match, own_turn, scale in snapped
-    ]
-
-
-def _near(
-    search: xr.DataArray, template: "Template", place: Place
-) -> dict[tuple[bool, float, int, int], np.ndarray]:
-    """Peaks (score, y, x) around a place, by mirroring, sign, half turn and number of the turn."""
-    step = spacing_of(search)[0]
-    part = part_around(search, place, template.count(step) * step / 2 + REACH + step)
-    image, turns = Image.of(part), place.rotation_deg + _BY_HAND
-    found = {}
-    for number, (pose, held) in enumerate(slid(image, [template], step, turns)):
-        peaks = peaks_of(correlation_of(held, np.zeros((1, 2), int)))
-        peaks[:, 1:] = middles(peaks[:, 1:], part, [template])
-        peaks = peaks[np.hypot(*(peaks[:, 1:] - place[:2]).T) <= REACH]
-        for sign in (1.0, -1.0):
-            own = peaks[sign * peaks[:, 0] > 0] * [sign, 1, 1]
-            found[pose[0], sign, number % 2, number // 4] = own
-    return found
-
-
-def _common(peaks: Sequence[np.ndarray]) -> float:
-    """Mean over the scans of their highest scores, in Fisher's z."""
-    tops = [min(each[:, 0].max(initial=0.0), _ONE) for each in peaks]
-    return float(np.mean(np.arctanh(tops)))
-
-
-def _top(number: int, sums: Sequence[float]) -> float:
-    """The turn (degrees) at which sums over the turns by hand are highest, by a parabola."""
-    if not 0 < number < len(sums) - 1:
-        return float(_BY_HAND[number])
-    before, top, after = sums[number - 1 : number + 2]
-    bend = before - 2 * top + after
-    return float(_BY_HAND[number] + _STEP * (before - after) / (2 * bend or 1))
-
-
 def _judged(match: Match, count: int) -> Match:
     """Whether so many scans are found, if nothing else spoke against it."""
-    least = _LEAST_LEAD if count == 1 else _LEAST_LEAD_TOGETHER
+    least = LEAST_LEAD if count == 1 else _LEAST_LEAD_TOGETHER
     is_right = match.correlation >= _LEAST_CORRELATION and match.lead >= least
     return replace(match, found=match.found and is_right)
 

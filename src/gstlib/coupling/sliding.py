@@ -38,6 +38,10 @@ _FEWEST, _MOST = 12, 40
 # Below this share of the largest spread of a window, it is flat: its correlation means nothing.
 _FLAT = 1e-6
 
+# ASSUME: a mesh shows a stone as if smoothed by a Gaussian whose standard deviation is a third of
+# an edge: between photogrammetry that cuts sharply and one that averages over its edges.
+_SMOOTHED = 1 / 3
+
 Pose = tuple[bool, float]  # mirrored, and turn in degrees
 
 
@@ -157,7 +161,8 @@ class Template:
         dy, dx = spacing_of(scan)
         level = remove_plane(scan)[0]
         whole = interpolate_holes(level.values, np.isnan(level.values))
-        smooth = scipy.ndimage.gaussian_filter(whole, (edge / 2 / dy, edge / 2 / dx))
+        sigma = _SMOOTHED * edge
+        smooth = scipy.ndimage.gaussian_filter(whole, (sigma / dy, sigma / dx))
         centred = {axis: level[axis] - level[axis].mean() for axis in level.dims}
         ny, nx = scan.shape
         return cls(level.copy(data=smooth).assign_coords(centred), (ny * dy, nx * dx))

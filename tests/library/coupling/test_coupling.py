@@ -5,8 +5,15 @@ import pandas as pd
 import pytest
 from gstlib.bem import HalfSpace
 from gstlib.coupling.embedding import surroundings
-from gstlib.coupling.pressures import couple_scales, patch_pressures
-from gstlib.surfaces.footprints import Place, footprint_weights, moved
+from gstlib.coupling.pressures import (
+    couple_scales,
+    covered_pressures,
+    patch_pressures,
+    stated,
+    unseen,
+)
+from gstlib.macroscale.ensemble import patch_means
+from gstlib.surfaces.footprints import Place, footprint_weights, moved, with_t1
 from gstlib.surfaces.grid import make_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -65,6 +72,40 @@ def test_uniform_pressure_comes_through_and_none_far_from_contact():
     both = couple_scales(uniform, far, places, patch_mm=0.85).iloc[0]
     assert both.pressure_MPa == row.pressure_MPa
     assert both.square_pressure_MPa == 0
+
+
+PLACES = pd.DataFrame({"patch": list("ab"), "x_mm": 2.4, "y_mm": 2.6, "rotation_deg": [25.0, 0.0]})
+
+
+@pytest.mark.parametrize(
+    ("shift_mm", "size_mm", "turn"),
+    [((0.3, -0.2), (1.0, 1.0), 10.0), ((-0.4, 0.1), (1.4, 0.7), -35.0), ((0, 0), (3.0, 3.0), 3.0)],
+)
+def test_a_mean_is_over_what_both_scans_cover(shift_mm, size_mm, turn):
+    """By brute force: the points of T0 that T1 shows; T1 need not be as large as T0."""
+    (shift_x, shift_y), (size_x, size_y) = shift_mm, size_mm
+    of_t1 = {"t1_x_um": shift_x, "t1_y_um": shift_y, "t1_size_x_um": size_x, "t1_size_y_um": size_y}
+    registration = pd.DataFrame({"patch": ["a", "b"], "found": [True, False], "rotation_deg": turn})
+    registration = registration.assign(**{name: 1e3 * of for name, of in of_t1.items()})
+    pressure = pressure_field(7)
+    means = patch_means(pressure, with_t1(PLACES, registration), size_mm=1.0)
+    v, u = np.meshgrid(*2 * [(np.arange(600) + 0.5) / 600 - 0.5], indexing="ij")
+    turned = np.exp(-1j * np.radians(turn)) * (u - shift_x + 1j * (v - shift_y))
+    inside = (abs(turned.real) < size_x / 2) & (abs(turned.imag) < size_y / 2)
+    at = 2.4 + 2.6j + np.exp(1j * np.radians(25.0)) * (u + 1j * v)[inside]
+    rows, columns = (at.imag / 0.25).astype(int), (at.real / 0.2).astype(int)
+    found, whole = means @ pressure.values.ravel()
+    assert found == pytest.approx(pressure.values[rows, columns].mean(), rel=5e-3)
+    # without a T1 that was found, the mean is over the outline
+    table = patch_pressures(pressure, with_t1(PLACES, registration), size_mm=1.0)
+    pd.testing.assert_frame_equal(table, patch_pressures(pressure, PLACES, size_mm=1.0))
+    assert whole == pytest.approx(table.pressure_MPa[1], rel=1e-12)
+    table = covered_pressures(table, pressure, registration, patch_mm=1.0)
+    np.testing.assert_allclose(table.covered_MPa, [found, whole])
+    np.testing.assert_allclose(unseen(table), table.covered_MPa)
+    told = table.assign(leave_one_out_MPa=[7.0, np.nan], stated_MPa=[np.nan, 8.0])
+    np.testing.assert_allclose(unseen(told), [7.0, whole])
+    np.testing.assert_allclose(stated(told), [found, 8.0])
 
 
 def test_moved_patches_stay_on_the_square():

@@ -4,11 +4,44 @@ import numpy as np
 import pytest
 import scipy
 import trimesh
-from finding import FINE, OVERVIEW, PATCH, mesh, scan, stone
-from gstlib.coupling.aligning import Fit, _jackknife
+from gstlib import self_affine_field
+from gstlib.coupling.aligning import Fit
 from gstlib.coupling.finding import find_on_map, find_on_stone
-from gstlib.coupling.matching import Match, _elsewhere, _top, match_map, match_near, match_together
+from gstlib.coupling.matching import Match, _elsewhere, match_map, match_together
+from gstlib.coupling.nearby import _top, match_near
 from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.grid import make_surface
+
+SURE = np.diag([1e-4, 1e-4, 1e-6])
+FINE, STEP, EDGE, FACE = 0.02, 0.05, 0.2, 9.0  # mm
+OVERVIEW, PATCH = (1.9, 2.5), (0.85, 0.85)  # mm
+
+
+def stone(seed):
+    """A rough and rounded surface on fine elements, mm."""
+    count = round(FACE / FINE)
+    waves = {"hurst_exponent": 0.8, "roll_off": 2.0}
+    rough = self_affine_field(np.random.default_rng(seed), 512, FINE, **waves)[:count, :count]
+    y, x = np.indices(rough.shape) * FINE - FACE / 2
+    return 0.03 * rough / rough.std() - (y**2 + x**2) / 2 / 60
+
+
+def mesh(fine, seed=0):
+    """What a mesh shows of it, with its noise."""
+    at = (np.arange(round(FACE / STEP)) + 0.5) * STEP / FINE - 0.5
+    smooth = scipy.ndimage.gaussian_filter(fine, EDGE / 2 / FINE)
+    seen = scipy.ndimage.map_coordinates(smooth, np.meshgrid(at, at, indexing="ij"), order=1)
+    noise = np.random.default_rng(seed).normal(size=seen.shape)
+    noise = scipy.ndimage.gaussian_filter(noise, 2)
+    return make_surface(seen + 0.003 * noise / noise.std(), STEP, mesh_edge_mm=EDGE)
+
+
+def scan(fine, place, mirrored, sides, spacing=0.01):
+    """A map of it, tilted."""
+    v, u = ((np.arange(n := round(side / spacing)) - (n - 1) / 2) * spacing for side in sides)
+    y, x = place.points(v[:, None], (-u if mirrored else u)[None, :])
+    heights = scipy.ndimage.map_coordinates(fine, [y / FINE - 0.5, x / FINE - 0.5], order=3)
+    return make_surface(heights + 0.02 * v[:, None] + 3, spacing)
 
 
 def overview(fine, place, mirrored=False):
@@ -121,7 +154,7 @@ def test_the_turn_by_hand_is_at_the_top_of_a_parabola():
     assert _top(len(turns) - 1, turns) == 12  # there is nothing beyond
 
 
-def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it(monkeypatch):
+def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it():
     """One turned by itself, hidden by rings, one is twice as high, and one fits worse."""
     fine, (first, *_) = stone(6), PATCHES
     y, x = np.indices(fine.shape) * FINE
@@ -137,13 +170,11 @@ def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it(monkey
     assert [each.found for each in matches] == [False, True, False, True, False, True]
     assert min(each.correlation for each in matches) > 0.8
     assert min(each.lead for each in matches) > 0.2
-    monkeypatch.setattr("gstlib.coupling.matching._elsewhere", lambda *_: 0.99)
-    assert not any(each.found for each in match_near(*near_by))
 
 
 @pytest.mark.parametrize(("lead", "one", "two"), [(0.4, 1, 1), (0.3, 0, 1), (0.2, 0, 0)])
 def test_one_scan_needs_a_larger_lead_than_several(lead, one, two):
-    match = Match(Place(1.0, 1.0), False, False, 0.9, 0.1, 0.01, found=True)
+    match = Match(Place(1.0, 1.0), False, False, 0.9, 0.1, SURE, found=True)
     elsewhere = np.tanh(np.arctanh(0.9) - lead)
     assert [match.among([elsewhere], count).found for count in (1, 2)] == [one, two]
 
@@ -154,15 +185,44 @@ def test_another_place_is_far_from_the_best_or_of_the_other_sign(count, score):
     assert _elsewhere(peaks, peaks[0], 3.0) == score
 
 
-def test_the_jackknife_of_a_mean_is_its_standard_error():
-    """Of two means, each of a value in every block, that of the one that is known less well."""
-    values = np.random.default_rng(1).normal(size=(9, 2)) * [1, 5]
-    jacobian, blocks = np.tile(np.eye(2), (9, 1)), np.repeat(np.arange(9), 2)
-    error = _jackknife(-jacobian, values.ravel(), blocks)
-    assert error == pytest.approx(values[:, 1].std(ddof=1) / 3)
-    scans = 2 * [patch(stone(1), Place(4.5, 4.5))]
-    together = Fit.of(mesh(stone(1)), scans, np.zeros((2, 2)), False)
-    assert len(set(together.blocks)) == 2 * 9
+def rough(generator, shape, wave):
+    """Smooth noise whose waves are about so long, mm, on elements of 0.05 mm."""
+    noise = scipy.ndimage.gaussian_filter(generator.normal(size=shape), wave / 0.05 / 4)
+    return noise / noise.std()
+
+
+@pytest.mark.parametrize("wave", [0.3, 0.6])
+def test_the_errors_of_a_place_and_of_the_lever_are_as_large_as_is_said(wave):
+    """Whatever the waves are that the surface shows besides the scan's own."""
+    generator, scores = np.random.default_rng(1), []
+    for _ in range(40):
+        ground = rough(generator, (120, 120), 0.6)
+        surface = make_surface(ground + 0.3 * rough(generator, ground.shape, wave), 0.05)
+        scan = make_surface(ground[30:90, 30:90], 0.05)
+        fit = Fit.of(surface, [scan], np.zeros((1, 2)), False).refined(Place(3.0, 3.0))
+        match = Match(fit.place, False, False, 0.9, 0.1, fit.covariance, found=True)
+        for lever in ((0.0, 0.0), (0.0, 3.0), (-3.0, 0.0)):
+            moved = match.at(*lever)
+            off = np.subtract(moved.place[:2], (3.0 + lever[0], 3.0 + lever[1]))
+            scores.append(off / np.sqrt(moved.covariance.diagonal()[:2]))
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
+
+
+def test_a_scan_that_fits_at_two_places_is_not_certain():
+    """Waves that repeat each 0.6 mm along x leave its place open, and it has alternatives."""
+    rows, x = stone(3), np.arange(round(FACE / FINE)) * FINE
+    even, odd = (
+        rows[:, [n]] - scipy.ndimage.gaussian_filter1d(rows[:, [n]], 40, axis=0) for n in (100, 300)
+    )
+    fine = even * np.cos(2 * np.pi * x / 0.6) + odd * np.sin(2 * np.pi * x / 0.6)
+    fine = 0.03 * fine / fine.std() + 0.3 * stone(4)
+    scans = [patch(fine, Place(*at)) for at in PATCHES]
+    matches = match_near(mesh(fine), scans, [Place(y, x) for y, x in PATCHES + 0.05])
+    assert sum(match.is_uncertain for match in matches) >= 4
+    for match, at in zip(matches, PATCHES, strict=True):
+        assert match.found != match.is_uncertain
+        off = [np.hypot(*(place[:2] - at)) for place in (match.place, *match.alternatives)]
+        assert min(off[:1] if match.found else off) < 0.1
 
 
 def test_scans_of_a_smooth_stone_do_not_snap():
@@ -205,7 +265,7 @@ def test_a_scan_of_another_stone_does_not_lie_where_the_stage_says():
 
 
 def test_what_fits_two_sides_of_a_stone_alike_is_not_found(monkeypatch):
-    match = Match(Place(1.0, 1.0), False, False, 0.9, 0.1, 0.01, found=True)
+    match = Match(Place(1.0, 1.0), False, False, 0.9, 0.1, SURE, found=True)
     monkeypatch.setattr("gstlib.coupling.finding.match_together", lambda *_: (match, 0))
     heights = overview(stone(1), Place(4.5, 4.5))
     found = find_on_stone(trimesh.creation.box((9.0, 7.0, 5.0)), [heights], np.zeros((1, 1, 2)))
@@ -217,8 +277,9 @@ def test_a_scan_on_a_map_lies_where_its_points_do_on_the_stone(mirrored):
     """Mirrored and turned as both are: the map on the stone, and the scan on the map."""
     middle, judged = (0.9, 1.4), {"inverted": False, "correlation": 0.9, "next_best": 0.1}
     places = Place(7.0, 3.0, 25.0), Place(1.2, 1.1, -70.0)
+    covariance = np.diag([9e-4, 9e-4, 0.0])
     outer, inner = (
-        Match(place, mirrored=is_mirrored, error_mm=0.03, found=True, **judged)
+        Match(place, mirrored=is_mirrored, covariance=covariance, found=True, **judged)
         for place, is_mirrored in zip(places, mirrored, strict=True)
     )
     whole = outer.carrying(inner, middle)

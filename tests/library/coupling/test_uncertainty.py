@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from contacts import around, laid, mesh_face
 from contacts import pressed as press
 from gstlib.coupling.intervals import (
@@ -13,7 +14,7 @@ from gstlib.coupling.intervals import (
     pressure_intervals,
 )
 from gstlib.coupling.pressures import patch_pressures
-from gstlib.macroscale.active_tool import face_in_pose
+from gstlib.macroscale.active_tool import face_in_pose, rounded_counterface
 from gstlib.macroscale.composite import compose_surface
 from gstlib.surfaces.footprints import Place, places_of
 from gstlib.surfaces.grid import axis_coordinates, coarser, make_surface
@@ -63,12 +64,20 @@ def intervals(monkeypatch):
     """Intervals where the contact moduli of the draws, over that of the study, are given."""
 
     def intervals(
-        shares, *, error=0.0, composite=None, whole=None, counterface=None, through=MIDDLE, **errors
+        shares,
+        *,
+        error=0.0,
+        composite=None,
+        whole=None,
+        counterface=None,
+        used=(None, None),
+        through=MIDDLE,
+        **errors,
     ):
         drawn = np.asarray(shares)
         monkeypatch.setattr("gstlib.coupling.intervals.draw_contact_moduli", lambda *_, **__: drawn)
         return pressure_intervals(
-            Macroscale(whole or mesh(error), composite, counterface),
+            Macroscale(whole or mesh(error), composite, counterface, *used),
             stated(),
             STONES | {"contact_modulus_MPa": MODULUS},
             NO_ERRORS._replace(**errors),
@@ -180,6 +189,59 @@ def test_an_active_tool_adds_the_error_of_its_pose(intervals):
 
     assert max(width(0, 0, 200.0), width(3, 2, 0.0)) < 1e-3 < width(3, 2, 50.0)
     assert min(width(3, 0, 200.0), width(0, 2, 200.0)) > 1.0
+
+
+RADIUS = 60.0
+
+
+def round_tool():
+    """A flat stone under a round tool."""
+    flat = mesh_face(make_surface(np.zeros((COUNT, COUNT)), SPACING), 0.0, 200, seed=4)
+    return flat.assign(counterface=rounded_counterface(flat.height, RADIUS, MIDDLE))
+
+
+def certain_use(pressure, at_centre):
+    """A use through the middle, of which the wear tells the radius exactly."""
+    by_draw = {"y_mm": [MIDDLE[0]], "x_mm": [MIDDLE[1]], "radius_mm": [RADIUS], "weight": [1.0]}
+    by_both = {"pressure": [pressure], "pressure_at_centre": [at_centre]}
+    return xr.Dataset(
+        {name: ("draw", of) for name, of in by_draw.items()}
+        | {name: (("draw", "patch"), of) for name, of in by_both.items()},
+        {"patch": list(PLACES.patch)},
+        {"taken": 1},
+    )
+
+
+def under_round_tool():
+    """Pressures of the patches as stated."""
+    face = coarser(round_tool().height, 2), coarser(round_tool().counterface, 2)
+    contact = press(*face, modulus=MODULUS, mean_pressure=TARGET, through=MIDDLE)
+    return patch_pressures(contact.pressure, PLACES, size_mm=PATCH).pressure_MPa.to_numpy()
+
+
+def test_wear_that_tells_the_radius_tells_where_a_stronger_force_is_borne(intervals):
+    """Under F R / E* of the wear, all pressures grow with the force, and none with the modulus."""
+    used = RADIUS, certain_use([0.0, 0.0], [0.0, 0.0])
+    expected = under_round_tool()
+    found = intervals([0.5, 2.0], whole=round_tool(), used=used)
+    np.testing.assert_allclose([found.low_MPa, found.high_MPa], 2 * [expected], rtol=1e-4)
+    found = intervals(np.ones(20), whole=round_tool(), used=used, force_fraction=0.5)
+    forces = np.exp(0.5 * np.random.default_rng([1, 3]).standard_normal(20))
+    assert_ends(found, np.outer(forces, expected))
+    # a radius as stated goes with any force, which then presses more of the stone
+    stated_alone = intervals(
+        np.ones(20), whole=round_tool(), used=(RADIUS, None), force_fraction=0.5
+    )
+    assert (stated_alone.high_MPa / stated_alone.low_MPa < found.high_MPa / found.low_MPa).any()
+
+
+def test_pressures_over_the_strikes_are_added_to_those_under_their_centre(intervals):
+    used = RADIUS, certain_use([3.0, 1.0], [1.0, 1000.0])
+    found = intervals(np.ones(2), whole=round_tool(), used=used)
+    first = under_round_tool()[0] + 2.0
+    # a pressure is never negative
+    np.testing.assert_allclose(found.low_MPa, [first, 0.0], rtol=1e-4)
+    np.testing.assert_allclose(found.high_MPa, [first, 0.0], rtol=1e-4)
 
 
 def test_draws_in_which_the_stone_tips_over_are_left_out(intervals, caplog):

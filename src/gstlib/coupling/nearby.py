@@ -1,0 +1,284 @@
+"""Scans found near places by hand: which of the peaks around it is the right one, and how sure?
+
+A scan of 0.85 mm shows few waves that a mesh shows, so within half a millimetre there may be
+several places where it fits. What is left between scans and mesh is taken as normal, with a
+variance that all scans share. This gives each peak a probability. A scan is found only at a place
+that is nearly certain, and otherwise has its alternatives.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+import xarray as xr
+
+from gstlib.coupling.aligning import Fit, Refined, part_around, widened
+from gstlib.coupling.matching import LEAST_LEAD, Match
+from gstlib.coupling.sliding import (
+    Image,
+    Template,
+    correlation_of,
+    middles,
+    peaks_of,
+    slid,
+    to_search,
+)
+from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.grid import spacing_of
+
+__all__ = ["REACH", "match_near"]
+
+# How far places by hand may be off (mm, degrees), and the step of the turns that are tried.
+REACH, _STEP = 0.75, 3.0
+_BY_HAND = np.arange(-12.0, 12.1, _STEP)
+# Peaks that are refined, and the distance (mm) within which two of them are one.
+_PEAKS, _SAME = 8, 0.05
+# A scan is found if it lies within so far (mm) of the best place with this probability: one in
+# twenty may be wrong.
+_WRONG, _SURE = 0.1, 0.95
+# A scan of this place leaves as much as it does, or more, in so many of a hundred.
+_LEAST_CHANCE = 0.01
+# ASSUME: a scan near its place by hand was taken there if it correlates by this much, does not turn
+# farther by itself (degrees), and if its heights are as high beside the mesh's as those of the
+# others, up to a factor: benchmarks/finding.py has what is found so, in its place and elsewhere.
+_LEAST_NEAR, _MOST_TURNED, _MOST_HIGHER = 0.8, 10.0, 1.4
+# A median of normal values tells as much as the mean of so many times as many.
+_MEDIAN_TELLS = 2 / math.pi
+
+_Pose = tuple[bool, float, int, int]  # mirrored, sign, half turns, and number of the turn
+
+
+def match_near(
+    surface: xr.DataArray, scans: Sequence[xr.DataArray], places: Sequence[Place]
+) -> list[Match]:
+    """Find scans near places by hand: within 0.75 mm, and turned by a common angle up to 12°.
+
+    All are mirrored or none, and have heights of the same sign; they may be turned by half a turn.
+    A scan that fits at several places nearly as well, or at one but not exactly, is not found but
+    ``is_uncertain``, and has ``alternatives``.
+
+    Parameters
+    ----------
+    surface, scans
+        As in `gstlib.coupling.matching.match_together`.
+    places : sequence of Place
+        Where each lies, about.
+
+    Raises
+    ------
+    ValueError
+        As in `gstlib.coupling.matching.match_map`.
+    """
+    search, templates = to_search(surface, scans)
+    near = [_near(search, *each) for each in zip(templates, places, strict=True)]
+    sums = {pose: _common([peaks[pose] for peaks in near]) for pose in near[0]}
+    pose = max(sums, key=lambda each: sums[each])
+    mirrored, sign, half, number = pose
+    another = max(of for each, of in sums.items() if each[:3] != pose[:3])
+    is_clear = sums[pose] - another >= LEAST_LEAD / math.sqrt(len(scans))
+    turn = 180 * half + _top(number, [sums[*pose[:3], n] for n in range(len(_BY_HAND))])
+    held = [
+        _Held(Fit.of(surface, [scan], np.zeros((1, 2)), mirrored), place, sign)
+        for scan, place in zip(scans, places, strict=True)
+    ]
+    lying = [
+        one.lying([Place(y, x, one.by_hand.rotation_deg + turn) for _, y, x in peaks[pose]])
+        for one, peaks in zip(held, near, strict=True)
+    ]
+    off = _common_turn(lying)
+    lying = [
+        one.lying([_turned(fit.place, off) for fit in former.fits])
+        for one, former in zip(held, lying, strict=True)
+    ]
+    shared = _Shared.of([each for each in lying if each.fits])
+    return [
+        shared.match(
+            each, Match(place, mirrored, sign < 0, 0.0, 0.0, _ANYWHERE, False), is_clear
+        )
+        for each, place in zip(lying, places, strict=True)
+    ]
+
+
+_ANYWHERE = np.diag([math.inf] * 3)
+
+
+class _Lying(NamedTuple):
+    """Where a scan may lie, turned as all are: the place that fits best comes first."""
+
+    fits: list[Refined]
+    free: Refined | None  # from the best on, turned by itself; None if the scan fits nowhere
+
+    @property
+    def own_turn(self) -> float:
+        """By how much it turns by itself, degrees."""
+        assert self.free is not None
+        turn = self.free.place.rotation_deg - self.fits[0].place.rotation_deg
+        return (turn + 180) % 360 - 180
+
+    @property
+    def weight(self) -> float:
+        """What it tells of the turn: the variance of a value over that of its own turn."""
+        assert self.free is not None
+        return 1 / max(float(self.free.shape[2, 2]), 1e-12)
+
+
+class _Held(NamedTuple):
+    """A scan held against the surface near its place by hand, with heights of a sign."""
+
+    fit: Fit
+    by_hand: Place
+    sign: float
+
+    def lying(self, starts: Sequence[Place]) -> _Lying:
+        """Refined from several places, the highest peaks first."""
+        fits: list[Refined] = []
+        for start in starts[:_PEAKS]:
+            fit = self.fit.refined(start, is_turned=False)
+            is_near = _apart(fit.place, self.by_hand) <= REACH
+            is_new = all(_apart(fit.place, other.place) > _SAME for other in fits)
+            if is_near and is_new and self.sign * fit.scale > 0:
+                fits.append(fit)
+        fits.sort(key=lambda fit: -abs(fit.correlation))
+        return _Lying(fits, self.fit.refined(fits[0].place) if fits else None)
+
+
+class _Shared(NamedTuple):
+    """What all scans share: the variance of what is left, and their height beside the mesh's."""
+
+    variance: float  # of one independent value, as `Refined.variance`
+    freedom: float  # of this variance
+    scale: float
+    of_turn: float  # variance of the turn, radians²
+
+    @classmethod
+    def of(cls, lying: Sequence[_Lying]) -> "_Shared":
+        if not lying:
+            return cls(math.inf, 1.0, 1.0, math.inf)
+        own = [
+            (each.fits[0].squares, each.fits[0].freedom, each.fits[0].scale) for each in lying
+        ]
+        squares, freedom, scale = np.median(own, axis=0)
+        variance = squares / scipy.special.chdtri(freedom, 0.5)
+        freedom = max(1.0, _MEDIAN_TELLS * freedom * len(lying))
+        return cls(variance, freedom, scale, _error_of_turn(lying, variance) ** 2)
+
+    def match(self, lying: _Lying, match: Match, is_clear: bool) -> Match:
+        """Where a scan lies, what else is likely, and whether it is found."""
+        if not lying.fits:
+            return match
+        best, *others = lying.fits
+        squares = np.array([fit.squares_with(self.scale) for fit in lying.fits])
+        chances = self._chances(lying.fits, squares)
+        fits_as_others = (
+            scipy.special.fdtrc(
+                best.freedom, self.freedom, squares[0] / best.freedom / self.variance
+            )
+            >= _LEAST_CHANCE
+        )
+        ratio = best.scale / self.scale
+        is_taken_here = (
+            is_clear
+            and abs(best.correlation) >= _LEAST_NEAR
+            and fits_as_others
+            and abs(lying.own_turn) <= _MOST_TURNED
+            and 1 / _MOST_HIGHER <= ratio <= _MOST_HIGHER
+        )
+        covariance = self._covariance(lying)
+        within = -math.expm1(-(_WRONG**2) / covariance.diagonal()[:2].sum())
+        is_sure = chances[0] * within >= _SURE
+        likely = [
+            fit.place
+            for fit, chance in zip(others, chances[1:], strict=True)
+            if chance >= (1 - _SURE) / _PEAKS
+        ]
+        return replace(
+            match,
+            place=best.place,
+            correlation=abs(best.correlation),
+            next_best=max([abs(fit.correlation) for fit in others], default=0.0),
+            covariance=covariance,
+            found=is_taken_here and is_sure,
+            is_uncertain=is_taken_here and not is_sure,
+            alternatives=tuple(likely) if is_taken_here and not is_sure else (),
+        )
+
+    def _chances(self, fits: Sequence[Refined], squares: np.ndarray) -> np.ndarray:
+        """The probability of each place: how well it fits there, times how wide its peak is."""
+        more = (squares - squares.min()) / (self.freedom * self.variance)
+        widths = [np.linalg.slogdet(fit.shape)[1] for fit in fits]
+        logarithm = -self.freedom / 2 * np.log1p(more) + np.array(widths) / 2
+        return scipy.special.softmax(logarithm)
+
+    def _covariance(self, lying: _Lying) -> np.ndarray:
+        """That of the place and the turn; the place moves with the turn that all share.
+
+        A scan that fits worse than the others do is known less well.
+        """
+        assert lying.free is not None
+        by_turn = np.append(lying.free.shape[:2, 2] * lying.weight, 1.0)
+        covariance = self.of_turn * np.outer(by_turn, by_turn)
+        best = lying.fits[0]
+        covariance[:2, :2] += max(self.variance, best.variance) * best.shape
+        return covariance * widened(self.freedom) ** 2
+
+
+def _apart(one: Place, other: Place) -> float:
+    return math.dist(one[:2], other[:2])
+
+
+def _turned(place: Place, by: float) -> Place:
+    return place._replace(rotation_deg=place.rotation_deg + by)
+
+
+def _error_of_turn(lying: Sequence[_Lying], variance: float) -> float:
+    """That of the common turn (radians): as the fits say, or as their own turns scatter."""
+    turns, weights = np.transpose(
+        [(math.radians(each.own_turn), each.weight) for each in lying]
+    )
+    scatter = float(np.cov(turns, aweights=weights, ddof=1)) if len(turns) > 1 else 0.0
+    several = weights.sum() ** 2 / (weights**2).sum()
+    return math.sqrt(max(variance / weights.sum(), scatter / several))
+
+
+def _common_turn(lying: Sequence[_Lying]) -> float:
+    """By how much all turn further (degrees): the mean of their own turns, by what each tells."""
+    pairs = [(each.own_turn, each.weight) for each in lying if each.fits]
+    if not pairs:
+        return 0.0
+    turns, weights = np.transpose(pairs)
+    is_usual = abs(turns - np.median(turns)) <= _MOST_TURNED
+    return float(np.average(turns[is_usual], weights=weights[is_usual]))
+
+
+def _near(search: xr.DataArray, template: Template, place: Place) -> dict[_Pose, np.ndarray]:
+    """Peaks (score, y, x) around a place, by mirroring, sign, half turn and number of the turn."""
+    step = spacing_of(search)[0]
+    part = part_around(search, place, template.count(step) * step / 2 + REACH + step)
+    image, turns = Image.of(part), place.rotation_deg + _BY_HAND
+    found = {}
+    for number, (pose, held) in enumerate(slid(image, [template], step, turns)):
+        peaks = peaks_of(correlation_of(held, np.zeros((1, 2), int)))
+        peaks[:, 1:] = middles(peaks[:, 1:], part, [template])
+        peaks = peaks[np.hypot(*(peaks[:, 1:] - place[:2]).T) <= REACH]
+        for sign in (1.0, -1.0):
+            own = peaks[sign * peaks[:, 0] > 0] * [sign, 1, 1]
+            found[pose[0], sign, number % 2, number // 4] = own[np.argsort(-own[:, 0])]
+    return found
+
+
+def _common(peaks: Sequence[np.ndarray]) -> float:
+    """Mean over the scans of their highest scores, in Fisher's z."""
+    tops = [each[:, 0].max(initial=0.0) for each in peaks]
+    return float(np.mean(np.arctanh(np.minimum(tops, 1 - 1e-9))))
+
+
+def _top(number: int, sums: Sequence[float]) -> float:
+    """The turn (degrees) at which sums over the turns by hand are highest, by a parabola."""
+    if not 0 < number < len(sums) - 1:
+        return float(_BY_HAND[number])
+    before, top, after = sums[number - 1 : number + 2]
+    bend = before - 2 * top + after
+    return float(_BY_HAND[number] + _STEP * (before - after) / (2 * bend or 1))
