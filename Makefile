@@ -105,7 +105,7 @@ evidence: $(READY) ## print what the committed rows show, and how old they are
 margin: $(READY) ## measure how much unrounded tables differ between cores and processors (10 minutes)
 	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
-power: $(READY) ## measure how often the study finds a relation that is there, or not there (half an hour)
+power: $(READY) ## measure how often the study finds a relation that is there, or not there (two hours)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/power.py --processes $(CORES)
 
 baseline: $(READY) ## renew the tables with which the tests compare the default study

@@ -12,7 +12,7 @@ import pandas as pd
 
 from gst.named_files import input_in_results, path_problem
 from gst.patches import overlaps
-from gstlib.conditions import load_force, load_point
+from gstlib.conditions import load_force, load_point, study_radius
 from gstlib.errors import FAULTS, ConfigError, FaultError
 from gstlib.surfaces.frames import frame_from_points
 
@@ -34,6 +34,7 @@ def contradictions(config: Mapping) -> Iterator[str]:
     yield from _in_squares(config)
     yield from _in_load(config)
     yield from _in_interlayer(config)
+    yield from _in_use(config)
     short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
     if long is not None and long <= short:
         yield (
@@ -126,6 +127,37 @@ def _in_files(config: Mapping) -> Iterator[str]:
     for name in ("patches", "published"):
         if config[name] is not None and (problem := path_problem(config[name])):
             yield f"'{name}': {problem}: correct the path"
+
+
+def _in_use(config: Mapping) -> Iterator[str]:
+    """What cannot be inferred from the wear, or goes beyond the face."""
+    use, errors = config["use"], config["uncertainty"]
+    if use is None or config["coupling"] != "placed":
+        return
+    face_mm = config["macroscale"]["face_mm"] or config["square"]["size_mm"]
+    for key, reach_mm in (
+        ("scatter_mm", 2 * use["scatter_mm"]),
+        ("stroke_mm", use["stroke_mm"]),
+    ):
+        if reach_mm > face_mm:
+            yield (
+                f"'use.{key}' is {use[key]:g}, and such strikes reach over {reach_mm:g} mm of a "
+                f"face of {face_mm:g} mm: lower it, or raise macroscale.face_mm"
+            )
+    gesture = config["gesture"] or {}
+    for key, other in (("scatter_mm", "load_point_scatter_mm"), ("stroke_mm", "stroke_mm")):
+        if gesture.get(other, 0) > 0 and use[key] == 0:
+            yield (
+                f"'use.{key}' is 0, and gesture.{other} is {gesture[other]:g}: the inference would "
+                "exclude how the gesture moves; raise the former, or set the latter to 0"
+            )
+    is_round = study_radius(config) is not None
+    free = errors["load_point_mm"], use["scatter_mm"], use["stroke_mm"]
+    if not any(free) and not (is_round and errors["radius_fraction"]):
+        yield (
+            "'uncertainty.load_point_mm', 'uncertainty.radius_fraction', 'use.scatter_mm' and "
+            "'use.stroke_mm' leave nothing to infer: raise one of them, or set use to null"
+        )
 
 
 def _in_squares(config: Mapping) -> Iterator[str]:

@@ -39,7 +39,7 @@ __all__ = ["StudyPage", "refuse_edited"]
 
 # Tables that the answer is computed from.
 _SCORED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
-_SCORED += ["validation_summary", "exposure", "use", "placement"]
+_SCORED += ["validation_summary", "exposure", "use", "laws", "placement"]
 _INSIDE = 0.5  # share of an element that lies in a patch which colours it
 _PAGE = "0 Overview", "the page of the study"
 _WHAT = (
@@ -150,6 +150,7 @@ class StudyPage:
             interlayer=self.config["interlayer"],
             pressure_cap=self.config["pressure_cap_MPa"],
             poses=None if poses is None else len(poses),
+            wear_law=self.config["wear_law"],
             second=bool(self.files["counterface"]),
         )
 

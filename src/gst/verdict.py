@@ -1,8 +1,8 @@
 """The answer of a study in a few labelled lines, computed from its tables.
 
-Which patches wore; whether patches that nothing touches wear less; how the tool was used; whether
-the loss that the other patches predict of each is right, and better than baselines that are given
-the same data; which patches carry the load. The statistics behind it are details.
+Which patches wore; whether patches that the stated load does not touch wear less; how the tool was
+used; whether the loss that the other patches predict of each is right, and better than baselines
+that are given the same data; which patches carry the load. The statistics behind it are details.
 No sentence claims more than its numbers allow: a difference must show in an interval and in a test.
 """
 
@@ -12,14 +12,18 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from gstlib.conditions import ARCHARD, Law
 from gstlib.coupling.placement import AGREES, CANNOT_TELL
+from gstlib.coupling.pressures import stated
 from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, Concentration
-from gstlib.use.infer import BETTER, CHANCE, UNKNOWN
+from gstlib.use.infer import NOT_PRESSED, PRESSED, UNKNOWN
+from gstlib.use.laws import BASE, UNDECIDED
 from gstlib.validation.baselines import ORACLE
 from gstlib.validation.scoring import own_model
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
-__all__ = ["LEVEL", "MODELS", "Answer", "Line", "sign_of", "used", "verdict", "where_to_scan"]
+__all__ = ["LEVEL", "MODELS", "Answer", "Line", "best_law", "sign_of", "used", "verdict"]
+__all__ += ["where_to_scan"]
 
 LEVEL = 0.05  # the usual one
 # The smallest p-value that an exchange test of n patches can give is 2^(1 - n): a mark for each of
@@ -43,10 +47,19 @@ STRENGTH = "quartz indents at 11 to 12 GPa, quartzite is crushed at 0.15 to 0.3 
 # A longer list of names does not help a reader.
 _MOST_NAMED = 5
 _COMPARED = {1: "better", -1: "worse", 0: "not shown to be better or worse"}
-_RULE = (
-    f"A patch is found better than by chance where p ≤ {LEVEL}. A difference is called better "
-)
+_RULE = f"Places are better than by chance where p ≤ {LEVEL}. A difference is called better "
 _RULE += f"or worse where its 95 % interval shows it, and a test with p ≤ {LEVEL}."
+# Where the study takes the use that the wear tells, leave-one-out is not complete.
+_ALL_TELL = (
+    "The tilt of a patch and the pressures around it are under the use that all losses tell, its "
+    "own among them."
+)
+# The laws beside Archard's, the unit of their parameter, and the config key that chooses them.
+_LAWS = {
+    "threshold": ("a threshold pressure", " MPa", "threshold_MPa"),
+    "exponent": ("an exponent of pressure", "", "exponent"),
+    "touched": ("the same loss wherever patches are touched", "", "exponent to 0"),
+}
 _USED = "How was it used?"
 _WHERE = "Where within the patches?"
 
@@ -75,14 +88,16 @@ def verdict(
     pressure_cap: float | None = None,
     poses: int | None = None,
     second: bool = False,
+    wear_law: Mapping[str, float] | None = None,
 ) -> Answer:
     """What the study found: the wear, its use, its prediction, and the load.
 
     `tables` are, by name, ``patch_pressures``, ``patch_intervals``; of a study with scans after
     use, ``registration``, ``validation_patches`` and ``validation_summary``; of one whose wear says
-    how the tool was used, ``use``; of one with a gesture, which has so many `poses`, ``exposure``.
-    ``placement``, where patches were compared with the mesh. `force_N` is the whole load,
-    `square_mm` the side of the square; `second` says whether the active tool has a mesh.
+    how the tool was used, ``use``; with enough losses, ``laws``; of one with a gesture, which has
+    so many `poses`, ``exposure``. ``placement``, where patches were compared with the
+    mesh. `force_N` is the whole load, `square_mm` the side of the square; `second` says whether the
+    active tool has a mesh; `wear_law` has the fields of `gstlib.conditions.Law`.
     """
     pressures, is_compared = tables["patch_pressures"], "validation_summary" in tables
     wore = (
@@ -94,26 +109,33 @@ def verdict(
         summary = tables["validation_summary"].fillna({"model": ""})
         summary = summary.set_index(["model", "statistic"]).sort_index()
         models = set(summary.index.unique("model")) & {BARE, INTERLAYER}
-        losses = pressures[["patch", "pressure_MPa"]].merge(tables["registration"], how="left")
+        under = pressures[["patch"]].assign(stated_MPa=stated(pressures))
+        losses = under.merge(tables["registration"], how="left")
         answers["Which patches wore?"] = _which(losses)
-        answers["Does contact explain it?"] = _untouched(summary, losses)
+        answers["Do untouched patches wear less?"] = _untouched(summary, losses)
     if "use" in tables:
-        answers[_USED] = used(tables["use"], square_mm)
+        answers[_USED] = used(tables["use"], square_mm, force_N)
+    is_archard = Law(**(wear_law or {})) == ARCHARD
+    if "laws" in tables:
+        answers["Which law predicts best?"] = best_law(tables["laws"], is_archard)
     if is_compared and not pressures["in_study"].any():
         answers[_WHERE] = (
             "No patch is in the study",
             ": the table of patches gives the reasons.",
         )
     elif models:
-        own, law = own_model(list(models)), "Archard's law"
+        own = own_model(list(models))
+        law = "Archard's law" if is_archard else "the wear law in the config"
         if poses is not None:
             law += f" over a gesture of {poses} poses"
         if own == INTERLAYER and interlayer is not None:
             young, thick = interlayer["young_MPa"], interlayer["thickness_um"]
             law += f" with an interlayer of {young:g} MPa, {thick:g} µm thick,"
-        answers[_WHERE] = _where(summary, own, law, tables["validation_patches"])
+        answers[_WHERE] = _where(summary, own, law)
         answers["How deep, how much?"] = _how_much(summary, own)
         details = [_agreement(summary, own, law), _errors(summary, own, pressure_cap)]
+        is_read = "use" in tables and bool(tables["use"].taken.iloc[0])
+        details += [_ALL_TELL * is_read]
         details += [_without_interlayer(summary) if own == INTERLAYER else "", _RULE]
     elif is_compared:
         answers[_WHERE] = (
@@ -129,50 +151,85 @@ def verdict(
     return Answer(lines, list(filter(None, details)))
 
 
-def used(use: pd.DataFrame, square_mm: float) -> tuple[str, str]:
+def used(use: pd.DataFrame, square_mm: float, force_N: float) -> tuple[str, str]:
     """How the tool was used, as its wear says, and how sure that is."""
     known, answer = use.set_index("parameter"), use.answer.iloc[0]
     if answer.startswith(UNKNOWN):
         reason = answer.removeprefix(UNKNOWN)
         return UNKNOWN.capitalize(), f"{reason}. The study goes on as stated."
-    if answer == CHANCE:
+    competitor = use.competitor.iloc[0]
+    if answer == NOT_PRESSED:
         return (
-            "Cannot be read from the wear",
-            ": no use explains it better than the same wear exchanged among the patches "
-            f"({_p(known['mean']['p_value'])}). The study goes on as stated.",
+            "Not shown",
+            f": {competitor} predicts the wear of each patch from the wear of the others better "
+            "than a load does. Nothing shows that the wear was pressed. The study goes on as "
+            "stated.",
         )
     x, y = (known.loc[f"load_point_{axis}"] for axis in "xy")
-    found = f"at x {x['mean']:.1f} mm and y {y['mean']:.1f} mm"
+    spread = known.loc["spread"]
+    where = f"about x {x['mean']:.1f} mm and y {y['mean']:.1f} mm, ± {spread['mean']:.1f} mm"
     within = f"x {x.low:.1f} to {x.high:.1f}, y {y.low:.1f} to {y.high:.1f} mm"
+    within += f", ± {spread.low:.1f} to {spread.high:.1f} mm"
     stated = f"x {x.stated:.3g} and y {y.stated:.3g} mm"
     if "radius" in known.index:
         row = known.loc["radius"]
-        found += f" against a tool of {_two_digits(row['mean'])} mm radius"
+        where += f", against a tool of {_two_digits(row['mean'])} mm radius at {force_N:g} N"
         within += f", radius {_two_digits(row.low)} to {_two_digits(row.high)} mm"
         stated += f" and {row.stated:.0f} mm"
-    said = f" (95 %: {within}); stated were {stated}."
+    rest = f" (95 %: {within}). Stated were {stated}."
     edges = [
         f"{axis} = {edge:g}"
-        for axis, of in (("x", x), ("y", y))
-        for edge, is_reached in ((0, of.low < 0), (square_mm, of.high > square_mm))
+        for axis, row in (("x", x), ("y", y))
+        for edge, is_reached in ((0, row.low < 0), (square_mm, row.high > square_mm))
         if is_reached
     ]
     if edges:  # their side is found, but not how far beyond, nor where along them
-        said = f": found {found}{said} Beyond the square, these intervals are too narrow."
-        found = (
+        rest = f": {where}{rest} Beyond the square, these intervals are too narrow."
+        where = (
             f"near or beyond the edge{'s' * (len(edges) > 1)} {_listed(edges)} mm of the square"
         )
-    found, said = (of.replace("-", "\N{MINUS SIGN}") for of in (found, said))
-    if answer == BETTER:
+    where, rest = (text.replace("-", "\N{MINUS SIGN}") for text in (where, rest))
+    if answer == PRESSED:
         return (
-            f"Pressed {found}",
-            f"{said} A use explains the wear better than heights alone do.",
+            f"Pressed {where}",
+            f"{rest} A load predicts the wear of each patch from the wear of the others better "
+            f"than any pattern without contact, of which {competitor} is the best.",
         )
-    under = "under this use" if use.taken.iloc[0] else "as stated"
     return (
-        f"Perhaps pressed {found}",
-        f"{said} Heights alone may explain the wear as well: it may have been used otherwise. The "
-        f"study goes on {under}.",
+        f"Perhaps pressed {where}",
+        f"{rest} A load predicts the wear of each patch from the wear of the others, but "
+        f"{competitor} may do so as well. The study goes on under this use.",
+    )
+
+
+def best_law(laws: pd.DataFrame, is_archard: bool) -> tuple[str, str]:
+    """Which law of wear predicts the losses best, from the table ``laws``.
+
+    `is_archard` says whether Archard's law is the law in the config.
+    """
+    if laws.empty:
+        return "", ""
+    answer, rows = laws.answer.iloc[0], laws.set_index("law")
+    if answer == BASE:
+        return "Archard's law", (
+            ": it predicts the losses better than a threshold pressure, than another exponent of "
+            "pressure, and than the same loss wherever patches are touched."
+        )
+    best = rows.gain.drop(BASE).idxmax()
+    row = rows.loc[best]
+    name, unit, key = _LAWS[best]
+    if math.isfinite(row["mean"]):
+        mean, low, high = map(_two_digits, (row["mean"], row.low, row.high))
+        name += f" of {mean}{unit} (95 %: {low} to {high})"
+    scores = f"log score {row.gain:+.1f} ± {row.gain_error:.1f}".replace("-", "−")
+    if answer == UNDECIDED:
+        return "The data cannot tell", (
+            f": the losses do not separate Archard's law from the others. The best of these is "
+            f"{name} ({scores})."
+        )
+    remedy = f" Set wear_law.{key} to use it." * is_archard
+    return f"{name[0].upper()}{name[1:]}", (
+        f": it predicts the losses better than Archard's law ({scores}).{remedy}"
     )
 
 
@@ -261,7 +318,7 @@ def where_to_scan(
     """
     lines = []
     if use is not None:
-        short, rest = used(use, square_mm)
+        short, rest = used(use, square_mm, force_N)
         lines = [Line(_USED, short, rest + _without_curvature(use))]
     exposed, controls = (places[places.kind == kind] for kind in (EXPOSED, CONTROL))
     spread = Line(
@@ -334,7 +391,7 @@ def _which(losses: pd.DataFrame) -> tuple[str, str]:
     return short, f"{said}."
 
 
-def _where(summary: pd.DataFrame, own: str, law: str, patches: pd.DataFrame) -> tuple[str, str]:
+def _where(summary: pd.DataFrame, own: str, law: str) -> tuple[str, str]:
     """Was the place of the loss predicted better than by chance, and than by the best baseline?"""
     gain = summary.loc[(own, "gain(mcc)")]
     if not gain.n:
@@ -342,19 +399,13 @@ def _where(summary: pd.DataFrame, own: str, law: str, patches: pd.DataFrame) -> 
             "Not compared",
             f": {law} predicts a loss, but no patch in the study lost enough to be compared with.",
         )
-    p_values = patches.p_value[patches.in_statistics.astype(bool)]
-    tested, untested = int(p_values.notna().sum()), int(p_values.isna().sum())
+    tested = summary.loc[(own, "tested_mean(mcc)")]
     chance, more = "Not tested against chance", ""
-    if tested:
-        together = f"together {_p(summary.p_value[own, 'tested_mean(mcc)'])}" * (tested > 1)
-        rest = f"{untested} cannot be tested" * (untested > 0)
-        more = "; ".join(filter(None, (together, rest)))
-        chance = f"Better than chance on {(p_values <= LEVEL).sum()} of {tested} patch"
-        chance += "es" * (tested > 1)
+    if math.isfinite(tested.p_value):
+        chance = "Better than by chance" if tested.p_value <= LEVEL else "Not shown"
+        more = f" ({_p(tested.p_value)} over {tested.n} patches)"
     return chance, (
-        f" ({more})"
-        * bool(more)
-        + f", predicted from the wear of the others; {_COMPARED[sign_of(gain)]} than the best "
+        f"{more}, predicted from the wear of the others; {_COMPARED[sign_of(gain)]} than the best "
         f"baseline, {MODELS[gain.against]}."
     )
 
@@ -461,23 +512,23 @@ def _without_interlayer(summary: pd.DataFrame) -> str:
 
 
 def _untouched(summary: pd.DataFrame, losses: pd.DataFrame) -> tuple[str, str]:
-    """Do patches that nothing touches wear less than those that are touched?"""
+    """Do patches wear less that the load as stated, which no wear has shaped, does not touch?"""
     known = losses.dropna(subset="mean_wear_depth_um")
     known = known[known.above_noise.astype(bool)]
-    is_touched = known.pressure_MPa > 0
+    is_touched = known.stated_MPa > 0
     untouched, touched = (
         known.mean_wear_depth_um[is_touched == side] for side in (False, True)
     )
     if untouched.empty or touched.empty:
         return "Not tested", ": this takes both touched and untouched patches of known loss."
     row = summary.loc[("", TOUCHED)]
-    said = {1: "Yes", -1: "No, untouched patches wore more", 0: "Not shown"}
-    who, other = ("one" if len(of) == 1 else len(of) for of in (untouched, touched))
-    are = "is" if len(touched) == 1 else "are"
+    said = {1: "Yes", -1: "No, they wore more", 0: "Not shown"}
+    who = "patch" if len(untouched) == 1 else f"{len(untouched)} patches"
+    other = "other" if len(touched) == 1 else f"{len(touched)} others"
     means = [_at_least(of.mean(), 0.01, "µm") for of in (untouched, touched)]
     return said[sign_of(row)], (
-        f": the {who} that nothing touches lost {means[0]} on average, the {other} that {are} "
-        f"touched {means[1]} ({_p(row.p_value)})."
+        f": the {who} that the stated load does not touch lost {means[0]} on average, the {other} "
+        f"{means[1]} ({_p(row.p_value)})."
     )
 
 

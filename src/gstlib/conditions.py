@@ -1,13 +1,19 @@
 """What a study is given: elastic constants, load, and the settings of each stage."""
 
+# ASSUME: a threshold and an exponent act on the mean pressure of a patch, at the scale at which the
+# losses are compared and experiments state a pressure. The pressures of summits reach the strength
+# of the rock and depend on the resolution. Inside a patch, the loss stays proportional to pressure.
+
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gstlib.bem.halfspace import contact_modulus
 
 __all__ = [
+    "ARCHARD",
+    "Law",
     "load_force",
     "load_point",
     "rounded_form",
@@ -16,6 +22,54 @@ __all__ = [
     "study_poisson",
     "study_radius",
 ]
+
+
+class Law(NamedTuple):
+    """How the loss of a patch grows with its pressure: as a power of the excess over a threshold.
+
+    Attributes
+    ----------
+    threshold_MPa : float or (draws, 1) ndarray
+        Pressure up to which a patch does not wear.
+    exponent : float or (draws, 1) ndarray
+        With 0, every patch above the threshold loses as much.
+    """
+
+    threshold_MPa: float | np.ndarray = 0.0
+    exponent: float | np.ndarray = 1.0
+
+    @property
+    def is_archard(self) -> bool:
+        """Whether the loss is in proportion to pressure."""
+        return np.ndim(self.threshold_MPa) == np.ndim(self.exponent) == 0 and self == Law()
+
+    def rate(self, pressure: Any) -> Any:
+        """Loss at each pressure (MPa), but for a coefficient."""
+        if self.is_archard:
+            return pressure
+        excess = np.maximum(np.asarray(pressure) - self.threshold_MPa, 0.0)
+        return np.where(excess > 0, excess**self.exponent, 0.0)
+
+    def equivalent(self, pressure: Any, before: Any = None) -> Any:
+        """Pressures (MPa) at which Archard's law would remove as much.
+
+        The mean over the patches, which are the last axis, is kept at the pressures `before` use.
+        These are by default the pressures themselves. So a wear coefficient keeps its unit.
+
+        Examples
+        --------
+        >>> Law(exponent=2.0).equivalent([1.0, 3.0])
+        array([0.4, 3.6])
+        """
+        if self.is_archard:
+            return pressure
+        start = np.asarray(pressure if before is None else before)
+        rates = self.rate(start).sum(axis=-1, keepdims=True)
+        scale = start.sum(axis=-1, keepdims=True) / np.where(rates > 0, rates, np.inf)
+        return scale * self.rate(pressure)
+
+
+ARCHARD = Law()
 
 
 def study_modulus(material: Mapping) -> float:
@@ -80,7 +134,8 @@ def stage_settings(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     through, face_mm = None, None
     if config["coupling"] == "placed":
         through, face_mm = load_point(config["load"], size_mm), macroscale["face_mm"]
-    errors = config["uncertainty"]
+    errors, use = config["uncertainty"], config["use"] or {}
+    strikes = "scatter_mm", "stroke_mm"
     grid = {name: macroscale[name] for name in ("grid", "interpolation")}
     return {
         "grid_macroscale": config["square"] | grid | {"face_mm": face_mm},
@@ -98,10 +153,13 @@ def stage_settings(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
                 "load_point_mm": errors["load_point_mm"],
                 "radius_mm": study_radius(config),
                 "radius_fraction": errors["radius_fraction"],
+                **{name: use[name] for name in strikes if name in use},
             },
             "modulus": modulus,
             "patch_mm": patch_mm,
-            "sampling": (config["use"] or {}) | {"seed": config["seed"]},
+            "sampling": {name: use[name] for name in use if name not in strikes}
+            | {"seed": config["seed"]},
+            "wear_law": config["wear_law"],
         },
         "solve_macroscale": at_load | {"through": through},
         "solve_square": at_load,
@@ -122,6 +180,7 @@ def stage_settings(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
             "patch_mm": patch_mm,
             "steps": config["wear_steps"],
             "interlayer": config["interlayer"],
+            "wear_law": config["wear_law"],
         },
         "predict_wear": {"pressure_cap": config["pressure_cap_MPa"]},
         "score_wear": {

@@ -59,7 +59,7 @@ from gstlib.change.selection import registration_table, select_patches
 from gstlib.conditions import rounded_form, stage_settings
 from gstlib.contact import Contact
 from gstlib.coupling.placement import place_patches
-from gstlib.coupling.pressures import couple_scales
+from gstlib.coupling.pressures import couple_scales, covered_pressures
 from gstlib.errors import accepting, concerning
 from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.composite import compose_surface
@@ -67,7 +67,7 @@ from gstlib.macroscale.equilibrium import solve_at_load, solve_square
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.microscale.patches import LEVELLED, Microscale, solve_patch
 from gstlib.preprocess.scans import crop_of, prepare_patch
-from gstlib.use.outcome import as_used, leave_one_out, use_of_study
+from gstlib.use.outcome import as_used, pressures_of_use, use_of_study
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import PatchMaps, Prediction, fit_wear, predict_wear
@@ -175,7 +175,7 @@ class Study:
         """Pressure of every patch, from `couple_scales`."""
         fields = self.contact.pressure, self.square_contact.pressure
         table = couple_scales(*fields, self.patches, **self.settings["couple_scales"])
-        return leave_one_out(table, self.use)
+        return pressures_of_use(table, self.use, **self.settings["couple_scales"])
 
     @cached_property
     def placement(self) -> pd.DataFrame:
@@ -208,8 +208,10 @@ class Study:
 
     @cached_property
     def selected(self) -> pd.DataFrame:
-        """Every patch with its pressure and whether it is in the study, from `select_patches`."""
-        return select_patches(self.pressures, self.registration, self.config["selection"])
+        """Every patch with its pressures and whether it is in the study, from `select_patches`."""
+        given = self.pressures, self.contact.pressure, self.registration
+        pressures = covered_pressures(*given, **self.settings["couple_scales"])
+        return select_patches(pressures, self.registration, self.config["selection"])
 
     @cached_property
     def worn_square(self) -> WornSquare | None:

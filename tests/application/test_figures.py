@@ -35,7 +35,7 @@ def table(text):
 ALONE = {"message": "No patch."}
 PRESSURES = table("""patch x_mm y_mm rotation_deg pressure_MPa in_study low_MPa high_MPa
     1 0.5 0.5 0 40 True 1 90; 2 2.5 1.5 10 4 False 1 90; 3 4.5 4.4 -3 20 True 1 90""")
-LOSSES = table("""patch pressure_MPa mean_wear_depth_um above_noise; 1 40 0.1 True; 2 4 NA True
+LOSSES = table("""patch stated_MPa mean_wear_depth_um above_noise; 1 40 0.1 True; 2 4 NA True
     3 20 0.2 True; 4 30 0.3 False; 5 0 0.01 True; 6 9 0.05 True""")
 IN_STATISTICS = table("patch in_statistics; 1 True; 3 True; 5 False; 6 False")
 SUMMARY = table("""model statistic value low high p_value n
@@ -112,7 +112,9 @@ FROM["two_scales"] = (({"levelled": CONTACTS, "placed": CONTACTS}, TOUCHED, TWO_
 ALONE["microscale_maps"] = CONTACTS
 FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
 DRAWS = {"x_mm": [1.0, 2.0, 2.5], "y_mm": [2.0, 1.0, 1.5], "radius_mm": [90.0, 200.0, 150.0]}
-USE = xr.Dataset({name: ("draw", of) for name, of in (DRAWS | {"weight": [0.3, 0.6, 0.1]}).items()})
+DRAWS |= {"scatter_mm": [0.1, 0.2, 0.0], "stroke_mm": [0.0, 0.0, 1.0]}
+DRAWS |= {"stroke_angle_deg": [0.0, 0.0, 90.0], "weight": [0.3, 0.6, 0.1]}
+USE = xr.Dataset({name: ("draw", of) for name, of in DRAWS.items()})
 STATED = pd.DataFrame({"parameter": ["load_point_x", "load_point_y", "radius"]}).assign(
     stated=[1.5, 1.5, 200.0]
 )
@@ -245,11 +247,16 @@ def test_a_patch_without_a_known_change_shows_its_scans_and_says_so():
 
 
 def test_curves_and_tables_are_drawn_as_they_are():
-    area, load, stiffness = draw("load_curves").axes
+    area, load, stiffness, of_square, pressed = draw("load_curves").axes
     np.testing.assert_allclose(area.lines[0].get_xydata()[-1], [40 / 12820, 5])
     np.testing.assert_allclose(load.lines[0].get_xydata()[-1], [20, 40])
     np.testing.assert_allclose(stiffness.lines[-1].get_ydata(), [0.5, 1, 1.5, 2])
-    assert [text.get_text() for text in load.texts] == ["1", "2", "3", "square"]
+    assert [text.get_text() for text in load.texts] == ["1", "2", "3"]
+    # of a face's load, what its square bears, and not the mean over the face
+    mean = SQUARE["pressure"].values.mean()
+    np.testing.assert_allclose(pressed.lines[0].get_ydata(), mean * np.arange(1, 5) / 4)
+    share = 100 * (SQUARE["pressure"].values > 0).mean()
+    np.testing.assert_allclose(of_square.lines[0].get_xydata()[-1], [mean / 12820, share])
     after, before = points_of(draw("texture").axes[0])
     np.testing.assert_array_equal(after, [[0, 1.5], [1, np.nan], [2, np.nan]])
     assert before == [[0, 2], [1, 3], [2, 4]]
@@ -323,12 +330,19 @@ def test_study_refuses_a_table_of_other_patches(tmp_path):
         run(tmp_path, "microscale_maps", patch=["1", "2", "4"])
 
 
-def test_the_likelier_a_use_the_stronger_its_dot():
+def test_the_likelier_a_use_the_more_strikes_it_has():
     square, radius, losses = draw("use").axes[:3]
-    (dots,) = (of for of in square.collections if len(of.get_offsets()) == len(USE.weight))
-    shown = dict(zip(map(tuple, dots.get_offsets().tolist()), dots.get_alpha(), strict=True))
-    strengths = [shown[place] for place in zip(DRAWS["x_mm"], DRAWS["y_mm"], strict=True)]
-    assert strengths == pytest.approx([0.5, 1.0, 1 / 6])
+    strikes, centres = (np.array(line.get_xydata()) for line in square.lines[:2])
+    for x, y, scatter, stroke, share in zip(
+        *(DRAWS[name] for name in ("x_mm", "y_mm", "scatter_mm", "stroke_mm", "weight")),
+        strict=True,
+    ):
+        chosen = (centres == [x, y]).all(axis=1)
+        assert chosen.mean() == pytest.approx(share, abs=0.06)
+        apart = (strikes - centres)[chosen]
+        # the one stroke lies along y
+        expected = [scatter, np.hypot(scatter, stroke / 12**0.5)]
+        assert np.sqrt(np.square(apart).mean(axis=0)) == pytest.approx(expected, rel=0.25)
     bars = {bar.get_x(): bar.get_height() for bar in radius.patches if bar.get_height()}
     assert [bars[at] for at in sorted(bars)] == pytest.approx([0.3, 0.1, 0.6])
     assert points_of(losses) == [FORETELLING[["loss_um", "predicted_um"]].to_numpy().tolist()]

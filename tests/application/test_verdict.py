@@ -8,13 +8,13 @@ from gst.verdict import MODELS, used, where_to_scan
 from gst.verdict import verdict as verdict_of
 from gstlib.coupling.placement import AGREES, CANNOT_TELL, ELSEWHERE
 from gstlib.macroscale.sampling_sites import Concentration
-from gstlib.use.infer import BETTER, CONSISTENT, UNKNOWN
+from gstlib.use.infer import NOT_PRESSED, PERHAPS, PRESSED, UNKNOWN
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 NAN = math.nan
 TOUCHED = "spearman(touched, mean_wear_depth_um)"
-WORE, CONTACT, USED = "Which patches wore?", "Does contact explain it?", "How was it used?"
+WORE, CONTACT, USED = "Which patches wore?", "Do untouched patches wear less?", "How was it used?"
 WHERE, DEEP = "Where within the patches?", "How deep, how much?"
 LOAD, SURE = "Which patches bear the load?", "How sure?"
 
@@ -41,9 +41,7 @@ def loaded(forces, *, studied=True):
     return {"patch_pressures": pressures, "patch_intervals": intervals}
 
 
-def compared(
-    *, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(), gain=(), volume=(), depth=()
-):
+def compared(*, model=BARE, touched=(), mean=(), gain=(), tested=(), volume=(), depth=()):
     """A study of patches a to d, of which nothing touches d, and what differs from its summary."""
     row = {"value": 0.5, "low": 0.4, "high": 0.6, "p_value": NAN, "n": 4, "against": ""}
     rows = [{"model": model, "statistic": "mean(mcc)"} | row | dict(mean)]
@@ -64,15 +62,13 @@ def compared(
         ),
         ("relative_to_best(map_error)", {"value": 1.2, "against": "rigid"} | dict(depth)),
         ("relative(out_of_contact)", {"value": 1.1, "p_value": 0.02, "against": BARE}),
-        ("tested_mean(mcc)", {"p_value": 0.002, "against": "other patches' predictions"}),
+        ("tested_mean(mcc)", {"p_value": 0.002, "n": 3} | dict(tested)),
     ):
         rows.append({"model": model, "statistic": name} | row | more)
     more = {"low": 0.1, "high": 0.9, "p_value": 0.004}
     # read from a file, an empty cell is missing
     rows.append({"model": NAN, "statistic": TOUCHED} | row | more | dict(touched))
-    patches = pd.DataFrame(
-        {"patch": list("abcd"), "p_value": list(p_values), "in_statistics": True}
-    )
+    patches = pd.DataFrame({"patch": list("abcd"), "in_statistics": True})
     lost = {"patch": list("abcd"), "mean_wear_depth_um": [0.2, 0.4, 0.6, 0.05], "above_noise": True}
     lost |= {"loss_fraction": [0.1, 0.2, 0.3, 0.04]}
     lost |= {"mean_depth_where_worn_um": [2.0, 2.0, 2.0, 1.25], "excluded": False, "found": True}
@@ -247,15 +243,20 @@ FALLING, NOTHING = {"low": -0.9, "high": -0.1}, {"low": NAN, "high": NAN, "p_val
     ("touched", "start", "p"),
     [
         ({}, "Yes: ", "p = 0.004"),
-        (FALLING, "No, untouched patches wore more: ", "p = 0.004"),
+        (FALLING, "No, they wore more: ", "p = 0.004"),
         ({"p_value": 0.2}, "Not shown: ", "p = 0.2"),
         (NOTHING, "Not shown: ", "not tested"),
     ],
 )
 def test_untouched_patches(touched, start, p):
     tables = compared(touched=touched)
-    lost = "the one that nothing touches lost 0.05 µm on average, the 3 that are touched 0.4 µm"
+    lost = (
+        "the patch that the stated load does not touch lost 0.05 µm on average, the 3 others 0.4 µm"
+    )
     assert line(CONTACT, tables) == f"{start}{lost} ({p})."
+    # the load that the wear itself tells touches those that wore: it shows nothing
+    shaped = tables["patch_pressures"].assign(pressure_MPa=1.0, stated_MPa=[2.0, 4.0, 6.0, 0.0])
+    assert line(CONTACT, tables | {"patch_pressures": shaped}) == line(CONTACT, tables)
     tables["registration"].loc[3, "mean_wear_depth_um"] = 2e-6
     assert "lost less than 0.01 µm on average" in line(CONTACT, tables)
     tables["registration"]["above_noise"] = [True, True, True, False]
@@ -263,12 +264,12 @@ def test_untouched_patches(touched, start, p):
 
 
 def test_a_study_says_only_what_it_can():
-    said = line(WHERE, compared())
-    assert said.startswith("Better than chance on 1 of 3 patches (together p = 0.002; 1 cannot")
-    assert "Not tested against chance, predicted" in line(WHERE, compared(p_values=[NAN] * 4))
-    fewer = compared()
-    fewer["validation_patches"]["in_statistics"] = [False, True, True, True]
-    assert line(WHERE, fewer).startswith("Better than chance on 0 of 2 patches")
+    for p, said in (
+        (0.002, "Better than by chance (p = 0.002 over 3 patches), predicted"),
+        (0.06, "Not shown (p = 0.06 over 3 patches), predicted"),
+        (NAN, "Not tested against chance, predicted"),
+    ):
+        assert line(WHERE, compared(tested={"p_value": p})).startswith(said)
     unused = verdict(loaded([1.0, 2.0]))
     assert list(said_of(unused)) == [WORE, LOAD]
     assert "no prediction is compared" in said_of(unused)[WORE]
@@ -287,29 +288,87 @@ def test_a_study_says_only_what_it_can():
     assert not any("nan" in said for said in found.details)
 
 
+def inferred(**more):
+    """The table ``use``."""
+    names = ["load_point_x", "load_point_y", "spread", "radius"]
+    use = pd.DataFrame({"parameter": names, "stated": [2.5, 2.5, NAN, 200.0]})
+    use = use.assign(mean=[2.24, 3.14, 0.72, 169.8], low=[2, 3, 0.41, 133.1])
+    use = use.assign(high=[2.5, 3.3, 1.1, 224.1], answer=PRESSED, competitor="a spot of wear")
+    return use.assign(effective_draws=99.0, taken="yes", **more)
+
+
 def test_the_use_is_said_with_what_was_stated():
-    use = pd.DataFrame({"parameter": ["load_point_x", "load_point_y", "radius"]})
-    use = use.assign(stated=[2.5, 2.5, 200], mean=[2.24, 3.14, 169.8], low=[2, 3, 133.1])
-    use = use.assign(high=[2.5, 3.3, 224.1], answer=BETTER, effective_draws=99.0, taken="yes")
-    said = line(USED, compared() | {"use": use})
+    said = line(USED, compared() | {"use": inferred()})
     assert said.startswith(
-        "Pressed at x 2.2 mm and y 3.1 mm against a tool of 170 mm radius (95 %: "
+        "Pressed about x 2.2 mm and y 3.1 mm, ± 0.7 mm, against a tool of 170 mm radius at 200 N"
     )
-    assert "x 2.0 to 2.5, y 3.0 to 3.3 mm, radius 130 to 220 mm); stated were x 2.5 and y" in said
-    assert used(use.assign(answer=CONSISTENT), 5.0)[0].startswith("Perhaps pressed at x 2.2 mm")
-    assert "eyond" not in said
-    none = use.assign(answer=f"{UNKNOWN}, because only 3 of 90 uses count")
-    assert used(none, 5.0)[1].startswith(", because only 3 of 90 uses count. The study goes on")
-    off, where = used(use.assign(low=[-0.1, 3, 133.1]), 5.0)
-    assert off == "Pressed near or beyond the edge x = 0 mm of the square"
-    assert where.startswith(": found at x 2.2 mm and y 3.1 mm against a tool of 170 mm radius")
-    assert "x \N{MINUS SIGN}0.1 to 2.5" in where
-    assert "intervals are too narrow" in where
-    both = use.assign(low=[-0.1, 3, 133.1], high=[2.5, 5.1, 224.1], answer=CONSISTENT)
-    assert (
-        used(both, 5.0)[0]
-        == "Perhaps pressed near or beyond the edges x = 0 and y = 5 mm of the square"
+    assert "x 2.0 to 2.5, y 3.0 to 3.3 mm, ± 0.4 to 1.1 mm, radius 130 to 220 mm)" in said
+    assert "Stated were x 2.5 and y 2.5 mm and 200 mm." in said
+    assert "a spot of wear is the best" in said
+    flat = inferred()[:3]
+    assert not any("radius" in text for text in used(flat, 5.0, 550.0))
+    # a use that is taken has seen every loss, which the details add
+    told, read = (compared() | {"use": inferred().assign(taken=taken)} for taken in (False, True))
+    assert len(verdict(read).details) == len(verdict(told).details) + 1
+
+
+@pytest.mark.parametrize(
+    ("answer", "short", "goes_on"),
+    [
+        (PRESSED, "Pressed about x 2.2 mm", None),
+        (PERHAPS, "Perhaps pressed about x 2.2 mm", "under this use"),
+        (NOT_PRESSED, "Not shown", "as stated"),
+        (f"{UNKNOWN}, because only 3 of 90 uses count", "Cannot be inferred", "as stated"),
+    ],
+)
+def test_each_answer_says_how_the_study_goes_on(answer, short, goes_on):
+    begins, rest = used(inferred().assign(answer=answer), 5.0, 550.0)
+    assert begins.startswith(short)
+    if goes_on is None:
+        assert "goes on" not in rest
+    else:
+        assert rest.endswith(f"The study goes on {goes_on}.")
+    # a reason in place of a place, and a competitor where there is a score
+    assert ("because only 3 of 90 uses count" in rest) == answer.startswith(UNKNOWN)
+    assert ("a spot of wear" in rest) != answer.startswith(UNKNOWN)
+    assert ("Stated were" in rest) == ("pressed about" in begins.lower())
+
+
+def test_a_use_that_may_lie_beyond_the_square_is_at_its_edge():
+    """Its side is known, its place is not."""
+    low, high = [-0.1, 3, 0.41, 133.1], [2.5, 5.1, 1.1, 224.1]
+    short, rest = used(inferred().assign(low=low), 5.0, 550.0)
+    assert short == "Pressed near or beyond the edge x = 0 mm of the square"
+    assert rest.startswith(": about x 2.2 mm and y 3.1 mm")
+    assert "x \N{MINUS SIGN}0.1 to 2.5" in rest
+    assert "intervals are too narrow" in rest
+    both = inferred().assign(low=low, high=high, answer=PERHAPS)
+    edges = "the edges x = 0 and y = 5 mm of the square"
+    assert used(both, 5.0, 550.0)[0] == f"Perhaps pressed near or beyond {edges}"
+
+
+def test_the_law_that_predicts_best_is_named():
+    laws = pd.DataFrame({"law": ["archard", "threshold", "exponent", "touched"]}).assign(
+        mean=[NAN, 3.04, 1.52, NAN], low=[NAN, 1.2, 1.4, NAN], high=[NAN, 8.1, 2.0, NAN]
     )
+    laws = laws.assign(gain=[0.0, -2.0, 4.06, -9.0], gain_error=[0.0, 1.0, 1.2, 3.0])
+    question = "Which law predicts best?"
+
+    def said(answer, law=None):
+        tables = compared() | {"laws": laws.assign(answer=answer)}
+        return line(question, tables, wear_law=law)
+
+    best = "An exponent of pressure of 1.5 (95 %: 1.4 to 2): it predicts the losses better than"
+    assert said("exponent").startswith(best)
+    assert "(log score +4.1 ± 1.2). Set wear_law.exponent" in said("exponent")
+    assert "wear_law" not in said("exponent", {"threshold_MPa": 0.0, "exponent": 1.5})
+    assert said("archard").startswith("Archard's law: ")
+    assert said("undecided").startswith("The data cannot tell: ")
+    assert "better" not in said("undecided")
+    assert question not in said_of(verdict(compared() | {"laws": laws[:0].assign(answer="")}))
+    # the text does not say Archard's where the config says another law
+    other = verdict(compared(), wear_law={"threshold_MPa": 2.0, "exponent": 1.0})
+    assert "the wear law in the config predicts" in other.details[0]
 
 
 def test_every_model_has_words():

@@ -129,7 +129,10 @@ def stone(tmp_path):
         }
         units = {"units": "1", "long_name": "of a draw"}
         draws = {name: ("draw", values, units) for name, values in found.items()}
-        use = xr.Dataset(draws, attrs={"taken": taken, "stated_radius_mm": np.nan})
+        # the strikes do not scatter
+        same = (("draw", "patch"), np.ones((2, 2)), units)
+        draws |= {"pressure": same, "pressure_at_centre": same}
+        use = xr.Dataset(draws, {"patch": ["A", "B"]}, {"taken": taken, "stated_radius_mm": np.nan})
         write_dataset(tmp_path / "use.h5", use)
         return tmp_path
 
@@ -199,14 +202,18 @@ def test_cases_are_those_of_the_patches_in_the_study(tmp_path):
     assert set(pd.read_csv(cases).patch.dropna()) == {"A"}  # and means over the patches
 
 
-@pytest.mark.parametrize(("least_MPa", "count"), [(5.0, 0), (13.0, 1)])
+@pytest.mark.parametrize(("least_MPa", "count"), [(5.0, 0), (500.0, 1)])
 def test_a_study_that_no_patch_enters_is_told(tmp_path, caplog, least_MPa, count):
     pressures, table = tmp_path / "pressures.csv", tmp_path / "patch_pressures.csv"
     columns = "patch,x_mm,y_mm,rotation_deg,force_N,pressure_MPa,peak_pressure_MPa"
     rows = "A,1,1,0,12,12,20,9\nB,2,1,0,0,0,0,9\n"
     pressures.write_text(f"{columns},square_pressure_MPa\n{rows}")
+    surface = rough(5, spacing=0.1)
+    contact = contact_at_pressure(interface(surface), Load(20.0), modulus=1e4, tolerance=1e-6)
+    write_dataset(tmp_path / "contact.h5", contact.to_dataset())
+    given = tmp_path / "contact.h5", pressures, [], table
     selection = {"minimum_pressure_MPa": least_MPa}
-    script_of("select_patches").main(pressures, [], table, selection=selection)
+    script_of("select_patches").main(*given, patch_mm=1.0, selection=selection)
     assert sum("no patch enters the study" in message for message in caplog.messages) == count
 
 

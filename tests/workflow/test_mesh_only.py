@@ -141,7 +141,7 @@ def test_grades_of_wear_tell_how_a_tool_was_used_as_expected(where, tmp_path_fac
         assert table.high[name] - table.low[name] < 2 * 1.96 * table.stated_error[name]
     assert not table.mean_without_curvature["load_point_x":"radius"].isna().any()
     page = (study.results / "index.html").read_text(encoding="utf-8")
-    assert "ressed at x" in page
+    assert "ressed about x" in page
     assert "how was it used?</h1>" in page
     contact = read_dataset(study.results / "macroscale/contact.h5")
     pressed_at = table["mean"] if table.taken.iloc[0] else table.stated

@@ -44,6 +44,11 @@ from .conftest import ROOT, SNAKEMAKE, run
             {"press_poses", "predict_wear"},
             {"solve_macroscale", "solve_patches"},
         ),
+        (
+            {"wear_law": {"exponent": 2.0}},
+            {"infer_use", "fit_wear", "predict_wear", "score_wear"},
+            {"compose_surface", "register_patches", "solve_square", "prepare_scans"},
+        ),
         ({"validation": {"resamples": 299}}, {"score_wear", "draw_validation", "write_page"}, None),
         ({"grinding": None}, {"solve_cases", "write_page"}, None),  # the cap is a case, too
         (

@@ -72,6 +72,7 @@ rule bound_pressures:
 
 rule select_patches:
     input:
+        contact=rules.solve_macroscale.output.contact,
         pressures=rules.couple_scales.output.pressures,
         # of a later stage, which needs nothing of this one
         registration=lambda _: REGISTRATION,
@@ -80,6 +81,7 @@ rule select_patches:
     log:
         f"{RESULTS}/logs/select_patches.log",
     params:
+        **SETTINGS["couple_scales"],
         selection=config["selection"],
         code=code("select_patches.py"),
     message:

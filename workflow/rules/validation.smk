@@ -15,7 +15,9 @@ if WORN_PATCHES:
             depths=DEPTHS,
             pressures=PRESSURES,
             registration=rules.tabulate_changes.output.registration,
+            use=inferred_use,
         output:
+            laws=table("laws", "5 Validation"),
             patches=table("validation_patches", "5 Validation"),
             wear=table("wear", "5 Validation"),
             profile=table("wear_profile", "5 Validation"),

@@ -9,7 +9,7 @@ from gst.stored import dataset_of
 from gst.tables import write_table
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.store import read_dataset
-from gstlib.use.outcome import leave_one_out
+from gstlib.use.outcome import pressures_of_use
 
 
 def main(
@@ -23,7 +23,7 @@ def main(
 ) -> None:
     pressed = (read_dataset(file, only=["pressure"]).pressure for file in (contact, square))
     table = couple_scales(*pressed, pd.DataFrame(patches), patch_mm=patch_mm)
-    write_table(pressures, leave_one_out(table, dataset_of(use)))
+    write_table(pressures, pressures_of_use(table, dataset_of(use), patch_mm=patch_mm))
 
 
 if "snakemake" in globals():

@@ -6,8 +6,11 @@ from gst.batches import files_of
 from gst.logs import run_script
 from gst.stored import changes_of, contacts_of, dataset_of
 from gst.tables import write_table
+from gstlib.coupling.pressures import covered
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table
+from gstlib.use.laws import law_table
+from gstlib.use.outcome import losses_of
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import Prediction
@@ -21,6 +24,8 @@ def main(
     depths: list[Path],
     pressures: Path,
     registration: Path,
+    use: Path | list,
+    laws: Path,
     *,
     worn: list[str],
     scoring: dict,
@@ -34,6 +39,9 @@ def main(
     found = score_wear(*given, *known, **scoring)
     for name, file in tables.items():
         write_table(file, found[name])
+    pressed, losses = losses_of(*known)
+    pressure = covered(pressed).to_numpy()
+    write_table(laws, law_table(dataset_of(use), pressure, losses, seed=scoring["seed"]))
 
 
 if "snakemake" in globals():

@@ -8,15 +8,25 @@ import pandas as pd
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.change.selection import select_patches
+from gstlib.coupling.pressures import covered_pressures
+from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 
 
 def main(
-    pressures: Path, registration: Path, table: Path, *, selection: dict[str, float]
+    contact: Path,
+    pressures: Path,
+    registration: Path | list,
+    table: Path,
+    *,
+    patch_mm: float,
+    selection: dict[str, float],
 ) -> None:
     """Without a scan after use, the pressure alone decides."""
     matches = read_table(registration) if registration else pd.DataFrame({"patch": []})
-    selected = select_patches(read_pressures(pressures), matches, selection)
+    pressed = read_dataset(contact, only=["pressure"]).pressure
+    bear = covered_pressures(read_pressures(pressures), pressed, matches, patch_mm=patch_mm)
+    selected = select_patches(bear, matches, selection)
     if not selected.in_study.any():
         reasons = f"{table} gives the reasons, the config's section 'selection' the rules"
         logging.getLogger("gst").warning("no patch enters the study: %s", reasons)

@@ -7,9 +7,9 @@ contacts : mapping of patch to xarray.Dataset
     ``displacement``, ``mean_pressure``, ``contact_fraction``, ``stiffness``.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -36,6 +36,7 @@ __all__ += ["patch_figure", "patch_strip", "preparation_figure", "two_scales_fig
 _UNKNOWN = "#ffffff"
 _TILE = 280  # side (pixels) of one of the pictures that the page shows in turn
 _AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": PURPLE}
+_OF_PATH: dict[str, Any] = {"marker": ".", "markersize": 2, "lw": 1}
 _BELOW = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.025)}  # the last panels of a row
 
 
@@ -275,30 +276,47 @@ def _draw_contact(axes: Axes, result: PatchResult) -> None:
 
 @styled
 def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -> Figure:
-    """Contact area, pressure and stiffness along the load paths of square and patches.
+    """Load paths of the patches (Fig. 10), and below them that of the square (Fig. 7).
 
-    Figs. 7 and 10. All are contacts with their paths.
+    All are contacts with their paths; `square` is the part of the face's that lies in the square,
+    on which the force is that of its own elements.
     """
-    figure, (area, load, stiffness) = style.panels(3, 3, 1.3, (0.5, 0.4, 0.3, 0.45))
+    figure, axes = style.panels(5, 3, 1.2, (0.5, 0.4, 0.3, 0.45))
+    of_patches, stiffness, of_square = axes[:2], axes[2], axes[3:]
     reached = [float(contact["mean_pressure"]) for contact in contacts.values()]
-    colours = colormaps["viridis"](0.88 * np.array(reached) / max([*reached, 1e-9]))
-    paths = [*contacts.items(), ("square", square)]
-    ends: dict[Axes, list] = {area: [], load: [], stiffness: []}
-    for (_, path), colour in zip(paths, [*colours, BLACK], strict=True):
-        pressure = path["path_mean_pressure"].values
-        share = path["path_contact_fraction"].values * 100
-        for axes, x, y in (
-            (area, pressure / float(path["contact_modulus"]), share),
-            (load, path["path_displacement"].values * MM_TO_UM, pressure),
-            (stiffness, pressure, path["path_stiffness"].values / MM_TO_UM),
-        ):
-            axes.plot(x, y, marker=".", markersize=2, lw=1, color=colour)
-            ends[axes].append((x[-1], y[-1]))
-    area.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
-    load.set(xlabel="far-field displacement (µm)", ylabel="mean pressure (MPa)")
+    colours = list(colormaps["viridis"](0.88 * np.array(reached) / max([*reached, 1e-9])))
+    for path, colour in zip(contacts.values(), colours, strict=True):
+        pressure = path["path_mean_pressure"]
+        _draw_path(of_patches, path, pressure, path["path_contact_fraction"], colour)
+        stiffness.plot(pressure, path["path_stiffness"] / MM_TO_UM, color=colour, **_OF_PATH)
+    pressed = square["path_pressure"]
+    pressure, share = (field.mean(("y", "x")) for field in (pressed, pressed > 0))
+    _draw_path(of_square, square, pressure, share, BLACK)
+    for (area, load), whose in ((of_patches, "patches"), (of_square, "square")):
+        area.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
+        area.locator_params(axis="x", nbins=5)
+        load.set(xlabel="far-field displacement (µm)", ylabel="mean pressure F / Aₙ (MPa)")
+        area.set_title(f"Area in contact, {whose}")
+        load.set_title(f"Pressure, {whose}")
     stiffness.set(xlabel="mean pressure (MPa)", ylabel="stiffness (MPa/µm)")
-    titles = "Area in contact", "Pressure", "Stiffness"
-    for axes, title in zip((area, load, stiffness), titles, strict=True):
-        axes.set(xlim=(0, None), ylim=(0, None), title=title)
-        style.write_all(axes, [name for name, _ in paths], ends[axes], color=[*colours, BLACK])
+    stiffness.set_title("Stiffness, patches")
+    for panel in axes:
+        panel.set(xlim=(0, None), ylim=(0, None))
+    for panel in axes[:3]:
+        ends = [line.get_xydata()[-1] for line in panel.lines]
+        style.write_all(panel, list(contacts), ends, color=colours)
     return figure
+
+
+def _draw_path(
+    panels: Sequence[Axes],
+    path: xr.Dataset,
+    pressure: xr.DataArray,
+    share: xr.DataArray,
+    colour: Any,
+) -> None:
+    """Area and pressure along a load path."""
+    area, load = panels
+    area.plot(pressure / path["contact_modulus"], 100 * share, color=colour, **_OF_PATH)
+    displacement = path["path_displacement"] * MM_TO_UM
+    load.plot(displacement, pressure, color=colour, **_OF_PATH)

@@ -17,6 +17,7 @@ from gst.figures import macroscale, microscale, places, tables
 from gst.figures.microscale import PatchResult
 from gst.figures.style import message_figure, save_figure
 from gst.figures.use import use_figure
+from gstlib.coupling.pressures import stated
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import read_mesh
@@ -201,8 +202,8 @@ def _wear(study: Study) -> Figure:
 
 
 def _validation(study: Study) -> Figure:
-    pressures = study.pressures[["patch", "pressure_MPa"]]
-    losses = study.table("registration", "patch").merge(pressures, on="patch")
+    under = study.pressures[["patch"]].assign(stated_MPa=stated(study.pressures))
+    losses = study.table("registration", "patch").merge(under, on="patch")
     patches = study.table("patches_table", "patch")
     return tables.validation_figure(patches, losses, study.table("summary"))
 

@@ -36,25 +36,25 @@ def validation_figure(
     """Mean agreement of the prediction and its baselines with the loss, and loss against pressure.
 
     `patches` and `summary` are ``validation_patches.csv`` and ``validation_summary.csv``; `losses`
-    is ``registration.csv`` with the column ``pressure_MPa``.
+    is ``registration.csv`` with ``stated_MPa``, from `gstlib.coupling.pressures.stated`.
     """
     figure, (agreement, extent) = style.panels(2, 2, 0.9, (0.5, 0.15, 0.45, 0.45))
     _draw_agreement(agreement, summary)
     in_statistics = set(patches.patch[patches.in_statistics.astype(bool)])
     known = losses[losses.above_noise.astype(bool)].dropna(subset="mean_wear_depth_um")
-    is_touched, is_in_statistics = known.pressure_MPa > 0, known.patch.isin(in_statistics)
+    is_touched, is_in_statistics = known.stated_MPa > 0, known.patch.isin(in_statistics)
     for name, those, colour, fill in (
         ("in the study", is_touched & is_in_statistics, VERMILION, VERMILION),
         ("touched, left out", is_touched & ~is_in_statistics, GREY, GREY),
-        ("nothing touches it", ~is_touched, GREY, "white"),
+        ("not touched", ~is_touched, GREY, "white"),
     ):
-        at = known.pressure_MPa[those], known.mean_wear_depth_um[those]
+        at = known.stated_MPa[those], known.mean_wear_depth_um[those]
         look = {"color": colour, "mfc": fill, "label": name, "clip_on": False, "zorder": 3}
         extent.plot(*at, "o", **look)
-    extent.set(xlabel="pressure of the patch (MPa)", ylabel="loss per area (µm)")
+    extent.set(xlabel="pressure under the load as stated (MPa)", ylabel="loss per area (µm)")
     extent.set(xlim=(0, None), ylim=(0, None))
     touched = known[is_touched]
-    ends = list(zip(touched.pressure_MPa, touched.mean_wear_depth_um, strict=True))
+    ends = list(zip(touched.stated_MPa, touched.mean_wear_depth_um, strict=True))
     style.write_all(extent, list(touched.patch), ends)
     title = "Do patches under more pressure wear more?"
     pairs = {

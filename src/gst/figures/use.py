@@ -9,11 +9,14 @@ from matplotlib.ticker import LogLocator
 
 from gst.figures import maps, style
 from gst.figures.style import BLACK, BLUE, GREY, VERMILION, styled
+from gstlib.use.outcome import strikes_of
 
 __all__ = ["use_figure"]
 
 _ROOM = (0.55, 0.25, 0.3, 0.85)
 _BINS = 24
+# Uses of which a strike is drawn.
+_STRIKES = 500
 # Of the radius, what is drawn.
 _SHOWN = 0.005, 0.995
 
@@ -28,7 +31,7 @@ def use_figure(
     *,
     patch_size_mm: float,
 ) -> Figure:
-    """The load point on the square, the radius, and the losses beside their predictions.
+    """Strikes and their centre on the square, the radius, and the losses beside their predictions.
 
     `use` is from `gstlib.use.infer.infer_use`, `table` and `losses` are ``use.csv`` and
     ``predicted_losses.csv``, None where there are grades in place of losses; `height` (y, x), mm,
@@ -39,13 +42,17 @@ def use_figure(
     stated = table.set_index("parameter").stated
     maps.draw_map(square, height, ticks=True, **maps.HEIGHTS)
     maps.draw_footprints(square, patches, patch_size_mm, colour=BLACK)
-    share = use.weight.values / use.weight.values.max()
-    order = np.argsort(share)
-    drawn = {"s": 26, "color": VERMILION, "edgecolors": "none", "alpha": share[order]}
-    square.scatter(use.x_mm.values[order], use.y_mm.values[order], **drawn)
+    generator = np.random.default_rng(0)
+    chosen = generator.choice(use.sizes["draw"], _STRIKES, p=use.weight.values)
+    likely = use.isel(draw=chosen)
+    strikes = strikes_of(likely, generator)
+    square.plot(*strikes.T, ".", color=VERMILION, markersize=4, alpha=0.25, zorder=2)
+    square.plot(likely.x_mm, likely.y_mm, ".", color=BLACK, markersize=2, alpha=0.4)
     point = stated["load_point_x"], stated["load_point_y"]
     square.plot(*point, "P", color=BLUE, markersize=10, markeredgecolor="white")
-    square.set_title("load point: stated (cross), from wear (dots)")
+    square.set_xlim(0, height.x[-1] + height.x[0])
+    square.set_ylim(0, height.y[-1] + height.y[0])
+    square.set_title("stated (cross); from wear: strikes (red), centre (black)")
     _draw_radius(radius, use, table)
     if losses is not None:
         _draw_losses(others[0], losses)

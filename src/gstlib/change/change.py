@@ -266,7 +266,9 @@ def register_patch(
     """Register T1 to T0 and take the height change.
 
     `before` and `after` are prepared scans with ``height``, ``filled`` and ``outlier``. The result
-    is that of `gstlib.change.change.height_change`, with the registration as attributes.
+    is that of `gstlib.change.change.height_change`. Its attributes have the registration, too, and
+    the place of T1 on T0: ``t1_x_um, t1_y_um``, its centre from that of T0, and ``t1_size_x_um,
+    t1_size_y_um``.
     """
     try:
         registration, change = measured_change(
@@ -282,7 +284,21 @@ def register_patch(
         _report(patch, registration, before, after, change)
     if detection is not None and change.attrs["known_fraction"]:
         _warn_of_scatter(patch, change, detection)
-    return change.assign_attrs(registration.as_attrs())
+    place = _place_of_t1(registration, before.height, after.height)
+    return change.assign_attrs(registration.as_attrs() | place)
+
+
+def _place_of_t1(
+    registration: Registration, t0: xr.DataArray, t1: xr.DataArray
+) -> dict[str, float]:
+    """The centre of T1 from that of T0, and the size of T1, µm: T1 need not be as large as T0."""
+    shifts = {"y": registration.shift_y_mm, "x": registration.shift_x_mm}
+    place = {}
+    for (axis, shift_mm), spacing in zip(shifts.items(), spacing_of(t1), strict=True):
+        centre_mm = float(t1[axis].mean() - t0[axis].mean()) + shift_mm
+        place[f"t1_{axis}_um"] = 1e3 * centre_mm
+        place[f"t1_size_{axis}_um"] = 1e3 * spacing * t1.sizes[axis]
+    return place
 
 
 def _report(

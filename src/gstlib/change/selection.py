@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from gstlib.change.change import wear_summary
 from gstlib.change.registration import is_one_way, is_other
+from gstlib.coupling.pressures import unseen
 from gstlib.errors import FaultError
 
 __all__ = ["exchanged_epochs", "is_more", "other_heights", "registration_table"]
@@ -16,7 +17,8 @@ __all__ += ["rise_warnings", "select_patches"]
 
 # Of each patch, in the order of the table, before it is said whether that excludes the patch.
 _REGISTRATION = ["patch", "found", "shift_x_um", "shift_y_um", "shift_x_error_um"]
-_REGISTRATION += ["shift_y_error_um", "rotation_deg", "overlap", "correlation"]
+_REGISTRATION += ["shift_y_error_um", "rotation_deg", "t1_x_um", "t1_y_um", "t1_size_x_um"]
+_REGISTRATION += ["t1_size_y_um", "overlap", "correlation"]
 _REGISTRATION += ["detail_correlation", "slope_correlation", "height_scale", "residual_um"]
 _REGISTRATION += ["change_sigma_um", "lateral_sigma_um", "level_of_detection_um"]
 _REGISTRATION += ["cluster_points", "detection"]
@@ -150,19 +152,22 @@ def select_patches(
 ) -> pd.DataFrame:
     """Which patches enter the study, by their pressure and by how well T1 matches T0.
 
-    Patches that `registration` (from `registration_table`) lacks have no T1: their pressure alone
-    decides. The result is `pressures` with ``in_study`` and ``reason``, empty where a patch is in.
+    The pressure is one that the patch's own wear has not shaped (`gstlib.coupling.pressures`), so
+    that a patch does not enter because it wore. Patches that `registration` (from
+    `registration_table`) lacks have no T1: their pressure alone decides. The result is `pressures`
+    with ``in_study`` and ``reason``, empty where a patch is in.
     """
     known = registration.set_index("patch").to_dict("index")
-    pressure_MPa = selection["minimum_pressure_MPa"]
+    least_MPa = selection["minimum_pressure_MPa"]
+    by = ", by the wear of the others" * ("leave_one_out_MPa" in pressures)
     reasons = []
-    for row in pressures.itertuples(index=False):
+    for patch, pressure_MPa in zip(pressures.patch, unseen(pressures), strict=True):
         found = []
-        if not row.pressure_MPa > 0:
+        if not pressure_MPa > 0:
             found.append("no macroscale contact")
-        elif row.pressure_MPa < pressure_MPa:
-            found.append(f"pressure {row.pressure_MPa:.3g} below {pressure_MPa:g} MPa")
-        match = known.get(row.patch, {"found": True})
+        elif pressure_MPa < least_MPa:
+            found.append(f"pressure {pressure_MPa:.3g} below {least_MPa:g} MPa{by}")
+        match = known.get(patch, {"found": True})
         values = {"overlap": match.get("overlap")}
         if match["found"]:  # of the detail: the long waves of a stone match wherever T1 is laid
             values["correlation"] = match.get("detail_correlation")

@@ -13,7 +13,9 @@ scans' resolution is small beside them (docs/explanation/evidence.md).
 # which is not drawn apart: each interval is that of one patch, and as wide.
 # ASSUME: the load point, too, errs normally and alike along both axes, but not to where there
 # is no stone: it would tip over in the hand. Force and radius err lognormally. Where the wear
-# says how the tool was used, load point and radius are drawn from what it says.
+# says how the tool was used, load point, strikes and radius are drawn from what it says. The wear
+# knows the radius for the force and modulus as stated, F R / E*, so that a stronger force goes with
+# a smaller radius.
 # ASSUME: Young's moduli of both stones vary independently (lognormal), and so do their Poisson's
 # ratios (normal); which of the two readings of E* is right is not drawn.
 
@@ -185,9 +187,8 @@ def pressure_intervals(
     """
     composite = macroscale.composite
     generator = np.random.default_rng(seed)
-    moduli = study_modulus(material) * draw_contact_moduli(
-        material, errors, generator=generator
-    )
+    modulus = study_modulus(material)
+    moduli = modulus * draw_contact_moduli(material, errors, generator=generator)
     forces_N = force_N * np.exp(
         errors.force_fraction * np.random.default_rng([seed, 3]).standard_normal(len(moduli))
     )
@@ -206,18 +207,23 @@ def pressure_intervals(
         pose = np.random.default_rng([seed, 4, draw])
         if through is None:
             point, radius_mm, height = None, macroscale.radius_mm, remove_plane(height)[0]
+        elif (use := uses[draw]) is not None:
+            # the wear knows F R / E* alone
+            stiffer = float(moduli[draw] / modulus * force_N / forces_N[draw])
+            point, radius_mm = _centre_of(use, macroscale.radius_mm, stiffer)
         else:
             # first, so that the point is the same with an active tool and without
-            point, radius_mm = _drawn_use(macroscale, mesh, through, errors, pose)
+            point, radius_mm = _stated_use(macroscale, mesh, through, errors, pose)
         over = _posed_over(macroscale, mesh, radius_mm, errors, pose)
         load = Load.of_force(float(forces_N[draw]), height, point)
         return Case(Interface(height, over), load, float(moduli[draw]))
 
+    uses = _likely_uses(macroscale.use, len(moduli), np.random.default_rng([seed, 5]))
     cases = map(case, range(len(moduli)))
     contacts = press_each(cases, tolerance=_TOLERANCE, source="macroscale")
     drawn = [
-        patch_pressures(contact.pressure, at, size_mm=patch_mm).pressure_MPa
-        for contact, at in zip(contacts, places, strict=True)
+        _over_strikes(patch_pressures(contact.pressure, at, size_mm=patch_mm), use)
+        for contact, at, use in zip(contacts, places, uses, strict=True)
         if contact is not None
     ]
     low = high = np.full(len(pressures), np.nan)
@@ -267,20 +273,45 @@ def _laid_on(
     return compose_grid(height, laid, patch_mm, composite.density, generator)
 
 
-def _drawn_use(
+def _likely_uses(
+    use: xr.Dataset | None, draws: int, generator: np.random.Generator
+) -> list[xr.Dataset | None]:
+    """So many uses, drawn from what the wear says; None where it says nothing."""
+    if use is None or not use.attrs["taken"]:
+        return [None] * draws
+    chosen = generator.choice(use.sizes["draw"], draws, p=use.weight.values)
+    return [use.isel(draw=one) for one in chosen]
+
+
+def _centre_of(
+    use: xr.Dataset, radius_mm: float | None, stiffer: float
+) -> tuple[tuple[float, float], float | None]:
+    """Load point (y, x), mm, and radius of one use, of which the wear gives a radius or none.
+
+    `stiffer` is how much higher E* / F is than that for which the radius was inferred.
+    """
+    if not np.isnan(use.radius_mm):
+        radius_mm = float(use.radius_mm) * stiffer
+    return (float(use.y_mm), float(use.x_mm)), radius_mm
+
+
+def _over_strikes(pressures: pd.DataFrame, use: xr.Dataset | None) -> np.ndarray:
+    """Pressures (patches,), MPa, over the strikes of a use, from those under its centre."""
+    if use is None:
+        return pressures.pressure_MPa.to_numpy()
+    added = (use.pressure - use.pressure_at_centre).to_series()
+    over = pressures.pressure_MPa + pressures.patch.map(added).fillna(0.0)
+    return over.clip(lower=0.0).to_numpy()
+
+
+def _stated_use(
     macroscale: Macroscale,
     mesh: xr.DataArray,
     through: tuple[float, float],
     errors: Errors,
     generator: np.random.Generator,
 ) -> tuple[tuple[float, float], float | None]:
-    """A load point (y, x), mm, and a radius: as the wear says, or as stated with their errors."""
-    use = macroscale.use
-    if use is not None and use.attrs["taken"]:
-        one = use.isel(draw=generator.choice(use.sizes["draw"], p=use.weight.values))
-        known = not np.isnan(one.radius_mm)
-        radius_mm = float(one.radius_mm) if known else macroscale.radius_mm
-        return (float(one.y_mm), float(one.x_mm)), radius_mm
+    """A load point (y, x), mm, and a radius: as stated, with their errors."""
     point, radius_mm = draw_point(mesh, through, errors.load_point_mm, generator), None
     if macroscale.radius_mm is not None:
         error = errors.radius_fraction * generator.standard_normal()

@@ -13,8 +13,10 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.macroscale.ensemble import patch_means
+from gstlib.surfaces.footprints import with_t1
 
-__all__ = ["couple_scales", "patch_pressures"]
+__all__ = ["couple_scales", "covered", "covered_pressures", "patch_pressures", "stated"]
+__all__ += ["unseen"]
 
 
 def patch_pressures(
@@ -38,10 +40,10 @@ def patch_pressures(
         ``pressure_MPa``, over its nominal area; ``peak_pressure_MPa``, largest pressure of an
         element in it.
     """
-    means, values = patch_means(pressure, patches, size_mm=size_mm), pressure.values.ravel()
+    table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]].reset_index(drop=True)
+    means, values = patch_means(pressure, table, size_mm=size_mm), pressure.values.ravel()
     mean = means @ values
     peaks = [values[row.indices].max(initial=0.0) for row in means]
-    table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]].reset_index(drop=True)
     return table.assign(force_N=mean * size_mm**2, pressure_MPa=mean, peak_pressure_MPa=peaks)
 
 
@@ -61,3 +63,47 @@ def couple_scales(
     pressures = patch_pressures(pressure, patches, size_mm=patch_mm)
     alone = patch_pressures(square_pressure, patches, size_mm=patch_mm)
     return pressures.assign(square_pressure_MPa=alone.pressure_MPa)
+
+
+def covered_pressures(
+    pressures: pd.DataFrame,
+    pressure: xr.DataArray,
+    registration: pd.DataFrame,
+    *,
+    patch_mm: float,
+) -> pd.DataFrame:
+    """The table of pressures with ``covered_MPa``, over the area that T0 and T1 both cover.
+
+    A measured loss is of this area. Without a T1 that was found on T0, it is the outline.
+    `pressures` and `pressure` are as from and for `couple_scales`; `registration` is the table of
+    this name, and has no rows without a T1.
+    """
+    areas = with_t1(pressures, registration)
+    means = patch_means(pressure, areas, size_mm=patch_mm)
+    return pressures.assign(covered_MPa=means @ pressure.values.ravel())
+
+
+def covered(pressures: pd.DataFrame) -> pd.Series:
+    """Pressures, MPa, over the areas of the measured losses, from the table ``patch_pressures``."""
+    pressure: pd.Series = pressures.get("covered_MPa", pressures.pressure_MPa)
+    return pressure
+
+
+def unseen(pressures: pd.DataFrame) -> pd.Series:
+    """Pressures, MPa, that no patch's own wear has shaped: an answer from them is not circular.
+
+    `pressures` is the table ``patch_pressures``, with ``leave_one_out_MPa`` where a use was
+    inferred (`gstlib.use.outcome.pressures_of_use`).
+    """
+    return _first_known(pressures, "leave_one_out_MPa")
+
+
+def stated(pressures: pd.DataFrame) -> pd.Series:
+    """Pressures, MPa, under the use as stated, which no wear has shaped."""
+    return _first_known(pressures, "stated_MPa")
+
+
+def _first_known(pressures: pd.DataFrame, column: str) -> pd.Series:
+    if column not in pressures:
+        return covered(pressures)
+    return pressures[column].fillna(covered(pressures))

@@ -15,7 +15,7 @@ import xarray as xr
 
 from gstlib.contact import Contact, Interface, Load, contact_at_pressure
 from gstlib.errors import InputError
-from gstlib.surfaces.footprints import footprint_weights, places_of
+from gstlib.surfaces.footprints import area_weights, covered_areas, footprint_weights, places_of
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["Case", "patch_means", "press_each"]
@@ -73,14 +73,17 @@ def press_each(
 def patch_means(
     grid: xr.DataArray, patches: pd.DataFrame, *, size_mm: float
 ) -> "scipy.sparse.csr_array":
-    """What takes a field on a grid to its mean in the outline of each patch.
+    """The matrix that takes a field on a grid to its mean over each patch.
+
+    The mean is over the area that T0 and T1 both cover where the place of T1 is known: a measured
+    loss is of this area. Otherwise it is over the outline of the patch.
 
     Parameters
     ----------
     grid : (ny, nx) xarray.DataArray
         Any field on it.
     patches : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg``.
+        ``patch, x_mm, y_mm, rotation_deg``, with T1 from `gstlib.surfaces.footprints.with_t1`.
     size_mm : float
         Side of a patch.
 
@@ -89,11 +92,17 @@ def patch_means(
     scipy.sparse.csr_array, shape (patches, ny · nx)
         Its product with the raveled field has the means; what lies beyond the grid counts as 0.
     """
-    share = float(np.prod(spacing_of(grid))) / size_mm**2
-    rows = [
-        scipy.sparse.csr_array(share * footprint_weights(grid, place, size_mm).reshape(1, -1))
-        for place in places_of(patches).values()
-    ]
+    element_mm2 = float(np.prod(spacing_of(grid)))
+    covered = covered_areas(patches, size_mm)
+    rows = []
+    for patch, place in places_of(patches).items():
+        if patch in covered:
+            share = element_mm2 / covered[patch].area
+            weights = area_weights(grid, covered[patch])
+        else:
+            share = element_mm2 / size_mm**2
+            weights = footprint_weights(grid, place, size_mm)
+        rows.append(scipy.sparse.csr_array(share * weights.reshape(1, -1)))
     if not rows:
         return scipy.sparse.csr_array((0, grid.size))
     return scipy.sparse.csr_array(scipy.sparse.vstack(rows))

@@ -4,7 +4,7 @@ On the square, y comes before x everywhere, as rows come before columns.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,8 +13,13 @@ import xarray as xr
 
 from gstlib.surfaces.grid import axis_coordinates, spacing_of
 
+if TYPE_CHECKING:
+    import shapely
+
 __all__ = [
     "Place",
+    "area_weights",
+    "covered_areas",
     "footprint_weights",
     "half_extent",
     "moved",
@@ -24,7 +29,17 @@ __all__ = [
     "rotated",
     "spline_of",
     "square_of",
+    "with_t1",
 ]
+
+# Of the table ``registration``: the place of T1 on T0 and its size. Patches have a turn, too.
+_T1 = {
+    "t1_y_um": "t1_y_um",
+    "t1_x_um": "t1_x_um",
+    "rotation_deg": "t1_rotation_deg",
+    "t1_size_y_um": "t1_size_y_um",
+    "t1_size_x_um": "t1_size_x_um",
+}
 
 
 def rotated(v: Any, u: Any, rotation_deg: float) -> tuple[Any, Any]:
@@ -104,11 +119,47 @@ def on_patch(
     return spline.ev(*place.points(v[:, None], u))
 
 
-def outline(place: Place, size_mm: float) -> np.ndarray:
-    """Corners (4, 2), x and y (mm), of a square footprint, to be drawn; the lower left first."""
-    v, u = size_mm / 2 * np.array([[-1, -1, 1, 1], [-1, 1, 1, -1]])
+def outline(place: Place, size_mm: float | tuple[float, float]) -> np.ndarray:
+    """Corners (4, 2), x and y (mm), of a footprint, the lower left first.
+
+    `size_mm` is its side, or its extents along its own y and x.
+    """
+    signs = np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]])
+    v, u = (signs * np.divide(size_mm, 2)).T
     y, x = place.points(v, u)
     return np.column_stack([x, y])
+
+
+def with_t1(patches: pd.DataFrame, registration: pd.DataFrame) -> pd.DataFrame:
+    """The patches with the place of T1 on T0; it is NaN where T1 was not found on T0.
+
+    `registration` is the table of this name.
+    """
+    of_t1 = registration.set_index("patch").reindex(columns=["found", *_T1]).dropna()
+    of_t1 = of_t1[of_t1.found.astype(bool)].rename(columns=_T1)
+    return patches.join(of_t1[list(_T1.values())].astype(float), on="patch")
+
+
+def covered_areas(patches: pd.DataFrame, size_mm: float) -> dict[str, "shapely.Polygon"]:
+    """The area on the square that T0 and T1 of a patch both cover, by patch.
+
+    `patches` is from `with_t1`, and `size_mm` is the side of T0. Patches without a known place of
+    T1 are left out.
+    """
+    # ASSUME: the points of the two scans without a height of their own lie evenly over the area
+    # that both cover, so that they change neither its mean loss nor its mean pressure.
+    if not {*_T1.values()} <= {*patches.columns}:
+        return {}
+    import shapely
+
+    places, covered = places_of(patches), {}
+    for patch, *of_t1 in patches[["patch", *_T1.values()]].dropna().itertuples(index=False):
+        v, u, turn, height, width = np.multiply(of_t1, (1e-3, 1e-3, 1, 1e-3, 1e-3))
+        before = places[patch]
+        after = Place(*before.points(v, u), before.rotation_deg + turn)
+        t0, t1 = outline(before, size_mm), outline(after, (height, width))
+        covered[patch] = shapely.Polygon(t0).intersection(shapely.Polygon(t1))
+    return covered
 
 
 def footprint_weights(grid: xr.DataArray, place: Place, size_mm: float) -> np.ndarray:
@@ -116,27 +167,33 @@ def footprint_weights(grid: xr.DataArray, place: Place, size_mm: float) -> np.nd
 
     `grid` is any field on the grid, dims (..., y, x); `size_mm` is the footprint's side.
     """
+    if place.rotation_deg != 0:
+        import shapely
+
+        return area_weights(grid, shapely.Polygon(outline(place, size_mm)))
+    # as exact, and a hundred times as fast
     dy, dx = spacing_of(grid)
-    y, x, half = grid.y.values, grid.x.values, size_mm / 2
-    if place.rotation_deg == 0:  # as exact, and a hundred times as fast
-        overlap = []
-        for at, step, centre in ((y, dy, place.y_mm), (x, dx, place.x_mm)):
-            low, high = at - step / 2, at + step / 2
-            inside = np.minimum(high, centre + half) - np.maximum(low, centre - half)
-            overlap.append(np.clip(inside, 0, None))
-        return np.outer(*overlap) / (dy * dx)
+    half, overlap = size_mm / 2, []
+    for at, step, centre in ((grid.y.values, dy, place.y_mm), (grid.x.values, dx, place.x_mm)):
+        low, high = at - step / 2, at + step / 2
+        inside = np.minimum(high, centre + half) - np.maximum(low, centre - half)
+        overlap.append(np.clip(inside, 0, None))
+    return np.outer(*overlap) / (dy * dx)
+
+
+def area_weights(grid: xr.DataArray, area: "shapely.Polygon") -> np.ndarray:
+    """Share (ny, nx), from 0 to 1, of each element's area inside a polygon (x, y), exactly."""
     import shapely
 
-    y, x = np.meshgrid(y, x, indexing="ij")
-    near_y = abs(y - place.y_mm) < size_mm + dy
-    near_x = abs(x - place.x_mm) < size_mm + dx
-    near = near_y & near_x
-    y, x = y[near], x[near]
+    dy, dx = spacing_of(grid)
+    x_low, y_low, x_high, y_high = area.bounds
+    near_y = (grid.y.values > y_low - dy) & (grid.y.values < y_high + dy)
+    near_x = (grid.x.values > x_low - dx) & (grid.x.values < x_high + dx)
+    near = np.ix_(near_y, near_x)
+    y, x = np.meshgrid(grid.y.values[near_y], grid.x.values[near_x], indexing="ij")
     elements = shapely.box(x - dx / 2, y - dy / 2, x + dx / 2, y + dy / 2)
-    footprint = shapely.polygons(outline(place, size_mm))
-    inside = shapely.intersection(elements, footprint)
-    weights = np.zeros(near.shape)
-    weights[near] = shapely.area(inside) / (dy * dx)
+    weights = np.zeros((grid.sizes["y"], grid.sizes["x"]))
+    weights[near] = shapely.area(shapely.intersection(elements, area)) / (dy * dx)
     return weights
 
 

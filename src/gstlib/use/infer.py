@@ -1,54 +1,58 @@
 """How a tool was used, read from its wear: where it was pressed, and against how round a tool.
 
-Of many uses that are possible beforehand, each is a contact of its own, in equilibrium. A use whose
-pressures go with the wear of the patches counts more (`gstlib.use.sampling`). The prediction for a
-patch weighs the draws by the wear of the *other* patches alone.
+A use is a centre of the load points, how they scatter about it, and the radius of the active tool.
+Contacts of single strikes are solved in equilibrium (`gstlib.use.sampling`), and the pressures of a
+use are means over its strikes (`gstlib.use.spread`). A use whose pressures go with the wear of the
+patches counts more. The prediction for a patch weighs the draws by the wear of the *other* patches
+alone.
 
-Something always fits best. So the answer is compared with chance, the wear of the patches exchanged
-among them; and with heights alone, wear in proportion to how far a patch stands out above a plane:
-high places bear load, so that wear that follows heights looks like a use.
+Something always fits best. So a use has competitors that know no contact, which predict each loss
+from the others likewise (`gstlib.use.competitors`). It is claimed only where it predicts better
+than each of them.
 """
 
-# ASSUME: force and modulus are known: a loss knows the force through the wear coefficient alone.
-# The radius is that for both as stated, for a round contact depends on F R / E*. It is known but
-# for a lognormal error, the load point but for a normal one, alike along both axes.
+# ASSUME: a loss knows the force through the wear coefficient alone, and a round contact depends on
+# F R / E*. So the radius is inferred for the force and the modulus as stated. Beforehand it is
+# known but for a lognormal error, and the centre but for a normal one, alike along both axes.
 # ASSUME: of two radii, the ratio and the direction are known.
 # ASSUME: the pressures of a use are those before wear; what wear moves between patches is small
 # beside what is not known.
 
 import logging
 from collections import deque
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-import scipy
 import xarray as xr
 
 from gstlib.contact import Interface, Load
 from gstlib.macroscale.active_tool import as_round_as
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.surfaces.grid import coarser, described
-from gstlib.use.evidence import FEWEST_PATCHES, FEWEST_WORN, Evidence, log_evidence, weigh
-from gstlib.use.sampling import Sampling, effective_draws, sample
+from gstlib.use.competitors import competitor_scores
+from gstlib.use.evidence import FEWEST_PATCHES, FEWEST_WORN, Evidence, Losses
+from gstlib.use.laws import law_scores
+from gstlib.use.sampling import Draws, Prior, Sampling, sample
+from gstlib.use.tempering import effective_draws
 
 __all__ = [
-    "BETTER",
-    "CHANCE",
-    "CONSISTENT",
+    "FEWEST_DRAWS",
+    "NOT_PRESSED",
+    "PERHAPS",
+    "PRESSED",
     "UNKNOWN",
     "StatedUse",
     "infer_use",
-    "use_pressures",
 ]
+__all__ += ["use_pressures"]
 
 _log = logging.getLogger(__name__)
 
 # The three answers to: does a use explain the wear?
-BETTER = "better than heights alone"
-CONSISTENT = "consistent with a use"
-CHANCE = "not better than chance"
+PRESSED = "pressed"
+PERHAPS = "perhaps pressed"
+NOT_PRESSED = "not shown to be pressed"
 # How the answer begins where there is none; the reason follows.
 UNKNOWN = "cannot be inferred"
 
@@ -58,24 +62,34 @@ _COARSER = 2
 _KEPT = 100
 # Far below the printed digits: each round rests on the last bits of those before it.
 _TOLERANCE = 1e-9
-# Effective draws below which nothing is inferred.
+# Strikes that have to press a patch.
 _FEWEST = 40
-# Of many patches, so many are exchanged: they are enough, and the time does not grow.
-_PERMUTATIONS, _MOST_PERMUTED = 199, 200
-_LEVEL, _CLEARLY = 0.05, 1.645  # one-sided
-# Heights that a plane may have: shares of the elements below it.
-_BELOW_PLANE = np.linspace(0.3, 0.995, 60)
+# Effective draws for a patch below which its prediction is called uncertain.
+FEWEST_DRAWS = 40
+# Error of the pressures between contacts, over the mean, above which nothing is inferred.
+_MOST_CONTACT_ERROR = 0.3
+# By how many standard errors a use has to predict better than each competitor to be claimed. Chosen
+# on stones that are in no benchmark, so that rarely a use is claimed where nothing was pressed.
+_CLEARLY = 1.0
 
 # Units and meaning of what is stored.
 _DESCRIBED = {
     "y_mm": ("mm", "load point along y"),
     "x_mm": ("mm", "load point along x"),
     "radius_mm": ("mm", "radius of the active tool, NaN where it is not asked for"),
+    "scatter_mm": ("mm", "standard deviation of the strikes along each axis"),
+    "stroke_mm": ("mm", "length of a stroke"),
+    "spread_mm": ("mm", "r.m.s. distance of the strikes from their centre along an axis"),
+    "stroke_angle_deg": ("degree", "direction of the stroke from x towards y"),
     "weight": ("1", "worth of the draw after the wear was seen"),
-    "pressure": ("MPa", "pressure of the patch"),
+    "pressure": ("MPa", "pressure of the patch, mean over the strikes"),
+    "pressure_at_centre": ("MPa", "pressure of the patch under a strike through the centre"),
     "weight_without": ("1", "worth of the draw by the wear of the other patches"),
     "log_score": ("1", "log probability of the patch's wear, given the others'"),
-    "heights_log_score": ("1", "the same by heights alone"),
+    "competitor_log_score": ("1", "the same by a competitor that knows no contact"),
+    "law_log_score": ("1", "log probability of the patch's wear, given the others', by a law"),
+    "law_parameter": ("1", "parameter of a law: its mean, and the limits of 95 %"),
+    "effective_draws_without": ("1", "effective draws by the wear of the other patches"),
     "wear_coefficient": ("um/MPa", "wear coefficient with the sliding"),
     "scatter": ("1", "scatter of the wear"),
     "floor": ("um", "scatter of a loss that does not grow with it"),
@@ -97,6 +111,8 @@ class StatedUse(NamedTuple):
         known, or flat.
     radius_fraction : float
         Standard error of the logarithm of the radius.
+    scatter_mm, stroke_mm : float
+        Scales of how far strikes scatter along each axis, and of how long strokes are.
     """
 
     force_N: float
@@ -104,14 +120,16 @@ class StatedUse(NamedTuple):
     load_point_mm: float
     radius_mm: float | None = None
     radius_fraction: float = 0.0
+    scatter_mm: float = 0.0
+    stroke_mm: float = 0.0
 
     @property
-    def prior(self) -> Any:
-        """Distribution of y, x and, if it is asked for, the logarithm of the radius."""
+    def prior(self) -> Prior:
+        """Uses that are possible beforehand."""
         mean, error = [*self.through], 2 * [self.load_point_mm]
         if self.radius_mm is not None:
             mean, error = [*mean, np.log(self.radius_mm)], [*error, self.radius_fraction]
-        return scipy.stats.multivariate_normal(mean, np.square(error))
+        return Prior(np.array(mean), np.array(error), self.scatter_mm, self.stroke_mm)
 
 
 def infer_use(
@@ -145,15 +163,19 @@ def infer_use(
     Returns
     -------
     xarray.Dataset
-        By ``draw``: ``y_mm``, ``x_mm``, ``radius_mm`` (NaN where it is not asked for), ``weight``
-        (what the draw is worth after the wear was seen), and what `Evidence.nodes` knows, of one
-        node. By ``draw`` and ``patch``: ``pressure``, MPa, and ``weight_without`` and means of the
-        nodes, ``…_without``, after the wear of the other patches was seen. By ``patch``:
-        ``log_score`` and ``heights_log_score``, of each patch given the others. Attributes:
-        ``effective_draws``; ``p_value`` against chance; ``gain`` of the log score over heights
-        alone, with its standard error ``gain_error``; ``answer``, one of `BETTER`, `CONSISTENT` and
-        `CHANCE`; and ``taken``, whether the study takes it. Where nothing can be inferred, there
-        are the attributes alone, and ``answer`` is `UNKNOWN` with the reason.
+        By ``draw``: ``y_mm``, ``x_mm``, ``radius_mm`` (NaN where it is not asked for),
+        ``scatter_mm``, ``stroke_mm``, ``spread_mm``, ``stroke_angle_deg``, `Evidence.parameters`,
+        and ``weight``, the worth of the draw after the wear was seen. By ``draw`` and ``patch``:
+        ``pressure`` and ``pressure_at_centre``, MPa, and ``weight_without``, the worth after the
+        wear of the other patches was seen. By ``patch``: ``log_score`` of each patch given the
+        others and ``effective_draws_without``; by ``competitor`` and ``patch``,
+        ``competitor_log_score``. Of losses, the dataset from `gstlib.use.laws.law_scores` is part
+        of it. Attributes: ``effective_draws``; ``contacts`` that
+        were solved, and the error ``contact_error`` with which the last were predicted; ``gain``
+        of the log score over the best ``competitor``, with its standard error ``gain_error``;
+        ``answer``, one of `PRESSED`, `PERHAPS` and `NOT_PRESSED`; and ``taken``, whether the study
+        takes it. Where nothing can be inferred, there are the attributes alone, and ``answer`` is
+        `UNKNOWN` with the reason.
     """
     if len(patches) < FEWEST_PATCHES or not evidence.tells:
         remedy = (
@@ -167,53 +189,83 @@ def infer_use(
         )
     generator = np.random.default_rng([sampling.seed, 6])
     height = coarser(face.height, _COARSER)
-    means = patch_means(height, patches, size_mm=patch_mm)
 
     def pressures(points: np.ndarray) -> np.ndarray:
         settings = {"modulus": modulus, "patch_mm": patch_mm}
         return use_pressures(points, face, patches, stated, **settings)
 
     draws = sample(stated.prior, pressures, evidence, sampling, generator)
-    tried, touching = len(draws.points), draws.touching
-    if touching < min(_FEWEST, tried):
-        reason = f"only {touching} of {tried} uses about what is stated touch a patch"
+    contacts, touching = (draws.contacts, draws.touching) if draws else (sampling.draws, 0)
+    if draws is None or touching < min(_FEWEST, contacts):
+        reason = f"only {touching} of {contacts} strikes about what is stated touch a patch"
         remedy = "Correct load.at_mm and counterface, or raise uncertainty.load_point_mm"
         return _unknown(reason, remedy)
-    weight, score = draws.seen.weights(draws.log_prior), draws.seen.log_score(draws.log_prior)
-    if (effective := effective_draws(weight)) < _FEWEST:
-        reason = f"only {effective:.0f} of {tried} tried uses count"
-        remedy = f"Raise use.draws (now {sampling.draws}) or use.rounds (now {sampling.rounds})"
-        return _unknown(reason, remedy, effective)
-    heights = _heights_score(height, means, evidence)
-    gain = score - heights
-    stated_pressures = draws.pressure[: sampling.draws]
-    explained = {
-        "p_value": _chance(evidence, stated_pressures, patches, generator),
-        "gain": float(gain.sum()),
-        "gain_error": float(np.sqrt(len(gain)) * gain.std(ddof=1)),
-    }
-    variables: dict[str, tuple] = {
-        **{name: ("draw", of) for name, of in _named(draws.points).items()},
-        **{name: ("draw", of) for name, of in draws.seen.drawn.items()},
-        **{
-            f"{name}_without": (("draw", "patch"), of)
-            for name, of in draws.seen.without.items()
-        },
-        "weight": ("draw", weight),
-        "pressure": (("draw", "patch"), draws.pressure),
-        "weight_without": (("draw", "patch"), draws.seen.weights_without(draws.log_prior)),
-        "log_score": ("patch", score),
-        "heights_log_score": ("patch", heights),
-    }
-    found = xr.Dataset(variables, {"patch": list(patches.patch)}, explained)
-    by_others = {
-        f"{name}_without": (units, f"{text}, by the wear of the other patches")
-        for name, (units, text) in _DESCRIBED.items()
-    }
-    found = described(found, by_others | _DESCRIBED)
+    if not draws.contact_error <= _MOST_CONTACT_ERROR:
+        reason = (
+            f"the last of {contacts} contacts were predicted from the others with an error of "
+            f"{100 * draws.contact_error:.0f} % of their mean pressure"
+        )
+        remedy = f"Raise use.rounds (now {sampling.rounds}) or use.draws (now {sampling.draws})"
+        return _unknown(reason, remedy)
+    found = _stored(draws, patches)
+    competitors = competitor_scores(
+        height, patches, evidence, patch_mm=patch_mm, seed=sampling.seed
+    )
+    found["competitor"] = list(competitors)
+    found["competitor_log_score"] = ("competitor", "patch"), np.array([*competitors.values()])
+    if isinstance(evidence, Losses):
+        found = found.merge(
+            law_scores(draws.pressures_of, draws.variables, evidence, generator)
+        )
+    few = found.patch.values[found.effective_draws_without.values < FEWEST_DRAWS]
+    if len(few):
+        _log.warning(
+            "the prediction for the patches %s rests on fewer than %d effective draws, so that it "
+            "is uncertain: raise use.particles (now %d)",
+            ", ".join(map(str, few)),
+            FEWEST_DRAWS,
+            sampling.particles,
+        )
     stated_radius = np.nan if stated.radius_mm is None else stated.radius_mm
-    return found.assign_attrs(
-        effective_draws=effective, stated_radius_mm=stated_radius, **_answer(**explained)
+    return described(found, _DESCRIBED).assign_attrs(
+        effective_draws=float(effective_draws(draws.particles.weights)),
+        stated_radius_mm=stated_radius,
+        **_answer(found),
+    )
+
+
+def _stored(draws: Draws, patches: pd.DataFrame) -> xr.Dataset:
+    """The draws as a dataset."""
+    weight, without = draws.particles.weights, draws.particles.weights_without
+    uses = draws.uses
+    y_mm, x_mm, *log_radius = uses.points.T
+    stroke_y, stroke_x = uses.stroke_mm.T
+    by_draw = {
+        "y_mm": y_mm,
+        "x_mm": x_mm,
+        "radius_mm": np.exp(log_radius[0]) if log_radius else np.full(len(weight), np.nan),
+        "scatter_mm": uses.scatter_mm,
+        "stroke_mm": np.hypot(stroke_y, stroke_x),
+        "spread_mm": uses.spread_mm,
+        "stroke_angle_deg": np.degrees(np.arctan2(stroke_y, stroke_x)) % 180,
+        **draws.parameters,
+        "weight": weight,
+    }
+    by_both = {
+        "pressure": draws.pressure,
+        "pressure_at_centre": draws.pressure_at_centre,
+        "weight_without": without,
+    }
+    by_patch = {
+        "log_score": draws.particles.log_score,
+        "effective_draws_without": effective_draws(without),
+    }
+    return xr.Dataset(
+        {name: ("draw", of) for name, of in by_draw.items()}
+        | {name: (("draw", "patch"), of) for name, of in by_both.items()}
+        | {name: ("patch", of) for name, of in by_patch.items()},
+        {"patch": list(patches.patch)},
+        {"contacts": draws.contacts, "contact_error": draws.contact_error},
     )
 
 
@@ -234,7 +286,7 @@ def use_pressures(
     height, known = (coarser(face[name], _COARSER) for name in ("height", "counterface"))
     means = patch_means(height, patches, size_mm=patch_mm)
     found = np.zeros((len(points), len(patches)))
-    scaled = points / stated.prior.cov.diagonal() ** 0.5
+    scaled = points / np.where(stated.prior.error > 0, stated.prior.error, 1.0)
     solved: deque[tuple[int, np.ndarray]] = deque(maxlen=_KEPT)
     for number, (y, x, *log_radius) in enumerate(points):
         over = known
@@ -253,12 +305,7 @@ def use_pressures(
     return found
 
 
-def _named(points: np.ndarray) -> dict[str, np.ndarray]:
-    radius = np.exp(points[:, 2]) if points.shape[1] > 2 else np.full(len(points), np.nan)
-    return {"y_mm": points[:, 0], "x_mm": points[:, 1], "radius_mm": radius}
-
-
-def _unknown(reason: str, remedy: str, effective: float = 0.0) -> xr.Dataset:
+def _unknown(reason: str, remedy: str) -> xr.Dataset:
     """What `infer_use` returns where nothing can be inferred; reason and remedy are logged."""
     _log.warning(
         "how the tool was used %s, because %s. %s, or set use to null. The study goes on as "
@@ -268,64 +315,23 @@ def _unknown(reason: str, remedy: str, effective: float = 0.0) -> xr.Dataset:
         remedy,
     )
     answer = f"{UNKNOWN}, because {reason}"
-    return xr.Dataset(attrs={"answer": answer, "taken": 0, "effective_draws": effective})
+    return xr.Dataset(attrs={"answer": answer, "taken": 0, "effective_draws": 0.0})
 
 
-def _answer(p_value: float, gain: float, gain_error: float) -> dict[str, Any]:
+def _answer(use: xr.Dataset) -> dict[str, Any]:
     """Whether a use explains the wear, and whether the study takes it."""
-    if p_value > _LEVEL:
-        return {"answer": CHANCE, "taken": 0}
-    answer = BETTER if gain > _CLEARLY * gain_error else CONSISTENT
-    # where heights alone tell more of the other patches, a use has not shown itself
-    return {"answer": answer, "taken": int(gain > 0)}
-
-
-def _chance(
-    evidence: Evidence,
-    pressure: np.ndarray,
-    patches: pd.DataFrame,
-    generator: np.random.Generator,
-) -> float:
-    """P-value of the wear where it is, among the same wear elsewhere.
-
-    `pressure` (draws, patches) is that of stated uses: what was drawn later knows the wear.
-    """
-    if len(patches) > _MOST_PERMUTED:
-        some = np.sort(generator.choice(len(patches), _MOST_PERMUTED, replace=False))
-        evidence, pressure = evidence.permuted(some), pressure[:, some]
-        patches = patches.iloc[some]
-    pressure = pressure[pressure.sum(axis=1) > 0]
-
-    def explained(of: Evidence) -> float:
-        return float(scipy.special.logsumexp(log_evidence(of, pressure)))
-
-    orders = _orders(patches, generator)
-    by_chance = [explained(evidence.permuted(next(orders))) for _ in range(_PERMUTATIONS)]
-    as_good = np.sum(np.array(by_chance) >= explained(evidence))
-    return float((1 + as_good) / (1 + _PERMUTATIONS))
-
-
-def _orders(patches: pd.DataFrame, generator: np.random.Generator) -> Iterator[np.ndarray]:
-    """Orders of the patches in which neighbours stay neighbours: all turned, mirrored, shifted."""
-    places = patches[["y_mm", "x_mm"]].to_numpy(dtype=float)
-    places = places - places.mean(axis=0)
-    size = np.ptp(places, axis=0).max()
-    while True:
-        angle = generator.uniform(0, 2 * np.pi)
-        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        mirror = [generator.choice([-1, 1]), 1]
-        moved = (places * mirror) @ turn + generator.uniform(-0.5, 0.5, 2) * size
-        apart = np.abs(moved[:, None] - places) % size
-        apart = np.minimum(apart, size - apart)  # beyond an edge, the other begins
-        yield scipy.optimize.linear_sum_assignment((apart**2).sum(axis=2))[1]
-
-
-def _heights_score(
-    height: xr.DataArray, means: "scipy.sparse.csr_array", evidence: Evidence
-) -> np.ndarray:
-    """Log score (patches,) of wear in proportion to the volume above a plane of any height."""
-    values = np.where(np.isnan(height.values), -np.inf, height.values).ravel()
-    inside = np.asarray(means.sum(axis=0)).ravel() > 0
-    planes = np.quantile(values[inside & np.isfinite(values)], _BELOW_PLANE)
-    above = np.array([means @ np.maximum(values - plane, 0) for plane in planes])
-    return weigh(evidence, above).log_score(np.zeros(len(planes)))
+    gains = (use.log_score - use.competitor_log_score).transpose("competitor", "patch").values
+    total = gains.sum(axis=1)
+    error = np.sqrt(gains.shape[1]) * gains.std(axis=1, ddof=1)
+    best = int(np.argmin(total))
+    answer = NOT_PRESSED if total[best] <= 0 else PERHAPS
+    if (total > _CLEARLY * error).all():
+        answer = PRESSED
+    return {
+        "competitor": str(use.competitor.values[best]),
+        "gain": float(total[best]),
+        "gain_error": float(error[best]),
+        "answer": answer,
+        # where a competitor tells more of the other patches, a use has not shown itself
+        "taken": int(total[best] > 0),
+    }

@@ -10,14 +10,18 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gstlib.conditions import ARCHARD, Law
 from gstlib.macroscale.active_tool import as_round_as
 from gstlib.macroscale.face import without_curvature
+from gstlib.surfaces.footprints import with_t1
+from gstlib.use.competitors import COMPETITORS
 from gstlib.use.evidence import Grades, Losses
-from gstlib.use.infer import StatedUse, infer_use
+from gstlib.use.infer import StatedUse, infer_use, use_pressures
 from gstlib.use.sampling import Sampling
+from gstlib.use.spread import Uses
 
-__all__ = ["as_used", "leave_one_out", "losses_of", "predicted_losses", "share_within"]
-__all__ += ["use_of_study", "use_table"]
+__all__ = ["as_used", "losses_of", "predicted_losses", "pressures_of_use", "share_within"]
+__all__ += ["strikes_of", "use_of_study", "use_table"]
 
 # Decimals of a predicted loss (µm) and pressure (MPa); what is less comes from uses of no weight.
 _DECIMALS = 6
@@ -34,6 +38,7 @@ def use_of_study(
     sampling: Mapping[str, Any],
     modulus: float,
     patch_mm: float,
+    wear_law: Mapping[str, float] | None = None,
 ) -> tuple[xr.Dataset, pd.DataFrame, pd.DataFrame | None]:
     """How the tool of a study was used, from the losses of its patches, or from their grades.
 
@@ -47,11 +52,14 @@ def use_of_study(
         The table ``registration``.
     stated, sampling : mapping
         The fields of `gstlib.use.infer.StatedUse` and `gstlib.use.sampling.Sampling`.
+    wear_law : mapping, optional
+        The fields of `gstlib.conditions.Law`; by default, Archard's law.
 
     Returns
     -------
     use : xarray.Dataset
-        From `gstlib.use.infer.infer_use`.
+        From `gstlib.use.infer.infer_use`. With losses, also ``stated_pressure`` (scanned), MPa, of
+        every patch under the use as stated.
     table : pandas.DataFrame
         From `use_table`. Read from grades, it has ``mean_without_curvature``, too: the mesh is that
         of the worn tool.
@@ -61,8 +69,18 @@ def use_of_study(
     told, drawn = StatedUse(**stated), Sampling(**sampling)
     settings: dict[str, Any] = {"modulus": modulus, "patch_mm": patch_mm, "sampling": drawn}
     if registration is not None:
-        known, losses = losses_of(patches, registration)
+        known, losses = losses_of(patches, registration, Law(**(wear_law or {})))
         use = infer_use(face, known, losses, told, **settings)
+        if use.sizes:
+            areas = with_t1(patches, registration)
+            alone = told.prior.mean[np.newaxis], face, areas, told
+            (stated_MPa,) = use_pressures(*alone, modulus=modulus, patch_mm=patch_mm)
+            use = use.assign_coords(scanned=list(patches.patch))
+            use["stated_pressure"] = "scanned", stated_MPa
+            use.stated_pressure.attrs = {
+                "units": "MPa",
+                "long_name": "pressure of the patch under the use as stated",
+            }
         predicted = predicted_losses(use, losses, drawn.seed)
         return use, use_table(use, told, predicted), predicted
     grades = Grades(patches.wear_grade.to_numpy(dtype=int))
@@ -74,18 +92,23 @@ def use_of_study(
     return use, table.assign(mean_without_curvature=use_table(flat, told)["mean"]), None
 
 
-def losses_of(patches: pd.DataFrame, registration: pd.DataFrame) -> tuple[pd.DataFrame, Losses]:
+def losses_of(
+    patches: pd.DataFrame, registration: pd.DataFrame, law: Law = ARCHARD
+) -> tuple[pd.DataFrame, Losses]:
     """The patches whose loss is known, and their losses.
 
     `patches` is the patch table and `registration` the table ``registration``. Patches
-    whose T1 is excluded are left out; those that lost nothing count.
+    whose T1 is excluded are left out; those that lost nothing count. The patches have the place of
+    their T1, because a loss is of the area that both scans cover.
     """
     known = registration[~registration.excluded.astype(bool)].set_index("patch")
     known = known.dropna(subset="mean_wear_depth_um")
     chosen = patches[patches.patch.isin(known.index)].reset_index(drop=True)
     known = known.loc[chosen.patch]
-    return chosen, Losses(
-        known.mean_wear_depth_um.to_numpy(dtype=float), known.above_noise.to_numpy(dtype=bool)
+    return with_t1(chosen, registration), Losses(
+        known.mean_wear_depth_um.to_numpy(dtype=float),
+        known.above_noise.to_numpy(dtype=bool),
+        law,
     )
 
 
@@ -95,8 +118,8 @@ def as_used(
     """What is pressed, and through which point: as the wear says, or else as stated.
 
     `face` has ``height``, ``counterface`` and ``size_mm``; `use` is from
-    `gstlib.use.infer.infer_use`. The load point is the mean of what the wear says, and the radius
-    the geometric mean.
+    `gstlib.use.infer.infer_use`. The load point is the mean of the centres that the wear says, and
+    the radius the geometric mean.
     """
     if use is None or not use.attrs["taken"]:
         return face, through
@@ -109,39 +132,73 @@ def as_used(
     return face.assign(counterface=over), point
 
 
-def leave_one_out(pressures: pd.DataFrame, use: xr.Dataset | None) -> pd.DataFrame:
-    """The table of pressures with ``leave_one_out_MPa``, as the wear of the other patches says.
+def strikes_of(use: xr.Dataset, generator: np.random.Generator) -> np.ndarray:
+    """Where (x, y), mm, one strike of each draw of a use acts."""
+    angle, stroke = np.radians(use.stroke_angle_deg.values), use.stroke_mm.values
+    uses = Uses(
+        np.stack([use.y_mm.values, use.x_mm.values], axis=1),
+        use.scatter_mm.values,
+        np.stack([stroke * np.sin(angle), stroke * np.cos(angle)], axis=1),
+    )
+    return uses.strikes(generator)[:, ::-1]
 
-    NaN where the wear of the patch is not known. Without a use that is taken, the table stays as it
-    is.
+
+def pressures_of_use(
+    pressures: pd.DataFrame, use: xr.Dataset | None, *, patch_mm: float
+) -> pd.DataFrame:
+    """The table of pressures under a use of many strikes.
+
+    `patch_mm` is the side of a patch. ``force_N`` and ``pressure_MPa`` become means over the
+    strikes. ``leave_one_out_MPa`` is as the wear of the other patches says, and ``stated_MPa``
+    under the use as stated: the wear of the patch itself has shaped neither. Patches whose wear is
+    not known keep their values, and have no ``leave_one_out_MPa``. Without a use that is taken, the
+    table stays as it is.
     """
     if use is None or not use.attrs["taken"]:
         return pressures
-    expected = (use.weight_without * use.pressure).sum("draw")
-    by_patch = pd.Series(expected.values, expected.patch.values).round(_DECIMALS)
-    return pressures.assign(leave_one_out_MPa=pressures.patch.map(by_patch))
+    spread = (use.weight * (use.pressure - use.pressure_at_centre)).sum("draw")
+    by_patch = {
+        "spread_MPa": spread,
+        "leave_one_out_MPa": (use.weight_without * use.pressure).sum("draw"),
+        "stated_MPa": use.stated_pressure,
+    }
+    series = {
+        name: pressures.patch.map(of.to_series().round(_DECIMALS))
+        for name, of in by_patch.items()
+    }
+    spread_MPa = series.pop("spread_MPa").fillna(0.0)
+    mean = (pressures.pressure_MPa + spread_MPa).clip(lower=0.0)
+    return pressures.assign(pressure_MPa=mean, force_N=mean * patch_mm**2, **series)
 
 
 def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame:
     """Loss of each patch, as predicted by the use that the wear of the other patches tells.
 
     `use` is from `gstlib.use.infer.infer_use` with these `losses`. The result has ``patch``,
-    ``loss_um`` as measured, ``predicted_um``, and the limits of 95 %, ``low_um`` and ``high_um``,
-    scatter included; it has no rows where nothing was inferred.
+    ``loss_um`` as measured, ``predicted_um``, the limits of 95 %, ``low_um`` and ``high_um``,
+    scatter included, and ``effective_draws``, on which they rest. It has no rows where nothing was
+    inferred.
     """
     generator = np.random.default_rng([seed, 7])
     rows = []
-    known = use.patch.values if use.sizes else []
-    for patch, measured in zip(known, losses.depth_um, strict=False):
+    patches = use.patch.values if use.sizes else []
+    if use.sizes:
+        pressure = use.pressure.transpose("draw", "patch")
+        use = use.assign(pressure=pressure.copy(data=losses.law.equivalent(pressure.values)))
+    for patch, measured in zip(patches, losses.depth_um, strict=False):
         at = use.sel(patch=patch)
-        expected = (at.wear_coefficient_without * at.pressure).values
+        expected = (at.wear_coefficient * at.pressure).values
         weight = at.weight_without.values
-        drawn = generator.choice(len(weight), _PREDICTIVE, p=weight / weight.sum())
-        width = np.hypot(at.scatter_without * expected, at.floor_without).values[drawn]
+        drawn = generator.choice(len(weight), _PREDICTIVE, p=weight)
+        width = np.hypot(at.scatter * expected, at.floor).values[drawn]
         loss = expected[drawn] + width * generator.standard_t(4.0, _PREDICTIVE)
-        rows.append((patch, measured, float(weight @ expected), *np.quantile(loss, _TAILS)))
-    columns = ["patch", "loss_um", "predicted_um", "low_um", "high_um"]
-    return pd.DataFrame(rows, columns=columns).round(_DECIMALS)
+        count = float(at.effective_draws_without)
+        rows.append(
+            (patch, measured, float(weight @ expected), *np.quantile(loss, _TAILS), count)
+        )
+    columns = ["patch", "loss_um", "predicted_um", "low_um", "high_um", "effective_draws"]
+    table = pd.DataFrame(rows, columns=columns).round(_DECIMALS)
+    return table.assign(effective_draws=table.effective_draws.round())
 
 
 def share_within(predicted: pd.DataFrame) -> float:
@@ -159,37 +216,42 @@ def use_table(
     pandas.DataFrame
         A row for each ``parameter`` with its ``unit``: ``stated`` and ``stated_error`` (of the
         radius: of its logarithm), NaN where nothing was; ``mean`` (of the radius: geometric),
-        ``low`` and ``high`` of 95 %. Further rows say how good the answer is: ``p_value`` against
-        chance; ``gain`` of the log score over heights alone; and, with `predicted` from
-        `predicted_losses`, the share of the losses ``within_95`` % of what the others predict,
-        the posterior predictive check. In all rows the same:
-        ``effective_draws``, ``answer``, and ``taken``, whether the study takes it.
+        ``low`` and ``high`` of 95 %. Rows of the answer: ``gain`` of the log score over the best
+        ``competitor``; ``contact_error``, of the pressures between the solved contacts; and, with
+        `predicted` from `predicted_losses`, the share of the losses ``within_95`` % of what the
+        others predict, the posterior predictive check. In all rows the same: ``effective_draws``,
+        ``answer``, ``competitor``, and ``taken``, whether the study takes it.
     """
     y, x = stated.through
+    nothing = np.nan, np.nan
     rows: list[tuple] = [
         ("load_point_x", "mm", "x_mm", x, stated.load_point_mm),
         ("load_point_y", "mm", "y_mm", y, stated.load_point_mm),
+        ("scatter_of_strikes", "mm", "scatter_mm", np.nan, stated.scatter_mm),
+        ("stroke", "mm", "stroke_mm", np.nan, stated.stroke_mm),
+        ("spread", "mm", "spread_mm", np.nan, np.nan),
     ]
     if stated.radius_mm is not None:
         rows.append(("radius", "mm", "radius_mm", stated.radius_mm, stated.radius_fraction))
     if "wear_coefficient" in use:
-        rows.append(("wear_coefficient", "um/MPa", "wear_coefficient", np.nan, np.nan))
-        rows.append(("scatter", "1", "scatter", np.nan, np.nan))
+        rows.append(("wear_coefficient", "um/MPa", "wear_coefficient", *nothing))
+        rows.append(("scatter_of_losses", "1", "scatter", *nothing))
     found = [
         (parameter, unit, value, error, *_summary(use, name))
         for parameter, unit, name, value, error in rows
     ]
     if use.sizes:
         gain, error = use.attrs["gain"], 1.96 * use.attrs["gain_error"]
-        found.append(("p_value", "1", np.nan, np.nan, use.attrs["p_value"], np.nan, np.nan))
-        found.append(("gain", "1", np.nan, np.nan, gain, gain - error, gain + error))
+        found.append(("gain", "1", *nothing, gain, gain - error, gain + error))
+        found.append(("contact_error", "1", *nothing, use.attrs["contact_error"], *nothing))
     if predicted is not None and len(predicted):
-        within = share_within(predicted)
-        found.append(("within_95", "1", np.nan, np.nan, within, np.nan, np.nan))
+        found.append(("within_95", "1", *nothing, share_within(predicted), *nothing))
     columns = ["parameter", "unit", "stated", "stated_error", "mean", "low", "high"]
-    answered = {name: use.attrs[name] for name in ("effective_draws", "answer")}
     return pd.DataFrame(found, columns=columns).assign(
-        **answered, taken=bool(use.attrs["taken"])
+        effective_draws=use.attrs["effective_draws"],
+        answer=use.attrs["answer"],
+        competitor=COMPETITORS.get(use.attrs.get("competitor", ""), ""),
+        taken=bool(use.attrs["taken"]),
     )
 
 

@@ -1,29 +1,34 @@
-"""Draws of uses: importance samples in rounds, each about what the earlier ones found.
+"""Draws of uses: contacts where likely uses strike, and particles between them.
 
-The first draws are from what the user states, with its standard errors; those of each further round
-lie about what the earlier ones found, and all of them are weighed together, as draws from one
-mixture (Owen & Zhou 2000, J. Am. Stat. Assoc. 95:135).
+Contacts are solved in rounds. The first are strikes of uses that are possible beforehand; those of
+each further round are strikes of uses that the wear says are likely, by the pressures between the
+contacts so far (`gstlib.use.spread`). The uses themselves take no contact
+(`gstlib.use.tempering`).
 """
 
+# ASSUME: beforehand, half of the uses have no scatter, and half have no stroke. Without such a
+# share, a tool that always struck one point would seem to scatter, and its radius too small.
+
 import logging
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
-import scipy
 
-from gstlib.use.evidence import Evidence, Seen, weigh
+from gstlib.use.evidence import Evidence, likelihood
+from gstlib.use.spread import StrikePressures, Uses
+from gstlib.use.tempering import Particles, tempered
 
-__all__ = ["Draws", "Sampling", "effective_draws", "sample"]
+__all__ = ["Draws", "Prior", "Sampling", "sample"]
 
 _log = logging.getLogger(__name__)
 
-# Effective draws that a proposal is fitted to; its tails are Student's. A draw counts from this
-# share of the mean weight on.
-_FITTED, _FREEDOM, _LEAST = 12, 5.0, 1e-3
-# Fewer draws do not tell their covariance, and one draw has none: this share of the covariance
-# beforehand is added to it.
-_SHARE = 0.1
+# Uses from which the strikes of a round are taken.
+_USES_OF_ROUND = 400
+# How much the wear counts in the first rounds, while few contacts are known.
+_COUNTED = 0.2, 0.5, 1.0
+# Contacts that were predicted as well as this, over their mean pressure, need no further ones.
+_PREDICTED = 0.1
 
 
 class Sampling(NamedTuple):
@@ -32,106 +37,144 @@ class Sampling(NamedTuple):
     Attributes
     ----------
     draws, rounds : int
-        Draws of a round, and the most rounds.
+        Contacts of a round, and the most rounds.
+    particles : int
+        Uses in the end.
     seed : int
-    enough : float
-        Effective draws from which no further round is drawn.
     """
 
     draws: int
     rounds: int
+    particles: int
     seed: int
-    enough: float = 150.0
+
+
+class Prior(NamedTuple):
+    """Uses that are possible beforehand.
+
+    Attributes
+    ----------
+    mean, error : (2 or 3,) ndarray
+        Of the centre (y, x), mm, and the logarithm of the radius: normal.
+    scatter_mm, stroke_mm : float
+        Scales of the scatter and of the length of a stroke. Each is 0 with a probability of a half,
+        and half-normal otherwise. All directions of a stroke are equally likely.
+    """
+
+    mean: np.ndarray
+    error: np.ndarray
+    scatter_mm: float
+    stroke_mm: float
+
+    @property
+    def variables(self) -> int:
+        """How many standard normal variables make a use."""
+        return len(self.mean) + 4
+
+    def uses(self, standard: np.ndarray) -> Uses:
+        """The uses of standard normal variables (uses, variables)."""
+        size = len(self.mean)
+        scatter, length, *direction = standard[:, size:].T
+        stroke = self.stroke_mm * np.maximum(length, 0.0) * direction / np.hypot(*direction)
+        points = self.mean + self.error * standard[:, :size]
+        return Uses(points, self.scatter_mm * np.maximum(scatter, 0.0), stroke.T)
 
 
 class Draws(NamedTuple):
-    """Uses (draws, parameters), their probability beforehand, their pressures, what these show."""
+    """Uses, and what the wear says of them.
 
-    points: np.ndarray
-    log_prior: np.ndarray
+    Attributes
+    ----------
+    particles : Particles
+    pressures_of : callable
+        From standard normal variables (draws, variables) to pressures (draws, patches), MPa.
+    variables : int
+    uses : Uses
+    pressure, pressure_at_centre : (draws, patches) ndarray
+        Mean over the strikes, and of a strike through their centre, MPa.
+    parameters : mapping of str to (draws,) ndarray
+        What the evidence does not ask for.
+    contacts, touching : int
+        Contacts that were solved, and those that press a patch.
+    contact_error : float
+        R.m.s. error with which the last contacts were predicted, over their mean pressure.
+    """
+
+    particles: Particles
+    pressures_of: Callable[[np.ndarray], np.ndarray]
+    variables: int
+    uses: Uses
     pressure: np.ndarray
-    seen: Seen
-
-    @property
-    def touching(self) -> int:
-        """How many of the uses press a patch."""
-        return int((self.pressure > 0).any(axis=1).sum())
+    pressure_at_centre: np.ndarray
+    parameters: Mapping[str, np.ndarray]
+    contacts: int
+    touching: int
+    contact_error: float
 
 
 def sample(
-    prior: Any,
+    prior: Prior,
     pressures: Callable[[np.ndarray], np.ndarray],
     evidence: Evidence,
     sampling: Sampling,
     generator: np.random.Generator,
-) -> Draws:
-    """Uses in rounds, each about what the earlier ones found, until enough of them count.
+) -> Draws | None:
+    """Uses that are likely, from contacts in rounds, until these are predicted well.
 
-    There is one round if none of its uses presses a patch.
+    `pressures` gives those (strikes, patches), MPa, of single strikes. There are no draws if no
+    strike of the first round presses a patch.
     """
-    proposals, points, fields, seen = [prior], [], [], []
-    for _ in range(sampling.rounds):
-        new = proposals[-1].rvs(sampling.draws, random_state=generator)
-        points.append(np.reshape(new, (sampling.draws, -1)))
-        fields.append(pressures(points[-1]))
-        seen.append(weigh(evidence, fields[-1]))
-        uses = np.concatenate(points)
-        # draws of all rounds are those of one mixture
-        density = [of.logpdf(uses) for of in proposals]
-        mixture = scipy.special.logsumexp(density, axis=0) - np.log(len(proposals))
-        drawn = Draws(uses, density[0] - mixture, np.concatenate(fields), Seen.joined(seen))
-        if not drawn.touching:
+
+    def particles(process: StrikePressures, draws: int, counted: float) -> Particles | None:
+        def log_likelihood(standard: np.ndarray) -> np.ndarray:
+            pressure = process.of(prior.uses(standard[:, : prior.variables]))
+            return likelihood(evidence, pressure, standard[:, prior.variables :])
+
+        size = prior.variables + evidence.variables
+        return tempered(log_likelihood, size, draws, generator, counted)
+
+    possible = generator.standard_normal((sampling.draws, prior.variables))
+    strikes = prior.uses(possible).strikes(generator)
+    pressed, error = pressures(strikes), np.nan
+    if not pressed.any():
+        return None
+    for number in range(1, sampling.rounds):
+        process = StrikePressures.through(strikes, pressed)
+        counted = _COUNTED[min(number, len(_COUNTED)) - 1]
+        likely = particles(process, _USES_OF_ROUND, counted)
+        if likely is None:
+            return None
+        chosen = generator.choice(_USES_OF_ROUND, sampling.draws)
+        new = prior.uses(likely.standard[chosen, : prior.variables]).strikes(generator)
+        solved = pressures(new)
+        error = _relative_error(process, new, solved)
+        strikes, pressed = np.concatenate([strikes, new]), np.concatenate([pressed, solved])
+        _log.info("%d contacts, the last of them predicted to %.2g", len(strikes), error)
+        if counted == 1 and error <= _PREDICTED:
             break
-        effective = effective_draws(drawn.seen.weights(drawn.log_prior))
-        _log.info("%d uses tried, of which %.1f count", len(uses), effective)
-        if effective >= sampling.enough:
-            break
-        proposals.append(_proposal(drawn, prior.cov))
-    return drawn
+    process = StrikePressures.through(strikes, pressed)
+    final = particles(process, sampling.particles, 1.0)
+    if final is None:
+        return None
+    uses = prior.uses(final.standard[:, : prior.variables])
+    pressure = process.of(uses)
+    return Draws(
+        final,
+        lambda standard: process.of(prior.uses(standard)),
+        prior.variables,
+        uses,
+        pressure,
+        process.of(uses.still),
+        evidence.parameters(pressure, final.standard[:, prior.variables :]),
+        len(strikes),
+        int(pressed.any(axis=1).sum()),
+        error,
+    )
 
 
-class _Kernels(NamedTuple):
-    """A mixture of Student's t about the draws that count."""
-
-    points: np.ndarray
-    weight: np.ndarray
-    shape: np.ndarray
-
-    def rvs(self, draws: int, random_state: np.random.Generator) -> np.ndarray:
-        """So many draws (draws, parameters)."""
-        about = random_state.choice(len(self.points), draws, p=self.weight)
-        apart = scipy.stats.multivariate_t(shape=self.shape, df=_FREEDOM)
-        moved = apart.rvs(draws, random_state=random_state).reshape(draws, -1)
-        return np.asarray(self.points[about] + moved)
-
-    def logpdf(self, uses: np.ndarray) -> np.ndarray:
-        """Logarithm of the density of uses (uses, parameters)."""
-        apart = scipy.stats.multivariate_t(shape=self.shape, df=_FREEDOM)
-        # SciPy drops the axis of a single point
-        each = apart.logpdf(uses[:, None] - self.points).reshape(len(uses), -1)
-        return np.asarray(scipy.special.logsumexp(each + np.log(self.weight), axis=1))
-
-
-def _proposal(draws: Draws, prior: np.ndarray) -> _Kernels:
-    """About the draws that count, with the wear counting just so much that enough of them do.
-
-    `prior` is the covariance of the uses that are possible beforehand.
-    """
-    power, weight = 1.0, draws.seen.weights(draws.log_prior)
-    while effective_draws(weight) < _FITTED and power > 1e-3:
-        power *= 0.8
-        weight = scipy.special.softmax(draws.log_prior + power * draws.seen.log_evidence)
-    apart = draws.points - weight @ draws.points
-    spread = (weight[:, None] * apart).T @ apart
-    if effective_draws(weight) < _FITTED:
-        spread += _SHARE * prior
-    # the bandwidth of Scott, of as many draws as count
-    bandwidth = effective_draws(weight) ** (-1 / (draws.points.shape[1] + 4))
-    shape = bandwidth**2 * (_FREEDOM - 2) / _FREEDOM * spread
-    counts = weight > _LEAST / len(weight)
-    return _Kernels(draws.points[counts], weight[counts] / weight[counts].sum(), shape)
-
-
-def effective_draws(weight: np.ndarray) -> float:
-    """How many draws of equal weight would be worth as much."""
-    return float(1 / (weight**2).sum())
+def _relative_error(
+    process: StrikePressures, strikes: np.ndarray, pressure: np.ndarray
+) -> float:
+    still = Uses(strikes, np.zeros(len(strikes)), np.zeros((len(strikes), 2)))
+    error, mean = process.of(still) - pressure, pressure.mean()
+    return float(np.sqrt(np.square(error).mean()) / mean) if mean > 0 else np.inf

@@ -10,7 +10,8 @@ same data as the prediction (`gstlib.validation.baselines`).
 Chance is what the masks of the other patches reach (`gstlib.validation.nulls`). Noise mimics
 agreement: a point that noise raises at T0 is predicted to wear, and looks worn at T1. No other
 patch can show that, but noise raises as often as it lowers: where so much rose that noise may
-explain the loss, chance is not tested.
+explain the loss, the patch is not in the test. What noise is left makes a test of one patch claim
+more often than its level says, so that only all patches together are tested.
 """
 
 import math
@@ -23,10 +24,11 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.contact import Contact
+from gstlib.coupling.pressures import unseen
 from gstlib.surfaces.grid import spacing_of
 from gstlib.validation.baselines import BASELINES, ORACLE, Others, baseline_depths
 from gstlib.validation.masks import mask_counts, mask_scores
-from gstlib.validation.nulls import Places, p_value, swapped_mcc
+from gstlib.validation.nulls import Places, swapped_mcc
 from gstlib.wear.archard import BARE, INTERLAYER, seen_depth
 
 __all__ = ["ScoredPatch", "by_chance", "other_patches", "own_model", "score_patch"]
@@ -64,7 +66,7 @@ def other_patches(
     The tables are ``patch_pressures`` and ``registration``; each contact and each change of these
     patches is looked up once.
     """
-    table = pressures.set_index("patch")[["pressure_MPa"]]
+    table = pd.DataFrame({"pressure_MPa": unseen(pressures.set_index("patch"))})
     known = registration.set_index("patch")
     table = table.assign(
         loss_mm=known.mean_wear_depth_um * 1e-3, loss_fraction=known.loss_fraction
@@ -177,21 +179,17 @@ def by_chance(found: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
 
 
 def score_tables(
-    found: Sequence[ScoredPatch],
-    nulls: Mapping[str, np.ndarray],
-    in_statistics: Mapping[str, bool],
+    found: Sequence[ScoredPatch], in_statistics: Mapping[str, bool]
 ) -> dict[str, pd.DataFrame]:
     """The tables ``patches``, ``wear`` and ``profile``; empty without patches.
 
-    `nulls` are those of `by_chance`; `in_statistics` says which patches enter the statistics.
+    `in_statistics` says which patches enter the statistics.
     """
     patches = []
     for one in found:
         patch = one.row["patch"]
-        null = nulls.get(patch)
-        chance = math.nan if null is None else p_value(float(null[0]), null[1:])
         first = {"patch": patch, "in_statistics": in_statistics[patch]}
-        patches.append(first | one.row | {"p_value": chance, "untested": one.untested})
+        patches.append(first | one.row | {"untested": one.untested})
     wear = pd.DataFrame([row for one in found for row in one.models])
     if INTERLAYER not in set(wear.get("model", [])):  # only that of an interlayer is compared
         wear = wear.drop(columns="out_of_contact_um", errors="ignore")

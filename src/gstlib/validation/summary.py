@@ -20,6 +20,7 @@ import scipy
 import xarray as xr
 
 from gstlib.contact import Contact
+from gstlib.coupling.pressures import stated, unseen
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.inference import (
     Draws,
@@ -92,8 +93,9 @@ def summarise(
         errors; of all models ``mean(mcc)`` and, against no loss, ``relative(map_error)``. Two-sided
         tests exchange the two patch by patch. ``tested_mean(mcc)``: over those on which chance can
         be tested, against the predictions of other patches, one-sided. ``spearman(a, b)``: rank
-        correlation over patches of pressure with the lost area, and of whether a patch bears any
-        pressure (``touched``) with the lost volume; the latter of patches in and out of the study.
+        correlation over patches of the pressure under the use as stated with the lost area, and of
+        whether it touches a patch (``touched``) with the lost volume; the latter of patches in and
+        out of the study.
         ``expected_most_worn(5+8, column)``: share of these patches among the equally many largest
         (a tie counts against it), with the p-value of a random ranking. With an interlayer
         ``interlayer_ratio``, its coefficient over that of the bare stone, and
@@ -131,16 +133,18 @@ def patch_statistics(
     """What is predicted and measured of each patch, as `summarise` takes it.
 
     The tables are ``validation_patches``, ``registration`` and ``patch_pressures``. A row for each
-    patch with a known change, also where no loss is predicted.
+    patch with a known change, also where no loss is predicted. Pressures are those under the use as
+    stated: the wear has shaped those of a use that was read from it.
     """
     of_registration = ["patch", "loss_fraction", "mean_wear_depth_um", "above_noise"]
     measured = registration.loc[registration.known_fraction > 0, of_registration]
-    where = pressures[["patch", "x_mm", "y_mm", "pressure_MPa", "in_study"]]
+    where = pressures[["patch", "x_mm", "y_mm", "in_study"]].assign(
+        pressure_MPa=stated(pressures), touched=(stated(pressures) > 0).astype(float)
+    )
     predicted = patches.reindex(columns=["patch", "contact_fraction", "predicted_loss_um"])
     # a table without rows has no types, and pandas merges text with nothing but text
     measured, predicted = (of.astype({"patch": str}) for of in (measured, predicted))
     table = where.merge(measured, on="patch").merge(predicted, on="patch", how="left")
-    table["touched"] = (table.pressure_MPa > 0).astype(float)
     table["above_noise"] = table.above_noise.astype(bool)
     table["in_statistics"] = table.above_noise & table.in_study.astype(bool)
     return table
@@ -205,11 +209,11 @@ def _against_best(gain: np.ndarray, draws: Draws) -> float:
 def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:
     """The mean MCC against that by chance, over the patches on which chance can be tested.
 
-    A draw takes one prediction at random for each patch.
+    A draw takes one prediction at random for each patch. One patch is not tested by itself.
     """
     values = np.array([null[0] for null in nulls])
     p = math.nan
-    if nulls:
+    if len(nulls) > 1:
         drawn = [draws.generator.choice(null[1:], draws.resamples) for null in nulls]
         p = p_value(float(values.mean()), np.mean(drawn, axis=0))
     return own, "tested_mean(mcc)", mean_of(values, draws, p), "other patches' predictions"
@@ -287,7 +291,8 @@ def score_wear(
         the noise.
     """
     known = registration[registration.known_fraction > 0].set_index("patch")
-    at = pressures.set_index("patch").join(known.above_noise, how="inner")
+    at = pressures.assign(unseen_MPa=unseen(pressures)).set_index("patch")
+    at = at.join(known.above_noise, how="inner")
     scores = []
     if prediction.depths:
         fitted_to = prediction.fitted_to
@@ -299,13 +304,13 @@ def score_wear(
                 changes[patch],
                 prediction.depths[patch],
                 others,
-                pressure_MPa=float(at.pressure_MPa[patch]),
+                pressure_MPa=float(at.unseen_MPa[patch]),
                 above_noise=bool(at.above_noise[patch]),
             )
             scores.append(score)
     nulls = by_chance(scores)
     in_statistics = (at.in_study.astype(bool) & at.above_noise.astype(bool)).to_dict()
-    tables = score_tables(scores, nulls, in_statistics)
+    tables = score_tables(scores, in_statistics)
     statistics = patch_statistics(tables["patches"], registration, pressures)
     tables["summary"] = summarise(
         statistics,

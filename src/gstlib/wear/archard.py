@@ -15,6 +15,8 @@ with that of the bare stone is fitted as κ is, to the maps of loss of the other
 
 # ASSUME: κ is one number for the whole stone and all of its use; the active tool does not wear,
 # and patches are pressed as before use by what surrounds them, at the pressure of each step.
+# ASSUME: under another law, the loss of a patch follows its mean pressure. Its summits share the
+# loss in proportion to their pressure, and pressures move between patches as under Archard's law.
 # ASSUME: while it wears, the stone keeps the tilt that it rests with before use.
 # ASSUME: κ makes the predicted and the measured loss of the patches equal in sum: a few deep
 # traces count more than many shallow ones. The measured loss is that beyond its level of detection.
@@ -34,15 +36,18 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
 
 from gstlib.bem.layer import Layer
 from gstlib.bem.solver import solve_contact
 from gstlib.bem.wear import ThirdBody, WearPath, wear_path
+from gstlib.conditions import ARCHARD, Law
 from gstlib.contact import Contact, log_state, solver_errors
 from gstlib.coupling.embedding import surroundings
-from gstlib.coupling.pressures import patch_pressures
+from gstlib.coupling.pressures import covered, unseen
 from gstlib.errors import InputError
+from gstlib.macroscale.ensemble import patch_means
 from gstlib.macroscale.gesture import Gesture, exposure, press_poses
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import described
@@ -77,6 +82,7 @@ _DESCRIBED = {
     "reach": ("mm/MPa", "κ of the bare stone at the end of a path"),
     "kappa": ("mm/MPa", "wear coefficient × sliding"),
     "pressed": ("mm", "mean depth that one body alone would remove"),
+    "pressed_covered": ("mm", "mean depth that the stone would remove where both scans are"),
     "fitted": ("mm/MPa", "κ of other patches"),
     "kappa_of_all": ("mm/MPa", "κ of all patches"),
     "reach_of": ("mm/MPa", "end of the path of a patch, from the others' losses"),
@@ -124,11 +130,13 @@ class WornSquare(NamedTuple):
         By ``reach``, κ of the bare stone up to which it wears, and ``ratio`` of the interlayer's
         coefficient to the bare stone's, 0 alone without an interlayer: ``kappa`` (reach, ratio,
         step), both bodies' together, mm/MPa, from 0 on; ``pressed`` (reach, ratio, body, step,
-        patch): mean depth that one body alone would remove, mm. ``fitted`` (patch): κ of the bare
-        stone from the measured losses of all other patches, and ``reach_of`` (patch) the path that
-        they lead to; ``kappa_of_all``, ``reach_of_all``: from all. ``measured`` (patch), mm, NaN
-        where κ is not fitted to a patch; ``pressure_MPa`` before use and ``x_mm, y_mm,
-        rotation_deg`` (patch); ``patch_mm``.
+        patch): mean depth that one body alone would remove, mm. ``pressed_covered`` (reach, ratio,
+        step, patch): that of the stone over the area that both scans of a patch cover, which is
+        the area of its measured loss. ``fitted`` (patch): κ of the bare stone from the measured
+        losses of all other patches, and ``reach_of`` (patch) the path that they lead to;
+        ``kappa_of_all``, ``reach_of_all``: from all. ``measured`` (patch), mm, NaN where κ is not
+        fitted to a patch; ``pressure_MPa`` before use and ``x_mm, y_mm, rotation_deg`` (patch);
+        ``patch_mm``. The attribute ``wear_law`` has the fields of `law`, unless it is Archard's.
     interlayer : Interlayer or None
     """
 
@@ -144,6 +152,11 @@ class WornSquare(NamedTuple):
             return cls(path, None)
         layer = Layer(*(float(fitted[name]) for name in _OF_LAYER))
         return cls(path, Interlayer(layer, fitted.pressure, fitted))
+
+    @property
+    def law(self) -> Law:
+        """How the loss of a patch grows with its pressure."""
+        return Law(*self.path.attrs.get("wear_law", ARCHARD))
 
     @property
     def fitted_interlayer(self) -> xr.Dataset | None:
@@ -189,6 +202,7 @@ def wear_square(
     steps: int,
     interlayer: Layer | None = None,
     gesture: Gesture | None = None,
+    law: Law = ARCHARD,
 ) -> WornSquare:
     """Wear the square, follow the patches' pressures, and fit κ.
 
@@ -197,9 +211,11 @@ def wear_square(
     contact : Contact
         The face's at the target load.
     pressures : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg`` of every patch, and ``pressure_MPa`` before use. With
-        ``leave_one_out_MPa``, from `gstlib.use.outcome.leave_one_out`, a patch wears at that
-        pressure where it is known, and not at one that its own loss has a part in.
+        ``patch, x_mm, y_mm, rotation_deg`` of every patch, and ``pressure_MPa`` before use, and
+        ``covered_MPa`` with the place of T1 from `gstlib.surfaces.footprints.with_t1` where T1
+        does not cover all of T0. With ``leave_one_out_MPa``, from
+        `gstlib.use.outcome.pressures_of_use`, a patch wears at that pressure where it is known, and
+        not at one that its own loss has a part in.
     losses_um : mapping
         Measured mean loss over each patch that κ is fitted to, µm, finite; of two at least.
     patch_mm : float
@@ -211,6 +227,9 @@ def wear_square(
     gesture : Gesture, optional
         In each step all its poses take off what their pressure and sliding say, in place of the
         single pose. Not with an interlayer.
+    law : Law
+        How the loss of a patch grows with its pressure. Other laws than Archard's have neither
+        interlayer nor gesture.
 
     Raises
     ------
@@ -221,22 +240,29 @@ def wear_square(
     table = pressures.set_index("patch", drop=False)
     # an interlayer adds to what the bare stone does
     ratios = _RATIOS if interlayer else _RATIOS[:1]
+    # over the outlines, then over the areas that both scans cover
+    means = scipy.sparse.vstack(
+        [
+            patch_means(contact.pressure, areas, size_mm=patch_mm)
+            for areas in (table[["patch", *_OF_PATCHES]], table)
+        ]
+    )
 
     @cache
     def path_to(reach: float) -> xr.Dataset:
         if gesture is None:
-            paths = [
-                _pressed(contact, table, (1 + of) * reach, of, interlayer, patch_mm, steps)
+            depths = [
+                _pressed(contact, means, (1 + of) * reach, of, interlayer, steps)
                 for of in ratios
             ]
         else:
-            paths = [_pressed_in_poses(contact, gesture, table, reach, patch_mm, steps)]
-        paths = [_without_own_loss(path, table) for path in paths]
+            depths = [_pressed_in_poses(contact, gesture, table, means, reach, patch_mm, steps)]
+        paths = [_without_own_loss(_path(*of, table), table) for of in depths]
         return xr.concat(paths, pd.Index(ratios, name="ratio"))
 
     others = [measured.drop(patch, errors="ignore") for patch in table.patch]
     fits, reaches = zip(
-        *(_fit(path_to, table.pressure_MPa, of) for of in (measured, *others)), strict=True
+        *(_fit(path_to, unseen(table), of, law) for of in (measured, *others)), strict=True
     )
     ends = sorted({*reaches})
     path = xr.concat([path_to(end) for end in ends], pd.Index(ends, name="reach"))
@@ -250,6 +276,8 @@ def wear_square(
     )
     path = path.assign({name: ("patch", table[name]) for name in _OF_PATCHES})
     path = described(path, _DESCRIBED)
+    if law != ARCHARD:
+        path.attrs["wear_law"] = [*law]
     if interlayer is None:
         return WornSquare(path, None)
     return WornSquare(path, Interlayer(interlayer, _under_interlayer(contact, interlayer)))
@@ -284,14 +312,13 @@ def _under_interlayer(contact: Contact, interlayer: Layer) -> xr.DataArray:
 
 def _pressed(
     contact: Contact,
-    table: pd.DataFrame,
+    means: "scipy.sparse.csr_array",
     kappa: float,
     ratio: float,
     interlayer: Layer | None,
-    patch_mm: float,
     steps: int,
-) -> xr.Dataset:
-    """``kappa`` and ``pressed`` of `wear_square` up to one κ, at one ratio."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """κ in each step, and the mean depths (body, step, area) over the areas of `means`."""
     target = float(contact.pressure.mean())
     share = ratio / (1 + ratio)
     options: dict[str, Any] = {
@@ -302,30 +329,28 @@ def _pressed(
         "keep_states": True,
     }
     path = wear_contact(contact, "macroscale", **options)
-    pressed = np.zeros((len(_BODIES), steps + 1, len(table)))
+    pressed = np.zeros((len(_BODIES), steps + 1, means.shape[0]))
     for body, states in enumerate(zip(*path.states, strict=True)):
-        in_steps = []
-        for state in states:
-            field = contact.pressure.copy(data=state.pressure)
-            in_steps.append(patch_pressures(field, table, size_mm=patch_mm).pressure_MPa)
+        in_steps = [means @ state.pressure.ravel() for state in states]
         pressed[body, 1:] = kappa / steps * np.cumsum(in_steps, axis=0)
-    return _path(np.linspace(0, kappa, steps + 1), pressed, table)
+    return np.linspace(0, kappa, steps + 1), pressed
 
 
 def _pressed_in_poses(
     contact: Contact,
     gesture: Gesture,
     table: pd.DataFrame,
+    means: "scipy.sparse.csr_array",
     kappa: float,
     patch_mm: float,
     steps: int,
-) -> xr.Dataset:
+) -> tuple[np.ndarray, np.ndarray]:
     """As `_pressed`, by all poses of a gesture in each of as many explicit steps.
 
     The exposure takes the place of the pressure, in units in which its mean is the mean pressure.
     """
     target, height = float(contact.pressure.mean()), contact.interface.height
-    pressed = np.zeros((len(_BODIES), steps + 1, len(table)))
+    pressed = np.zeros((len(_BODIES), steps + 1, means.shape[0]))
     for step in range(steps):
         batch = press_poses(
             height,
@@ -339,42 +364,59 @@ def _pressed_in_poses(
         if not float(found.exposure.mean()) > 0:
             raise InputError("gesture", "no pose presses the stone", "Correct its poses.")
         lost = kappa / steps * target / float(found.exposure.mean())
-        pressed[0, step + 1] = pressed[0, step] + lost * found.patch_exposure.sum("pose").values
-        height = height.copy(data=height.values - lost * found.exposure.values)
-    return _path(np.linspace(0, kappa, steps + 1), pressed, table)
+        depth = lost * found.exposure.values
+        pressed[0, step + 1] = pressed[0, step] + means @ depth.ravel()
+        height = height.copy(data=height.values - depth)
+    return np.linspace(0, kappa, steps + 1), pressed
 
 
 def _without_own_loss(path: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
     """The path at pressures under the use that the wear of the other patches says."""
-    if "leave_one_out_MPa" not in table:
+    other = (unseen(table) - covered(table)).to_numpy()
+    if not other.any():
         return path
-    other = (table.leave_one_out_MPa - table.pressure_MPa).fillna(0.0).to_numpy()
+    # ASSUME: the use that the other patches say changes a patch's pressure by as much over its
+    # outline as over the area that both scans cover.
     # ASSUME: what the wear of the square changes in a patch's pressure is as under the whole use;
     # where that would leave less than none, the patch bears none in this step.
-    steps = np.diff(path.pressed.values, axis=1)
-    steps = np.maximum(steps + np.diff(path.kappa)[:, np.newaxis] * other, 0)
-    pressed = path.pressed.copy()
-    pressed[:, 1:] = np.cumsum(steps, axis=1)
-    return path.assign(pressed=pressed)
+    # ASSUME: the tilt of a patch, its surroundings, and the pressures of the patches that κ comes
+    # from may be those of a use that its own loss has a part in: each patch would take a path of
+    # its own otherwise.
+    changed = {}
+    for name in ("pressed", "pressed_covered"):
+        changed[name] = path[name].copy()
+        steps = np.diff(path[name].values, axis=-2)
+        steps = np.maximum(steps + np.diff(path.kappa)[:, np.newaxis] * other, 0)
+        changed[name][..., 1:, :] = np.cumsum(steps, axis=-2)
+    return path.assign(changed)
 
 
 def _path(kappa: np.ndarray, pressed: np.ndarray, table: pd.DataFrame) -> xr.Dataset:
+    """The path from mean depths (body, step, area), over outlines and then over covered areas."""
+    outlines, areas = np.split(pressed, 2, axis=-1)
     return xr.Dataset(
-        {"kappa": ("step", kappa), "pressed": (("body", "step", "patch"), pressed)},
+        {
+            "kappa": ("step", kappa),
+            "pressed": (("body", "step", "patch"), outlines),
+            "pressed_covered": (("step", "patch"), areas[0]),
+        },
         coords={"body": list(_BODIES), "patch": list(table.patch)},
     )
 
 
 def _fit(
-    path_to: Callable[[float], xr.Dataset], pressures: pd.Series, measured: pd.Series
+    path_to: Callable[[float], xr.Dataset], pressures: pd.Series, measured: pd.Series, law: Law
 ) -> tuple[float, float]:
     """The κ at which the patches of `measured` have lost as much in sum, and its path's end."""
     patches, total = list(measured.index), measured.sum()
-    first = math.ceil(2 * math.log2(_REACHES * total / pressures[patches].sum()))
+    equivalent = pd.Series(law.equivalent(pressures.to_numpy()), pressures.index)
+    first = math.ceil(2 * math.log2(_REACHES * total / equivalent[patches].sum()))
     for power in range(first, first + _MORE + 1):
         reach = 2.0 ** (power / 2)
         path = path_to(reach).sel(ratio=0)
-        lost = path.pressed.sel(body="stone", patch=patches).sum("patch").values
+        pressed = path.pressed_covered.transpose("step", "patch")
+        removed = _removed(pressed.values, path.kappa.values, law, pressures.to_numpy())
+        lost = pressed.copy(data=removed).sel(patch=patches).sum("patch").values
         if total <= lost[-1]:
             return float(np.interp(total, lost, path.kappa)), reach
     raise InputError(
@@ -382,6 +424,20 @@ def _fit(
         "the measured losses are more than this square can lose under its patches",
         "Look for a patch whose T1 is wrong.",
     )
+
+
+def _removed(
+    pressed: np.ndarray, kappa: np.ndarray, law: Law, before: np.ndarray
+) -> np.ndarray:
+    """Depth (steps, …) that a law removes at the pressures at which Archard's removes `pressed`.
+
+    `before` are the pressures of all patches before use, MPa.
+    """
+    if law == ARCHARD:
+        return pressed
+    sliding = np.diff(kappa).reshape(-1, *[1] * (pressed.ndim - 1))
+    steps = sliding * law.equivalent(np.diff(pressed, axis=0) / sliding, before)
+    return np.concatenate([np.zeros_like(pressed[:1]), np.cumsum(steps, axis=0)])
 
 
 def seen_depth(depth: np.ndarray) -> np.ndarray:
@@ -425,7 +481,7 @@ def wear_patch(
     if not lost > 0:
         return np.zeros(contact.pressure.shape)
     if pressure_cap is not None:
-        options = _bounded(options, ratio, pressure_cap)
+        options = _bounded(options, ratio, pressure_cap, worn.law)
     return wear_contact(contact, f"patch {patch}", **options).depth
 
 
@@ -445,7 +501,7 @@ def wear_elastic_and_capped(
         return (nothing := np.zeros(contact.pressure.shape)), nothing
     source = f"patch {patch}"
     elastic = wear_contact(contact, source, **options)
-    bounded = _bounded(options, ratio, pressure_cap)
+    bounded = _bounded(options, ratio, pressure_cap, worn.law)
     # Where no pressure reaches the cap, each of its contacts is that without it.
     is_borne = math.isclose(bounded["mean_loss"], lost, rel_tol=1e-12)
     if is_borne and elastic.highest_pressure < pressure_cap:
@@ -464,7 +520,9 @@ def driven(
     share, fine = ratio / (1 + ratio), kappa * np.arange(steps + 1) / steps
     pressed = [np.interp(fine, at.kappa, at.pressed.sel(body=body)) for body in _BODIES]
     stone, soft = (np.diff(of) / fine[1] for of in pressed)
-    lost = (1 - share) * pressed[0][-1] + share * pressed[1][-1]
+    before = worn.path.pressure_MPa.values
+    removed = [_removed(of, fine, worn.law, before)[-1] for of in pressed]
+    lost = (1 - share) * removed[0] + share * removed[1]
     options: dict[str, Any] = {"mean_pressure": stone, "mean_loss": lost, "steps": steps}
     if ratio and worn.interlayer:
         lowered = _lowered(contact, at, worn.interlayer)
@@ -472,12 +530,12 @@ def driven(
     return lost, options
 
 
-def _bounded(options: dict, ratio: float, pressure_cap: float) -> dict:
+def _bounded(options: dict, ratio: float, pressure_cap: float, law: Law) -> dict:
     """The settings of `driven` with a cap on the pressure, and no more than it lets pass."""
     most, share = _BORNE * pressure_cap, ratio / (1 + ratio)
     body, stone = options.get("third_body"), np.minimum(options["mean_pressure"], most)
-    asked = (1 - share) * options["mean_pressure"].sum()
-    borne = (1 - share) * stone.sum()
+    asked = (1 - share) * law.rate(options["mean_pressure"]).sum()
+    borne = (1 - share) * law.rate(stone).sum()
     bounded: dict[str, Any] = {"mean_pressure": stone, "pressure_cap": pressure_cap}
     if body is not None:
         soft = np.minimum(body.mean_pressure, most)

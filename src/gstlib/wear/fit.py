@@ -2,15 +2,17 @@
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gstlib.conditions import Law
 from gstlib.contact import Contact
+from gstlib.coupling.pressures import unseen
 from gstlib.errors import InputError
-from gstlib.macroscale.gesture import Gesture
+from gstlib.surfaces.footprints import with_t1
 from gstlib.wear.archard import (
     BARE,
     CAPPED,
@@ -72,12 +74,11 @@ def fit_wear(
     registration: pd.DataFrame,
     maps: PatchMaps | None = None,
     *,
-    patch_mm: float,
-    steps: int,
     interlayer: Mapping[str, float] | None = None,
-    gesture: Gesture | None = None,
+    wear_law: Mapping[str, float] | None = None,
+    **options: Any,
 ) -> WornSquare | None:
-    """Wear the face by Archard's law, and fit its coefficient to the measured losses.
+    """Wear the face by a law of wear, and fit its coefficient to the measured losses.
 
     Parameters
     ----------
@@ -88,34 +89,40 @@ def fit_wear(
         in the study count.
     maps : PatchMaps, optional
         Of the patches with a T1; needed where there is an interlayer.
-    patch_mm, steps, gesture
-        As in `gstlib.wear.archard.wear_square`.
     interlayer : mapping, optional
         That section of the config. Its coefficient is fitted, too.
+    wear_law : mapping, optional
+        The fields of `gstlib.conditions.Law`; by default, Archard's law.
+    **options
+        ``patch_mm, steps`` and ``gesture`` of `gstlib.wear.archard.wear_square`.
 
     Returns
     -------
     WornSquare or None
         None, with a warning, where there is no fit.
     """
-    known = pressures.merge(registration, on="patch").set_index("patch")
+    known = pressures.assign(unseen_MPa=unseen(pressures))
+    known = known.merge(registration, on="patch").set_index("patch")
     known = known[known.above_noise.astype(bool) & known.in_study.astype(bool)]
     known = known.dropna(subset="mean_wear_depth_um")
-    if ((known.mean_wear_depth_um > 0) & (known.pressure_MPa > 0)).sum() < 2:
+    law = Law(**(wear_law or {}))
+    wears = (known.mean_wear_depth_um > 0) & (law.rate(known.unseen_MPa) > 0)
+    if wears.sum() < 2:
+        above = f" of more than {law.threshold_MPa:g} MPa" * (law.threshold_MPa > 0)
         _log.warning(
-            "wear is not predicted: fewer than two patches under load lost height, so that its "
-            "coefficient cannot be fitted to some and tested on others"
+            "wear is not predicted: fewer than two patches under load%s lost height, so that its "
+            "coefficient cannot be fitted to some and tested on others",
+            above,
         )
         return None
     try:
         worn = wear_square(
             contact,
-            pressures,
+            with_t1(pressures, registration),
             known.mean_wear_depth_um.to_dict(),
-            patch_mm=patch_mm,
-            steps=steps,
             interlayer=layer_of(interlayer) if interlayer else None,
-            gesture=gesture,
+            law=law,
+            **options,
         )
     except InputError as error:
         _log.warning("wear is not predicted: %s", error.problem)

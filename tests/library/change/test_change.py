@@ -1,6 +1,7 @@
 """Height change: levelled on what did not wear, with an honest level of detection."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import scipy.ndimage
 import xarray as xr
@@ -12,7 +13,9 @@ from gstlib.change.change import (
     wear_summary,
 )
 from gstlib.change.selection import other_heights, registration_table
+from gstlib.macroscale.ensemble import patch_means
 from gstlib.study import register_patch
+from gstlib.surfaces.footprints import with_t1
 from gstlib.surfaces.grid import make_surface, spacing_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -235,6 +238,24 @@ def test_nothing_is_known_where_hardly_a_point_was_measured_at_both_epochs(remea
     assert np.isnan(result["change"]).all()
     (warning,) = caplog.messages
     assert all(word in warning for word in ["patch 7:", "50 %", "covers 100 %", "not known"])
+
+
+def test_the_place_of_t1_is_that_of_the_points_known_at_both_epochs(remeasure):
+    """T1 may be smaller or larger than T0, and its coordinates begin elsewhere."""
+    t0, t1, _ = remeasure((25, -12), wear=0.05)
+    t0 = t0.isel(y=slice(20, 220), x=slice(20, 220))
+    size_mm = 200 * float(spacing_of(t0)[0])
+    y_mm, x_mm = float(t0.y.mean()), float(t0.x.mean())
+    patches = pd.DataFrame({"patch": ["7"], "x_mm": x_mm, "y_mm": y_mm, "rotation_deg": 0.0})
+    for rows, columns in ((slice(60, 200), slice(40, None)), (slice(None), slice(None))):
+        part = t1.isel(y=rows, x=columns)
+        change = register_patch(prepared(t0), prepared(part), patch="7", **SEARCH)
+        table = registration_table({"7": change}, RULES, max_noise_fraction=0.5)
+        weights = patch_means(t0, with_t1(patches, table), size_mm=size_mm).toarray()
+        is_covered = weights.reshape(t0.shape) > 0.5 * weights.max()
+        is_known = np.isfinite(change.change.values)
+        assert (is_covered != is_known).mean() < 0.01
+        assert is_known.mean() == pytest.approx(table.overlap[0], abs=0.01)
 
 
 @pytest.mark.parametrize(

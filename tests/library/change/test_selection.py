@@ -101,6 +101,16 @@ def test_patches_are_selected_by_pressure_overlap_and_correlation():
         "T1 was not found on T0: its striae match, but nothing shows where along them",
     ]
     assert list(table.in_study) == [False, False, False, True, False, False]
+    # not by the pressure that the patch's own wear tells, where another is known
+    others = pressures.assign(leave_one_out_MPa=[np.nan, 2.0, np.nan, 0.0, 0.5, 70.0])
+    assert list(select_patches(others, registration[:0], RULES).in_study) == [
+        False,
+        True,
+        True,
+        False,
+        False,
+        True,
+    ]
     without_t1 = select_patches(pressures, registration[:0], RULES)
     assert list(without_t1.in_study) == [False, False, True, True, True, True]
     assert list(without_t1.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]

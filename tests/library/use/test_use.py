@@ -1,7 +1,5 @@
 """How a tool was used, from losses and grades that a known use made."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,33 +11,38 @@ from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.specimen.randomness import smooth_field
 from gstlib.surfaces.grid import coarser
-from gstlib.use.evidence import Grades, Losses, weigh
+from gstlib.use.competitors import COMPETITORS, competitor_scores
+from gstlib.use.evidence import Grades, Losses
 from gstlib.use.infer import (
-    BETTER,
-    CHANCE,
-    CONSISTENT,
+    FEWEST_DRAWS,
+    NOT_PRESSED,
+    PERHAPS,
+    PRESSED,
     UNKNOWN,
     StatedUse,
     _answer,
-    _chance,
-    _orders,
     infer_use,
+    use_pressures,
 )
 from gstlib.use.outcome import (
     as_used,
-    leave_one_out,
     losses_of,
     predicted_losses,
+    pressures_of_use,
+    strikes_of,
     use_of_study,
     use_table,
 )
-from gstlib.use.sampling import Sampling, effective_draws, sample
+from gstlib.use.sampling import Prior, Sampling, sample
+from gstlib.use.spread import StrikePressures, Uses
+from gstlib.use.tempering import Particles, effective_draws, tempered
 
 # A square of 3 mm in a face of 4.2 mm, with sixteen patches of 0.5 mm.
 SIZE, ELEMENT, COUNT, PATCH = 3.0, 0.06, 70, 0.5
 MODULUS, FORCE, RADIUS, POINT = 1e4, 150.0, 60.0, (1.7, 1.2)
-STATED = StatedUse(FORCE, (1.4, 1.6), 0.4, 100.0, 0.6)
-SAMPLING = Sampling(draws=40, rounds=12, seed=1, enough=50)
+STATED = StatedUse(FORCE, (1.4, 1.6), 0.4, 100.0, 0.6, scatter_mm=0.3, stroke_mm=0.8)
+SAMPLING = Sampling(draws=30, rounds=6, particles=300, seed=1)
+QUICK = Sampling(draws=30, rounds=4, particles=200, seed=1)
 
 
 @pytest.fixture(scope="module")
@@ -111,10 +114,6 @@ def test_table_has_what_was_stated_beside_what_the_wear_says(use, pressure):
     table = use_table(use, STATED).set_index("parameter")
     assert table.stated["load_point_x"] == STATED.through[1]
     assert table.stated["radius"] == STATED.radius_mm
-    prior = STATED.prior
-    assert prior.mean == pytest.approx([*STATED.through, np.log(STATED.radius_mm)])
-    errors = [STATED.load_point_mm] * 2 + [STATED.radius_fraction]
-    assert prior.cov.diagonal() ** 0.5 == pytest.approx(errors)
     weight = use.weight.values
     for row, values in {"load_point_y": use.y_mm.values, "load_point_x": use.x_mm.values}.items():
         assert table["mean"][row] == pytest.approx(weight @ values)
@@ -122,9 +121,9 @@ def test_table_has_what_was_stated_beside_what_the_wear_says(use, pressure):
             assert weight @ (values < limit) < share <= weight @ (values <= limit)
     radius = np.exp(weight @ np.log(use.radius_mm.values))
     assert table["mean"]["radius"] == pytest.approx(radius)
-    assert table["mean"]["p_value"] < 0.05
     # patches are independent, so that the variance of their sum is that of all
-    gains = (use.log_score - use.heights_log_score).values
+    gains = (use.log_score - use.competitor_log_score).sel(competitor=use.attrs["competitor"])
+    gains = gains.values
     error = 1.96 * np.sqrt(len(gains) * gains.var(ddof=1))
     limits = table.loc["gain", ["low", "mean", "high"]].to_numpy(float)
     np.testing.assert_allclose(limits, gains.sum() + error * np.array([-1, 0, 1]))
@@ -149,15 +148,19 @@ def test_patch_is_predicted_by_the_losses_of_the_others(face, patches, losses, u
 
 def test_its_own_loss_weighs_no_use_that_predicts_it():
     """By hand: of two uses, its own loss would speak for the first, and the others' do not."""
-    by_patch = {
-        "pressure": [[1.0], [3.0]],
-        "weight_without": [[0.0], [1.0]],
-        "wear_coefficient_without": [[0.1], [0.2]],
-        "scatter_without": [[0.01], [0.01]],
-        "floor_without": [[0.0], [0.008]],
+    by_draw = {
+        "weight": [1.0, 0.0],
+        "wear_coefficient": [0.1, 0.2],
+        "scatter": [0.01, 0.01],
+        "floor": [0.0, 0.008],
     }
-    known = {name: (("draw", "patch"), values) for name, values in by_patch.items()}
-    use = xr.Dataset({"weight": ("draw", [1.0, 0.0])} | known, {"patch": ["a"]})
+    by_both = {"pressure": [[1.0], [3.0]], "weight_without": [[0.0], [1.0]]}
+    use = xr.Dataset(
+        {name: ("draw", values) for name, values in by_draw.items()}
+        | {name: (("draw", "patch"), values) for name, values in by_both.items()}
+        | {"effective_draws_without": ("patch", [1.0])},
+        {"patch": ["a"]},
+    )
     (row,) = predicted_losses(use, Losses(np.array([0.1])), seed=1).itertuples()
     assert row.predicted_um == pytest.approx(0.6)
     # 97.5 % of Student's t of four degrees of freedom, times the scatter of 6 nm and the floor
@@ -175,54 +178,24 @@ def test_grades_tell_where_the_tool_was_pressed(face, patches, pressure):
     assert "wear_coefficient" not in set(use_table(use, STATED).parameter)
 
 
-def test_chance_is_asked_of_uses_that_do_not_know_the_wear(face, patches, losses, monkeypatch):
-    """Later rounds draw where the wear has pointed."""
-    asked = []
-    monkeypatch.setattr(
-        "gstlib.use.infer._chance", lambda evidence, pressure, *_: asked.append(pressure) or 1.0
-    )
-    use = infer(face, patches, losses)
-    np.testing.assert_array_equal(asked[0], use.pressure[: SAMPLING.draws])
-
-
-@pytest.mark.parametrize(("count", "shuffled"), [(90, False), (90, True), (210, False)])
-def test_chance_is_the_share_of_orders_that_a_use_explains_as_well(count, shuffled):
-    """A tenth of the patches wore, those under the highest pressure.
-
-    Uses that touch nothing explain that far better, but every other order alike.
-    """
-    rng = np.random.default_rng(2)
-    places = pd.DataFrame(rng.uniform(0, 5, (count, 2)), columns=["y_mm", "x_mm"])
-    pressure = rng.uniform(9, 11, count)
-    worn = pressure > np.quantile(pressure, 0.9)
-    losses = Losses((rng.permutation(worn) if shuffled else worn).astype(float))
-    p_value = _chance(losses, np.stack([pressure, 0 * pressure]), places, rng)
-    assert 0.05 < p_value < 0.95 if shuffled else p_value == 1 / 200
-
-
-@pytest.mark.parametrize(("mirror", "shift_mm"), [(1, 0), (-1, 0), (1, -0.95)])
-def test_chance_lays_the_wear_elsewhere_mirrored_and_shifted(mirror, shift_mm):
-    """Two halves that are each other's image, mirrored or shifted, change their places."""
-    half = np.random.default_rng(1).uniform(0, (1, 3 if mirror < 0 else 1), (8, 2))
-    half[:2, 0] = 0.02, 1.0
-    image = half * (-1, 1) if mirror < 0 else np.add(half, (1, 0))
-    both = np.append(half, image, axis=0)
-    shift = np.array([shift_mm, 0]) / np.ptp(both[:, 0])
-    drawn = SimpleNamespace(  # no turn
-        uniform=lambda low, high, size=0: shift if size else 0.0,
-        choice=lambda signs: signs[0 if mirror < 0 else 1],
-    )
-    order = next(_orders(pd.DataFrame(both, columns=["y_mm", "x_mm"]), drawn))
-    change = mirror < 0 or shift_mm
-    np.testing.assert_array_equal(order, np.roll(np.arange(16), 8 if change else 0))
-
-
 @pytest.mark.parametrize(
-    ("p_value", "gain", "told"),
-    [(0.06, 9, (CHANCE, 0)), (0.05, 1.7, (BETTER, 1)), (0.05, 1.6, (CONSISTENT, 1))],
+    ("gains", "answer", "is_taken"),
+    [((9, 1.1), PRESSED, 1), ((0.9, 9), PERHAPS, 1), ((9, -0.1), NOT_PRESSED, 0)],
 )
-def test_a_use_is_better_than_heights_if_its_gain_is_clear(p_value, gain, told):
-    assert tuple(_answer(p_value, gain, gain_error=1.0).values()) == told
+def test_a_use_is_claimed_above_the_best_competitor_alone(gains, answer, is_taken):
+    """Two patches, whose gains differ by 1, so that their sum has a standard error of 1."""
+    each = np.array([[gain - 1, gain + 1] for gain in gains]) / 2
+    use = xr.Dataset(
+        {
+            "log_score": ("patch", [0.0, 0.0]),
+            "competitor_log_score": (("competitor", "patch"), -each),
+        },
+        {"patch": ["a", "b"], "competitor": ["heights", "spot"]},
+    )
+    found = _answer(use)
+    assert (found["answer"], found["taken"]) == (answer, is_taken)
+    assert found["gain"] == pytest.approx(min(gains))
+    assert found["gain_error"] == pytest.approx(1.0)
 
 
 def test_load_point_alone_where_the_face_of_the_active_tool_is_known(face, patches, losses):
@@ -235,19 +208,47 @@ def test_load_point_alone_where_the_face_of_the_active_tool_is_known(face, patch
     assert abs(spread(use, "x_mm")[0] - POINT[1]) < 3 * spread(use, "x_mm")[1]
 
 
+def wear_without_contact(name, face, patches):
+    """Losses as a competitor has them."""
+    height = coarser(face.height, 2)
+    y, x = np.meshgrid(height.y, height.x, indexing="ij")
+    if name == "spot":
+        return 0.3 * np.exp(-np.square(patches[["y_mm", "x_mm"]] - [1.0, 2.0]).sum(axis=1) / 0.5)
+    tilted = height.values + (2e-3 * (y + x) if name == "tilted" else 0)
+    above = np.maximum(tilted - np.quantile(tilted, 0.6), 0).ravel()
+    return 100 * (patch_means(height, patches, size_mm=PATCH) @ above)
+
+
+@pytest.mark.parametrize("name", ["heights", "tilted", "spot"])
+def test_wear_that_nothing_pressed_is_predicted_by_a_competitor(face, patches, name):
+    losses = Losses(np.asarray(wear_without_contact(name, face, patches)))
+    scores = competitor_scores(face.height, patches, losses, patch_mm=PATCH, seed=1)
+    totals = {other: score.sum() for other, score in scores.items()}
+    assert set(totals) == set(COMPETITORS)
+    assert max(totals, key=totals.get) == name
+    use = infer(face, patches, losses)
+    assert use.attrs["answer"] != PRESSED
+
+
 def test_losses_by_chance_are_not_taken_for_a_use(face, patches, losses):
     # the wear of a use, but each patch has that of another
     shuffled = losses.permuted(np.random.default_rng(1).permutation(len(patches)))
-    assert infer(face, patches, shuffled).attrs["answer"] == CHANCE
+    assert infer(face, patches, shuffled).attrs["answer"] != PRESSED
 
 
-def test_heights_alone_explain_wear_of_the_heights(face, patches):
-    height = coarser(face.height, 2)
-    above = np.maximum(height.values - np.quantile(height, 0.8), 0).ravel()
-    lost = Losses(100 * (patch_means(height, patches, size_mm=PATCH) @ above))
-    use = infer(face, patches, lost)
-    assert use.attrs["gain"] < 0
-    assert not use.attrs["taken"]
+def test_strikes_that_scatter_are_not_taken_for_a_rounder_tool(face, patches, use):
+    """The wear is that of the mean over many strikes; one in a place is the control."""
+    scatter = 0.4
+    offsets = scatter * np.random.default_rng(2).standard_normal((100, 2))
+    points = np.column_stack([POINT + offsets, np.full(100, np.log(RADIUS))])
+    settings = {"modulus": MODULUS, "patch_mm": PATCH}
+    pressure = use_pressures(points, face, patches, STATED, **settings).mean(axis=0)
+    scattered = infer(face, patches, Losses(0.01 * pressure))
+    mean, error = spread(scattered.assign(log=np.log(scattered.radius_mm)), "log")
+    assert abs(mean - np.log(RADIUS)) < 3 * error
+    found, uncertain = spread(scattered, "spread_mm")
+    assert abs(found - scatter) < 3 * uncertain
+    assert found > 2 * spread(use, "spread_mm")[0]
 
 
 # Beyond the face the stone tips over.
@@ -256,7 +257,7 @@ FAR = STATED._replace(through=(9.0, 9.0), load_point_mm=0.1)
 
 @pytest.mark.parametrize(
     ("stated", "sampling", "remedy"),
-    [(STATED, Sampling(10, 1, 1), "use.draws"), (FAR, SAMPLING, "load.at_mm")],
+    [(STATED, Sampling(50, 1, 200, 1), "use.rounds"), (FAR, SAMPLING, "load.at_mm")],
 )
 def test_too_few_draws_are_no_answer(face, patches, losses, stated, sampling, remedy, caplog):
     use = infer(face, patches, losses, stated, sampling)
@@ -273,56 +274,104 @@ def assert_nothing_is_inferred(use, face, losses, stated):
     assert as_used(face, use, stated.through)[1] == stated.through
 
 
-@pytest.mark.parametrize("touching", [1, 2])
-def test_a_few_draws_that_touch_a_patch_lead_to_others(touching):
-    """Their covariance is singular: the stone tips over under all other uses."""
-    prior = scipy.stats.multivariate_normal(np.zeros(2), np.eye(2))
-    generator = np.random.default_rng(1)
-    far = np.sort(prior.rvs(40, np.random.default_rng(1))[:, 0])[-touching] - 1e-6
+def test_a_few_strikes_that_touch_a_patch_lead_to_others():
+    """The stone tips over under most strikes of the first round."""
+    prior = Prior(np.zeros(2), np.ones(2), 0.0, 0.0)
 
     def pressures(points):
-        is_far = points[:, :1] > far
-        return np.where(is_far, np.exp(points[:, 1:] * [1.0, -1.0]), 0.0)
+        return np.maximum(points[:, :1] - 1.0, 0) * np.exp(points[:, 1:] * [1.0, -1.0])
 
     evidence = Losses(np.array([0.2, 0.3]))
-    draws = sample(prior, pressures, evidence, Sampling(40, 12, 1, 50), generator)
-    assert (draws.pressure[:40] > 0).any(axis=1).sum() == touching
-    weight = draws.seen.weights(draws.log_prior)
+    generator = np.random.default_rng(1)
+    draws = sample(prior, pressures, evidence, Sampling(40, 10, 500, 1), generator)
+    assert draws.touching > 0.25 * draws.contacts
+    weight = draws.particles.weights
     assert effective_draws(weight) > 50
-    assert (draws.points[weight > 0, 0] > far).all()
+    assert weight @ (draws.uses.points[:, 0] > 0.5) > 0.7
 
 
-@pytest.mark.parametrize(
-    "evidence", [Losses(np.array([0.2, 0.0, 0.5])), Grades(np.array([1, 0, 2]))]
-)
-def test_leave_one_out_is_that_of_all_nodes_and_draws(evidence):
+def test_particles_have_the_weights_and_scores_of_the_sum_over_all():
+    """One unknown, seen with one error at three places, one of which is far off."""
+    seen, errors = np.array([0.3, 0.5, 2.5]), np.array([0.4, 0.5, 0.6])
+
+    def log_likelihood(standard):
+        return scipy.stats.norm.logpdf(seen, standard[:, :1], errors)
+
+    found = tempered(log_likelihood, 1, 20_000, np.random.default_rng(1))
+    at = np.linspace(-6, 6, 4001)
+    each = np.exp(log_likelihood(at[:, None]))
+    prior = scipy.stats.norm.pdf(at)
+    whole = prior * each.prod(axis=1)
+    x = found.standard[:, 0]
+    assert found.weights @ x == pytest.approx((whole @ at) / whole.sum(), abs=0.02)
+    for place in range(3):
+        without = prior * np.delete(each, place, axis=1).prod(axis=1)
+        mean = found.weights_without[:, place] @ x
+        assert mean == pytest.approx((without @ at) / without.sum(), abs=0.03)
+        score = np.log(whole.sum() / without.sum())
+        assert found.log_score[place] == pytest.approx(score, abs=0.05)
+
+
+def test_particles_find_both_of_two_places_that_are_likely():
+    def log_likelihood(standard):
+        apart = abs(standard[:, :1]) - 2.0
+        return scipy.stats.norm.logpdf([0.0, 0.1], apart, 0.05)
+
+    found = tempered(log_likelihood, 2, 2000, np.random.default_rng(1))
+    assert found.weights @ (found.standard[:, 0] > 0) == pytest.approx(0.5, abs=0.12)
+
+
+def test_weights_of_particles_are_bounded():
+    """However wrong one place is, no draw has the weight of all."""
+    likelihood = np.array([[-1.0, -1.0], [-1.0, -700.0], [-1.0, -1.0]])
+    found = Particles(np.zeros((3, 1)), likelihood, np.zeros(2))
+    assert found.weights_without.max() <= 1
+    assert np.isfinite(found.log_score).all()
+
+
+def test_pressures_between_strikes_are_means_over_a_scatter_and_a_stroke():
+    """Against many strikes, where the pressure is a bump at a known place."""
     rng = np.random.default_rng(1)
-    pressure, log_prior = rng.exponential(10, (5, 3)), np.log(rng.dirichlet(np.ones(5)))
-    likelihood = np.exp(evidence.log_likelihood(pressure))
-    joint = np.exp(log_prior)[:, None] * likelihood.prod(axis=2)
-    seen = weigh(evidence, pressure)
-    np.testing.assert_allclose(seen.weights(log_prior), joint.sum(axis=1) / joint.sum(), rtol=1e-10)
-    for patch in range(3):
-        without = joint / likelihood[..., patch]
-        np.testing.assert_allclose(
-            seen.weights_without(log_prior)[:, patch],
-            without.sum(axis=1) / without.sum(),
-            rtol=1e-10,
-        )
-        score = np.log(joint.sum() / without.sum())
-        np.testing.assert_allclose(seen.log_score(log_prior)[patch], score, rtol=1e-10)
+
+    def pressures(strikes):
+        return 5 * np.exp(-0.5 * np.square(strikes[:, :2] - [0.3, -0.2]).sum(axis=1))[:, None]
+
+    solved = rng.uniform(-4, 4, (400, 2))
+    process = StrikePressures.through(solved, pressures(solved))
+    use = Uses(np.array([[0.0, 0.5]]), np.array([0.4]), np.array([[1.5, 1.0]]))
+    many = Uses(*(np.repeat(values, 200_000, axis=0) for values in use))
+    strikes = many.strikes(rng)
+    assert process.of(use).item() == pytest.approx(pressures(strikes).mean(), rel=0.01)
+    covariance = 0.16 * np.eye(2) + np.outer([1.5, 1.0], [1.5, 1.0]) / 12
+    np.testing.assert_allclose(np.cov(strikes.T), covariance, atol=0.005)
+    assert use.spread_mm == pytest.approx((np.trace(covariance) / 2) ** 0.5)
+    far = Uses(np.array([[40.0, 0.0]]), np.zeros(1), np.zeros((1, 2)))
+    assert process.of(far).item() == pytest.approx(0, abs=1e-6)
+
+
+def test_strikes_of_a_use_lie_along_its_stroke(use):
+    one = use.isel(draw=[0] * 50_000).assign(
+        scatter_mm=("draw", np.zeros(50_000)), stroke_mm=("draw", np.full(50_000, 2.0))
+    )
+    strikes = strikes_of(one, np.random.default_rng(1))
+    centre = strikes.mean(axis=0)
+    assert centre == pytest.approx([float(one.x_mm[0]), float(one.y_mm[0])], abs=0.02)
+    (_, size, direction) = np.linalg.svd(strikes - centre, full_matrices=False)
+    assert size[0] / len(strikes) ** 0.5 == pytest.approx(2 / 12**0.5, rel=0.02)
+    angle = np.degrees(np.arctan2(direction[0, 1], direction[0, 0])) % 180
+    assert angle == pytest.approx(float(one.stroke_angle_deg[0]), abs=0.5)
 
 
 def test_likelihood_of_a_loss_is_a_density():
-    pressure = np.array([[10.0, 3.0]])
+    pressure, standard = np.array([[10.0, 3.0]]), np.array([[0.3, -0.5, 0.2]])
+    losses = Losses(np.array([0.3, 0.1]))
     depths = np.linspace(-60, 60, 200_001)
-    nodes = Losses(np.array([0.3, 0.1])).nodes(pressure)
-    at = 20
-    expected = nodes["wear_coefficient"][0, at] * 3.0
-    width = np.hypot(nodes["scatter"][0, at] * expected, nodes["floor"][0, at])
+    of = losses.parameters(pressure, standard)
+    expected = of["wear_coefficient"] * 3.0
+    width = np.hypot(of["scatter"] * expected, of["floor"])
     density = scipy.stats.t.pdf((depths - expected) / width, 4) / width
     assert np.trapezoid(density, depths) == pytest.approx(1, abs=1e-3)
-    given = np.exp(Losses(np.array([0.3, 0.1])).log_likelihood(pressure)[0, at, 1])
+    given = np.exp(losses.log_likelihood(pressure, standard)[0, 1])
     assert given == pytest.approx(np.interp(0.1, depths, density), rel=1e-3)
 
 
@@ -341,26 +390,24 @@ def test_grades_are_read_without_the_wear_of_the_whole_tool_too(face, patches, u
 
 def test_more_worn_patches_bore_more_pressure():
     pressure = np.array([[1.0, 5.0, 9.0, 20.0], [20.0, 9.0, 5.0, 1.0]])
-    rising = weigh(Grades(np.array([0, 1, 1, 2])), pressure).log_evidence
+    standard = np.zeros((2, 1))
+    rising = Grades(np.array([0, 1, 1, 2])).log_likelihood(pressure, standard).sum(axis=1)
     assert rising[0] > rising[1] + 2
     # a grade at random is never impossible
-    falling = weigh(Grades(np.array([0, 1, 1, 0])), pressure).log_evidence
+    falling = Grades(np.array([0, 1, 1, 0])).log_likelihood(pressure, standard).sum(axis=1)
     assert (falling > 4 * np.log(0.1 / 2)).all()
 
 
 def test_likelihood_of_a_grade_is_that_of_its_interval():
     """Of two grades, the limit lies between the second and the third pressure."""
-    pressure = np.array([1.0, 9.0, 2.0, 8.0])
+    pressure, standard = np.array([1.0, 9.0, 2.0, 8.0]), np.array([[-1.0], [0.0], [1.0]])
     seen = np.log(pressure / 5.0 + 0.03)
     away = (seen - seen[2:].mean()) * [-1, 1, -1, 1]
-    expected = np.log(0.9 * scipy.stats.norm.cdf(away / np.array([[0.25], [0.5], [1.0]])) + 0.05)
-    likelihood = Grades(np.array([0, 1, 0, 1])).log_likelihood(pressure[np.newaxis])
-    np.testing.assert_allclose(likelihood[0], expected)
-
-
-def test_use_that_tips_the_stone_over_counts_nothing():
-    seen = weigh(Losses(np.array([0.1, 0.2])), np.array([[0.0, 0.0], [1.0, 2.0]]))
-    np.testing.assert_array_equal(seen.weights(np.zeros(2)), [0, 1])
+    error = 0.5 * np.exp(0.5 * standard)
+    expected = np.log(0.9 * scipy.stats.norm.cdf(away / error) + 0.05)
+    grades = Grades(np.array([0, 1, 0, 1]))
+    likelihood = grades.log_likelihood(np.repeat(pressure[np.newaxis], 3, axis=0), standard)
+    np.testing.assert_allclose(likelihood, expected)
 
 
 def test_the_study_is_pressed_as_the_wear_says_where_that_is_taken(face, use):
@@ -377,30 +424,57 @@ def test_the_study_is_pressed_as_the_wear_says_where_that_is_taken(face, use):
         assert point == STATED.through
 
 
-def test_the_pressure_of_a_patch_is_that_which_the_others_tell(patches, use):
-    table = patches.assign(pressure_MPa=1.0)
-    found = leave_one_out(table, use.assign_attrs(taken=1)).set_index("patch").leave_one_out_MPa
+def test_pressures_of_a_patch_are_over_the_strikes_of_what_the_others_tell(patches, use):
+    table = patches.assign(pressure_MPa=5.0, force_N=5.0 * PATCH**2)
+    taken = use.assign_attrs(taken=1).assign_coords(scanned=list(patches.patch))
+    taken["stated_pressure"] = "scanned", np.arange(len(patches), dtype=float)
+    found = pressures_of_use(table, taken, patch_mm=PATCH).set_index("patch")
     for patch in ("0", "9"):
         one = use.sel(patch=patch)
         expected = float(one.weight_without.values @ one.pressure.values)
-        assert found[patch] == pytest.approx(expected, abs=1e-6)
-    unknown = leave_one_out(table.assign(patch="new"), use.assign_attrs(taken=1))
+        assert found.leave_one_out_MPa[patch] == pytest.approx(expected, abs=1e-6)
+        added = float(one.weight.values @ (one.pressure - one.pressure_at_centre).values)
+        assert found.pressure_MPa[patch] == pytest.approx(max(5 + added, 0), abs=1e-6)
+        assert found.stated_MPa[patch] == float(patch)
+    np.testing.assert_allclose(found.force_N, found.pressure_MPa * PATCH**2)
+    unknown = pressures_of_use(table.assign(patch="new"), taken, patch_mm=PATCH)
     assert unknown.leave_one_out_MPa.isna().all()
-    assert "leave_one_out_MPa" not in leave_one_out(table, use.assign_attrs(taken=0))
+    assert (unknown.pressure_MPa == 5).all()
+    assert pressures_of_use(table, use.assign_attrs(taken=0), patch_mm=PATCH) is table
 
 
 def test_patches_that_lost_nothing_count_and_excluded_ones_do_not(patches):
     lost = pd.DataFrame({"patch": ["3", "1", "2"], "mean_wear_depth_um": [0.3, 0.0, 0.2]})
     lost = lost.assign(excluded=[False, False, True], above_noise=[True, False, True])
-    known, losses = losses_of(patches, lost)
+    t1 = {"t1_x_um": [3.0, 1.0, 2.0], "t1_y_um": 0.0, "t1_size_x_um": 850.0, "t1_size_y_um": 850.0}
+    known, losses = losses_of(patches, lost.assign(**t1, found=True, rotation_deg=0.0))
     assert list(known.patch) == ["1", "3"]
+    assert list(known.t1_x_um) == [1.0, 3.0]  # a loss is of the area that T1 covers
     np.testing.assert_array_equal(losses.depth_um, [0.0, 0.3])
     np.testing.assert_array_equal(losses.above_noise, [False, True])
 
 
-def test_four_worn_patches_of_six_tell_something(face, patches):
-    losses = Losses(np.array([0.0, 0.3, 0.1, 0.0, 0.2, 0.2]))
-    assert not infer(face, patches[:6], losses).attrs["answer"].startswith(UNKNOWN)
+def test_four_worn_patches_of_six_tell_something(face, patches, pressure):
+    six = [*np.flatnonzero(pressure == 0)[:2], *np.argsort(pressure)[-4:]]
+    use = infer(face, patches.iloc[six], Losses(0.01 * pressure[six]), sampling=QUICK)
+    assert not use.attrs["answer"].startswith(UNKNOWN)
+
+
+@pytest.mark.parametrize(("particles", "warns"), [(FEWEST_DRAWS - 1, True), (400, False)])
+def test_predictions_that_rest_on_few_draws_are_warned_of(
+    face, patches, monkeypatch, caplog, particles, warns
+):
+    places = patches[["y_mm", "x_mm"]].to_numpy()
+
+    def pressures(points, *_, **__):
+        apart = np.square(points[:, None, :2] - places).sum(axis=2)
+        return 20 * np.exp(-0.5 * apart)
+
+    monkeypatch.setattr("gstlib.use.infer.use_pressures", pressures)
+    losses = Losses(0.01 * pressures(np.array([POINT]))[0])
+    use = infer(face, patches, losses, sampling=Sampling(20, 3, particles, 1))
+    assert (use.effective_draws_without < FEWEST_DRAWS).any() == warns
+    assert ("use.particles" in caplog.text) == warns
 
 
 @pytest.mark.parametrize(

@@ -111,9 +111,9 @@ def test_a_perfect_prediction_is_no_chance_and_a_shifted_one_is(patch):
     nulls = by_chance(found)
     assert len(nulls["7"]) == 4 * 10  # not square: no quarter turns
     assert nulls["7"][0] == pytest.approx(found[0].row["mcc"])
-    p_values = score_tables(found, nulls, dict.fromkeys(nulls, True))["patches"].p_value
-    assert p_values[0] == pytest.approx(1 / 40)
-    assert (p_values[1:] > 0.03).all()  # one of the others is that of patch 7
+    reached = {name: (null[1:] >= null[0]).sum() for name, null in nulls.items()}
+    assert reached.pop("7") == 0
+    assert min(reached.values()) > 0  # one of the others is that of patch 7
 
 
 @pytest.mark.parametrize("case", ["noise", "no loss", "no prediction"])
@@ -131,8 +131,6 @@ def test_what_cannot_be_tested_against_chance_says_so(patch, case):
     assert {name: len(null) for name, null in nulls.items()} == {
         "8": 4 if case == "no prediction" else 8
     }
-    tables = score_tables([found], nulls, {"7": True})
-    assert math.isnan(tables["patches"].p_value[0])
 
 
 def test_the_profile_is_the_mean_loss_of_quarters_of_the_points(patch):
@@ -150,8 +148,8 @@ def test_the_profile_is_the_mean_loss_of_quarters_of_the_points(patch):
 
 def test_tables_with_and_without_patches(patch):
     found = [scored(patch), scored(patch, name="8")]
-    tables = score_tables(found, by_chance(found), {"7": True, "8": False})
-    empty = score_tables([], {}, {})
+    tables = score_tables(found, {"7": True, "8": False})
+    empty = score_tables([], {})
     assert list(tables["patches"].in_statistics) == [True, False]
     assert len(tables["wear"]) == 2 * (1 + len(BASELINES) + 1)
     for name, of_name in tables.items():

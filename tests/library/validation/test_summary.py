@@ -234,6 +234,11 @@ def test_statistics_come_from_the_tables_of_each_patch_also_without_a_prediction
     assert table.touched.to_dict() == {"a": 0.0, "b": 1.0}  # of c nothing is known
     assert table.mean_wear_depth_um.tolist() == [0.4, 0.3]
     assert table.in_statistics.tolist() == [True, False]
+    # of a use that was read from the wear, pressure and touch say nothing of its cause
+    shaped = pressures.assign(stated_MPa=[3.0, 0.0, 0.0], leave_one_out_MPa=7.0)
+    stated = patch_statistics(patches, registration, shaped).set_index("patch")
+    assert stated.touched.to_dict() == {"a": 1.0, "b": 0.0}
+    assert stated.pressure_MPa.to_dict() == {"a": 3.0, "b": 0.0}
     alone = patch_statistics(patches[:0], registration, pressures)
     assert alone.predicted_loss_um.isna().all()
     assert alone.touched.tolist() == [0.0, 1.0]

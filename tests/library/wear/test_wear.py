@@ -8,8 +8,9 @@ import pytest
 import xarray as xr
 from contacts import around, pressed, rough, tiles
 from gstlib.bem import Layer, wear_path
+from gstlib.conditions import Law
 from gstlib.coupling.embedding import surroundings
-from gstlib.coupling.pressures import patch_pressures
+from gstlib.coupling.pressures import covered_pressures, patch_pressures
 from gstlib.errors import InputError
 from gstlib.macroscale.gesture import Gesture, stroke_poses
 from gstlib.surfaces.footprints import Place
@@ -104,6 +105,44 @@ def test_a_patch_is_pressed_as_the_wear_of_the_others_says(square, pressures, la
         one, two = (of.along(sinks, ratio) for of in (found, again))
         np.testing.assert_array_equal(one.pressed, two.pressed)
         np.testing.assert_array_equal(one.fitted, two.fitted)
+
+
+def in_poses(square):
+    """A gesture, and the contact of a stone that is symmetric: at rest however much has worn."""
+    height = square.interface.height
+    height = height.copy(data=height.values + height.values[::-1, ::-1])
+    wide = around(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT, 1.0)
+    moves = stroke_poses(stroke_mm=1.0, poses=2, force_N=20.0 * SIDE**2)
+    gesture = Gesture(height, wide, SIDE, (SIDE / 2, SIDE / 2), moves.assign(x_mm=0.0))
+    return pressed(height, mean_pressure=20.0, **SETTINGS), gesture
+
+
+@pytest.mark.parametrize("is_gesture", [False, True])
+def test_the_coefficient_is_fitted_over_what_both_scans_cover(square, pressures, is_gesture):
+    """T1 covers a quarter of each patch: κ is that of patches there, and the outlines wear."""
+    gesture = None
+    if is_gesture:
+        square, gesture = in_poses(square)
+        pressures = patch_pressures(square.pressure, PLACES, size_mm=1.0)
+    registration = pd.DataFrame({"patch": list("abcd"), "found": True, "above_noise": True})
+    of_t1 = {"t1_x_um": 250.0, "t1_y_um": 250.0, "t1_size_x_um": 500.0, "t1_size_y_um": 500.0}
+    registration = registration.assign(**of_t1, rotation_deg=0.0, mean_wear_depth_um=0.2)
+    quarters = PLACES.assign(x_mm=PLACES.x_mm + 0.25, y_mm=PLACES.y_mm + 0.25)
+    quarters = patch_pressures(square.pressure, quarters, size_mm=0.5)
+    given = square.pressure, registration
+    table = covered_pressures(pressures.assign(in_study=True), *given, patch_mm=1.0)
+    np.testing.assert_allclose(table.covered_MPa, quarters.pressure_MPa)
+    options, losses = {"steps": 2, "gesture": gesture}, dict.fromkeys("abcd", 0.2)
+    found = fit_wear(square, table, registration, patch_mm=1.0, **options)
+    expected = wear_square(square, quarters, losses, patch_mm=0.5, **options)
+    np.testing.assert_allclose(found.path.fitted, expected.path.fitted)
+    whole = wear_square(square, pressures, losses, patch_mm=1.0, **options)
+    assert not np.allclose(found.path.fitted, whole.path.fitted, rtol=1e-3)
+    np.testing.assert_allclose(lost(found).mean("patch"), 20.0 * of_all(found).kappa, rtol=1e-6)
+    # the pressures that the other patches say are over the same area
+    told = table.assign(leave_one_out_MPa=table.covered_MPa)
+    same = fit_wear(square, told, registration, patch_mm=1.0, **options)
+    np.testing.assert_allclose(same.path.pressed, found.path.pressed)
 
 
 def test_losses_that_the_square_cannot_give_are_refused(square, pressures):
@@ -232,7 +271,7 @@ def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
 def by_hand(stone, interlayer, kappa=1e-5):
     """A square that presses patch a (MPa) by stone and interlayer as said, step by step."""
     pressed = kappa / len(stone) * np.cumsum([[0.0, *stone], [0.0, *interlayer]], axis=1)
-    numbers = {"x_mm": 0.5, "y_mm": 0.5, "rotation_deg": 0.0}
+    numbers = {"x_mm": 0.5, "y_mm": 0.5, "rotation_deg": 0.0, "pressure_MPa": 20.0}
     path = xr.Dataset(
         {
             "kappa": (("reach", "ratio", "step"), [2 * [np.linspace(0, kappa, len(stone) + 1)]]),
@@ -276,6 +315,28 @@ def test_an_interlayer_lies_among_the_pressures_that_are_under_it():
     among = replace(alone, interface=replace(face, surroundings=ramp))
     depth = wear_patch(among, worn, "a", ratio=1.0, kappa=1e-5)
     np.testing.assert_allclose(depth, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "law", [Law(exponent=2.0), Law(exponent=0.0), Law(threshold_MPa=18.8), Law(15.0, 0.5)]
+)
+def test_a_patch_loses_as_the_law_says_of_its_pressure(square, pressures, law):
+    """While pressures are as before use; so a threshold between them spares some patches."""
+    before = pressures.pressure_MPa.to_numpy()
+    losses = dict.fromkeys("abcd", 1e-5)
+    found = wear_square(square, pressures, losses, patch_mm=1.0, steps=2, law=law)
+    kappa = float(found.path.kappa_of_all)
+    contacts = dict(zip("abcd", map(patch_of, before), strict=True))
+    depths = [wear_patch(contacts[name], found, name, kappa=kappa) for name in contacts]
+    expected = np.maximum(before - law.threshold_MPa, 0) ** law.exponent
+    expected = expected * (before > law.threshold_MPa)
+    assert law.threshold_MPa < 18 or 0 < (expected > 0).sum() < 4
+    measured = np.mean(depths, axis=(1, 2))
+    np.testing.assert_allclose(measured, 4e-8 * expected / expected.sum(), rtol=2e-3)
+    # a cap takes what the law says of the pressure that is borne
+    capped = wear_patch(patch_of(30.0), found, "a", kappa=kappa, pressure_cap=before[0] / 0.9 - 2)
+    share = law.rate(before[0] - 1.8) / law.rate(before[0]) if measured[0] else 1.0
+    assert capped.mean() == pytest.approx(share * measured[0], rel=2e-3)
 
 
 def test_summits_that_yield_spread_the_same_loss_wider(square, pressures):
@@ -323,17 +384,9 @@ def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog)
 
 
 def test_a_gesture_that_stays_in_place_wears_as_the_single_pose_does(square):
-    """Its explicit steps differ from the implicit ones by less and less.
-
-    The stone is symmetric, so that it is at rest however much has worn.
-    """
-    height = square.interface.height
-    height = height.copy(data=height.values + height.values[::-1, ::-1])
-    square = pressed(height, mean_pressure=20.0, **SETTINGS)
+    """Its explicit steps differ from the implicit ones by less and less."""
+    square, gesture = in_poses(square)
     pressures = patch_pressures(square.pressure, PLACES, size_mm=1.0)
-    wide = around(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT, 1.0)
-    poses = stroke_poses(stroke_mm=1.0, poses=2, force_N=20.0 * SIDE**2).assign(x_mm=0.0)
-    gesture = Gesture(height, wide, SIDE, (SIDE / 2, SIDE / 2), poses)
     losses = dict.fromkeys("abcd", 0.2)
     errors = []
     for steps in (8, 16):

@@ -1,0 +1,122 @@
+"""Competitors of a use, which predict the wear of a patch from that of the others without contact.
+
+High places bear load, and wear that is local looks like that of a load. So wear in proportion to
+height above a plane, level or tilted, a spot of wear anywhere, and the same wear everywhere are
+scored as a use is: each patch given the others, over all that is possible beforehand.
+"""
+
+# ASSUME: beforehand, a spot lies anywhere on the square of the patches, with a width of 0.08 to 0.6
+# of its side. A plane lies from 0.5 standard deviations of the heights below their mean to 2.5
+# above it, and its tilt is of the order of that at which it would span the heights.
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pandas as pd
+import scipy
+import xarray as xr
+
+from gstlib.macroscale.ensemble import patch_means
+from gstlib.use.evidence import Evidence, likelihood
+from gstlib.use.tempering import tempered
+
+__all__ = ["COMPETITORS", "competitor_scores"]
+
+COMPETITORS = {
+    "everywhere": "the same wear everywhere",
+    "heights": "height above a plane",
+    "tilted": "height above a tilted plane",
+    "spot": "a spot of wear",
+}
+_DRAWS = 500
+_LEVELS = -0.5, 2.5
+_WIDTHS = 0.08, 0.6
+
+# From standard normal variables (draws, variables) to depths (draws, patches), in any unit.
+_Depths = Callable[[np.ndarray], np.ndarray]
+
+
+def competitor_scores(
+    height: xr.DataArray,
+    patches: pd.DataFrame,
+    evidence: Evidence,
+    *,
+    patch_mm: float,
+    seed: int,
+) -> Mapping[str, np.ndarray]:
+    """Log probability (patches,) of the wear of each patch, given the others, by competitor.
+
+    Parameters
+    ----------
+    height : (y, x) xarray.DataArray
+        Of the face, mm.
+    patches : pandas.DataFrame
+        ``patch, x_mm, y_mm, rotation_deg``.
+    evidence : Evidence
+        Their wear, in that order.
+    patch_mm : float
+        Side of a patch.
+    seed : int
+    """
+    above = _above_planes(height, patches, patch_mm)
+    competitors: dict[str, tuple[_Depths, int]] = {
+        "everywhere": (lambda standard: np.ones((len(standard), len(patches))), 0),
+        "heights": (above, 1),
+        "tilted": (above, 3),
+        "spot": (_spots(patches, patch_mm), 3),
+    }
+    scores = {}
+    for number, (name, (depths, variables)) in enumerate(competitors.items()):
+
+        def log_likelihood(
+            standard: np.ndarray, depths: _Depths = depths, variables: int = variables
+        ) -> np.ndarray:
+            return likelihood(
+                evidence, depths(standard[:, :variables]), standard[:, variables:]
+            )
+
+        generator = np.random.default_rng([seed, 13, number])
+        size = variables + evidence.variables
+        particles = tempered(log_likelihood, size, _DRAWS, generator)
+        none = np.full(len(patches), -np.inf)
+        scores[name] = none if particles is None else particles.log_score
+    return scores
+
+
+def _spots(patches: pd.DataFrame, patch_mm: float) -> _Depths:
+    """Depths of spots with a Gaussian profile."""
+    places = patches[["y_mm", "x_mm"]].to_numpy(dtype=float)
+    low = places.min(axis=0) - patch_mm / 2
+    side = float(np.ptp(places, axis=0).max()) + patch_mm
+    least, most = np.log(_WIDTHS)
+
+    def depths(standard: np.ndarray) -> np.ndarray:
+        uniform = scipy.special.ndtr(standard)
+        centre = low + side * uniform[:, :2]
+        width = side * np.exp(least + (most - least) * uniform[:, 2:])
+        apart = np.square(centre[:, None] - places).sum(axis=2)
+        return np.asarray(np.exp(-0.5 * apart / width**2))
+
+    return depths
+
+
+def _above_planes(height: xr.DataArray, patches: pd.DataFrame, patch_mm: float) -> _Depths:
+    """Volumes over the area above planes: of one variable level, of three tilted."""
+    means = patch_means(height, patches, size_mm=patch_mm)
+    inside = np.unique(means.indices)
+    y, x = (of.ravel()[inside] for of in np.meshgrid(height.y, height.x, indexing="ij"))
+    values = height.values.ravel()[inside]
+    is_stone = np.isfinite(values)
+    weights = means[:, inside[is_stone]]
+    y, x, values = (of[is_stone] - of[is_stone].mean() for of in (y, x, values))
+    steep = 2 * values.std() / max(np.ptp(y), np.ptp(x))
+    least, most = _LEVELS
+
+    def depths(standard: np.ndarray) -> np.ndarray:
+        slopes = steep * standard[:, 1:] if standard.shape[1] > 1 else np.zeros((1, 2))
+        turned = values - slopes @ np.stack([y, x])
+        level = least + (most - least) * scipy.special.ndtr(standard[:, :1])
+        above = np.maximum(turned - turned.std(axis=1, keepdims=True) * level, 0)
+        return np.asarray((weights @ above.T).T)
+
+    return depths

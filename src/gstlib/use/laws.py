@@ -1,0 +1,190 @@
+"""Competing laws of wear: which of them best predicts the loss of a patch from the other losses.
+
+Archard's law is scored beside three others on the same likely pressures. They are a threshold
+pressure, another exponent of pressure, and the same loss wherever a patch is touched. None of them
+contains Archard's law as a special case. So a better score means a better prediction.
+"""
+
+# ASSUME: beforehand, a threshold is lognormal, with a factor of 2 about half the mean pressure of
+# the patches that likely loads touch. The logarithm of an exponent, to the base of 2, is normal
+# with a standard deviation of 0.6, but moved away from 0 by 0.5. So it is not near 1. Exponents of
+# experiments form one group about 1 and another elsewhere (Delaney et al. 2025, Appl. Mech. Rev.
+# 77:022101). A threshold stands for cracks that grow only in contacts with enough elastic energy
+# (Xu & Persson, arXiv 2412.13129).
+# ASSUME: if strikes scatter, a law acts on the mean of their pressures.
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+import xarray as xr
+
+from gstlib.conditions import ARCHARD, Law
+from gstlib.use.evidence import FEWEST_PATCHES, Losses, likelihood
+from gstlib.use.tempering import tempered
+
+__all__ = ["BASE", "UNDECIDED", "law_scores", "law_table"]
+
+# The law that the others are compared with, and the answer if the scores do not separate them.
+BASE, UNDECIDED = "archard", "undecided"
+_DRAWS = 800
+_EXPONENT_ERROR, _EXPONENT_APART = 0.6, 0.5
+# Over the mean pressure of the touched patches.
+_THRESHOLD, _THRESHOLD_ERROR = 0.5, 0.7
+# A pressure between solved contacts is interpolated: below this share of the same mean, it is none.
+_TOUCHED = 0.01
+# One-sided level of a claim. The quantile is Student's, because the standard error is from few
+# patches; for the best of three competitors, it is of a third of the level.
+_LEVEL = 0.05
+_LIMITS = 0.025, 0.975
+_STATISTICS = "mean", "low", "high"
+_COLUMNS = ["law", "parameter", *_STATISTICS, "log_score", "gain", "gain_error", "answer"]
+_PARAMETERS = {"threshold": "threshold_MPa", "exponent": "exponent"}
+_DECIMALS = 6
+
+
+class _Family(NamedTuple):
+    """A law with a parameter, or without one, from a standard normal variable (draws, 0 or 1)."""
+
+    parameter: str
+    law: Callable[[np.ndarray], Law]
+
+
+def law_scores(
+    pressures: Callable[[np.ndarray], np.ndarray],
+    variables: int,
+    losses: Losses,
+    generator: np.random.Generator,
+) -> xr.Dataset:
+    """How well each law predicts the loss of each patch from the other losses.
+
+    Parameters
+    ----------
+    pressures : callable
+        From standard normal variables (draws, variables) to pressures (draws, patches), MPa.
+    variables : int
+        None for a load that is known.
+    losses : Losses
+        The law in it does not matter.
+    generator : numpy.random.Generator
+
+    Returns
+    -------
+    xarray.Dataset
+        ``law_log_score`` (law, patch): log probability of each loss, given all others.
+        ``law_parameter`` (law, statistic): its mean and limits of 95 % after all losses were seen,
+        NaN without a parameter.
+    """
+    families = _families(pressures(generator.standard_normal((_DRAWS, variables))))
+    scores, parameters = [], []
+    for family in families.values():
+        end = variables + bool(family.parameter)
+
+        def log_likelihood(
+            standard: np.ndarray, family: _Family = family, end: int = end
+        ) -> np.ndarray:
+            evidence = replace(losses, law=family.law(standard[:, variables:end]))
+            return likelihood(evidence, pressures(standard[:, :variables]), standard[:, end:])
+
+        particles = tempered(log_likelihood, end + losses.variables, _DRAWS, generator)
+        scores.append(np.full(len(losses.depth_um), -np.inf))
+        parameters.append([np.nan] * len(_STATISTICS))
+        if particles is None:
+            continue
+        scores[-1] = particles.log_score
+        if family.parameter:
+            law = family.law(particles.standard[:, variables:end])
+            values = np.ravel(getattr(law, family.parameter))
+            parameters[-1] = _summary(values, particles.weights)
+    return xr.Dataset(
+        {
+            "law_log_score": (("law", "patch"), np.array(scores)),
+            "law_parameter": (("law", "statistic"), np.array(parameters)),
+        },
+        {"law": list(families), "statistic": list(_STATISTICS)},
+    )
+
+
+def _families(pressure: np.ndarray) -> dict[str, _Family]:
+    """Archard's law and the others, by name, for pressures (draws, patches) of possible loads."""
+    mean = float(pressure[pressure > 0].mean()) if (pressure > 0).any() else 0.0
+
+    def threshold(standard: np.ndarray) -> Law:
+        return Law(threshold_MPa=_THRESHOLD * mean * np.exp(_THRESHOLD_ERROR * standard))
+
+    def exponent(standard: np.ndarray) -> Law:
+        apart = np.copysign(_EXPONENT_APART, standard)
+        return Law(exponent=2.0 ** (_EXPONENT_ERROR * standard + apart))
+
+    return {
+        BASE: _Family("", lambda _: ARCHARD),
+        "threshold": _Family("threshold_MPa", threshold),
+        "exponent": _Family("exponent", exponent),
+        "touched": _Family("", lambda _: Law(_TOUCHED * mean, 0.0)),
+    }
+
+
+def _summary(values: np.ndarray, weight: np.ndarray) -> list[float]:
+    limits = np.quantile(values, _LIMITS, weights=weight, method="inverted_cdf")
+    return [float(weight @ values), *map(float, limits)]
+
+
+def law_table(
+    use: xr.Dataset | None, pressure: np.ndarray, losses: Losses, *, seed: int
+) -> pd.DataFrame:
+    """The table ``laws.csv``: how well each law predicts the losses.
+
+    Parameters
+    ----------
+    use : xarray.Dataset or None
+        From `gstlib.use.infer.infer_use`.
+    pressure : (patches,) ndarray
+        Under the load in the config, MPa. It is scored alone if no use is adopted.
+    losses : Losses
+        Of the same patches.
+    seed : int
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each law. ``gain`` is its log score minus that of Archard's law. ``answer`` is the
+        law that predicts best, or `UNDECIDED`. There are no rows if too few patches wore, or if no
+        load touches them.
+    """
+    if use is not None and use.attrs["taken"] and "law_log_score" in use:
+        scores = use
+    elif len(pressure) < FEWEST_PATCHES or not losses.tells or not (pressure > 0).any():
+        return pd.DataFrame(columns=_COLUMNS)
+    else:
+        scores = law_scores(
+            lambda standard: np.tile(pressure, (len(standard), 1)),
+            0,
+            losses,
+            np.random.default_rng([seed, 14]),
+        )
+    score = scores.law_log_score.transpose("law", "patch")
+    gains = (score - score.sel(law=BASE)).values
+    count = gains.shape[1]
+    table = pd.DataFrame(scores.law_parameter.values, columns=[*_STATISTICS])
+    table = table.assign(
+        law=scores.law.values,
+        parameter=[_PARAMETERS.get(name, "") for name in scores.law.values],
+        log_score=score.sum("patch").values,
+        gain=gains.sum(axis=1),
+        gain_error=np.sqrt(count) * gains.std(axis=1, ddof=1),
+    )
+    return table.assign(answer=_answer(table, count))[_COLUMNS].round(_DECIMALS)
+
+
+def _answer(table: pd.DataFrame, patches: int) -> str:
+    """The law that predicts best, if the gains over Archard's law show one."""
+    others = table[table.law != BASE]
+    best = others.loc[others.gain.idxmax()]
+    apart = scipy.stats.t(patches - 1)
+    if best.gain > apart.isf(_LEVEL / len(others)) * best.gain_error:
+        return str(best.law)
+    clearly = others.gain < -apart.isf(_LEVEL) * others.gain_error
+    return BASE if clearly.all() else UNDECIDED
