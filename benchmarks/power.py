@@ -1,18 +1,20 @@
 """How often does the study find a relation that is there, and one that is not?
 
-    python benchmarks/power.py [--first-seed 2001] [--specimens 100] [--interlayers 10] [--tables]
+    python benchmarks/power.py [--first-seed 2001] [--specimens 100] [--interlayers 10]
+        [--wears random waves] [--tables]
 
 Many specimens are generated, each with its wear on summits, with the same wear placed at random,
 with wear in waves longer than a patch, and with wear by Archard's law; some are also worn with a
 interlayer, and studied with one. `p_values` takes the tests of the study on one of them; its rows
 go to benchmarks/results/power.csv. A claim is a p-value at or below a level. Without a relation,
 claims must come as often as the level says; with one, their rate is the power
-(`rejection_rates`). `--tables` prints the rates from the rows alone.
+(`rejection_rates`). The use is inferred, as by default; ``taken`` says whether the study took it.
+`--wears` measures some kinds of wear alone, and `--tables` prints the rates from the rows alone.
 """
 
 import argparse
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -130,25 +132,31 @@ WEARS |= {"random": worn_at_random, "waves": worn_in_waves}
 
 
 def specimen_p_values(
-    config: Mapping[str, Any], patches: pd.DataFrame, specimen_seed: int, *, interlayer: bool
+    config: Mapping[str, Any],
+    patches: pd.DataFrame,
+    specimen_seed: int,
+    *,
+    interlayer: bool,
+    wears: Collection[str] = tuple(WEARS),
 ) -> pd.DataFrame:
-    """P-values of every test on one specimen, with each of its kinds of wear.
+    """P-values of every test on one specimen, with each of its kinds of wear that is in `wears`.
 
     `config`, `patches` and `specimen_seed` are as in `specimen_studies`. Without `interlayer`,
     the study knows nothing of the config's interlayer. With it, the specimen wears by rule and by
     each law, and the names of the tests end with `WITH_INTERLAYER`. The result has ``seed, test,
-    drawn, wear, p_value``.
+    drawn, wear, taken, p_value``; ``taken`` says whether the study took the use from the wear.
     """
     if not interlayer:
         config = {**config, "interlayer": None}
     found = []
-    for wear, study in specimen_studies(
-        config, patches, specimen_seed, OF_INTERLAYER if interlayer else OF_BARE
-    ):
+    kinds = [wear for wear in (OF_INTERLAYER if interlayer else OF_BARE) if wear in wears]
+    for wear, study in specimen_studies(config, patches, specimen_seed, kinds):
         table = p_values(study, seed=[config["seed"], specimen_seed])
-        found.append(table.assign(wear=wear, test=table.test + WITH_INTERLAYER * interlayer))
+        taken = study.use is not None and bool(study.use.attrs["taken"])
+        names = table.test + WITH_INTERLAYER * interlayer
+        found.append(table.assign(wear=wear, taken=taken, test=names))
     table = pd.concat(found, ignore_index=True).assign(seed=specimen_seed)
-    return table[["seed", "test", "drawn", "wear", "p_value"]]
+    return table[["seed", "test", "drawn", "wear", "taken", "p_value"]]
 
 
 def specimen_studies(
@@ -213,17 +221,14 @@ def p_values(study: Study, *, seed: Sequence[int]) -> pd.DataFrame:
     """P-values of every test of the study on one specimen with one kind of wear.
 
     Random numbers are drawn from `seed`. The result has ``test, drawn, patches, p_value``.
-    ``mcc`` is the test of a patch against chance; the others have the names of
-    ``validation_summary.csv``, of the study's own prediction. A gain over a baseline or no loss is
-    claimed by ``better(...)`` and ``worse(...)``, one-sided: of the study's two-sided test, half
-    its p-value on the side where the difference lies. The rank correlation of pressure and loss is
-    also taken over so many patches ``drawn`` at random.
+    The tests have the names of ``validation_summary.csv``, of the study's own prediction. A gain
+    over a baseline or no loss is claimed by ``better(...)`` and ``worse(...)``, one-sided: of the
+    study's two-sided test, half its p-value on the side where the difference lies. The rank
+    correlation of pressure and loss is also taken over so many patches ``drawn`` at random.
     """
     tables = asked(lambda study: study.scored(seed=seed, resamples=_RESAMPLES), study)
     patches, summary = tables["patches"], tables["summary"]
-    of_patches = patches.get("p_value", [])  # none without a prediction
-    rows = [("mcc", np.nan, 1, p) for p in of_patches]
-    own = own_model(list(summary.model))
+    rows, own = [], own_model(list(summary.model))
     for row in summary[summary.model.isin(["", own])].itertuples():
         name = row.statistic
         if name.startswith(("gain", "relative")):
@@ -289,6 +294,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         default=INTERLAYERS,
         help="of these, how many are studied with an interlayer",
     )
+    parser.add_argument("--wears", nargs="+", choices=list(WEARS), default=list(WEARS))
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--output", type=Path, default=RESULT)
     parser.add_argument("--tables", action="store_true", help="from the rows alone")
@@ -307,6 +313,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                     patches,
                     options.first_seed + number,
                     interlayer=interlayer,
+                    wears=options.wears,
                 )
                 for interlayer, count in (
                     (False, options.specimens),

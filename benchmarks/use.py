@@ -1,108 +1,161 @@
-"""Does the wear tell how a tool was used, and does the study claim a use where there was none?
+"""Does wear tell how a tool was used, and does the study claim a use where there was none?
 
-    python benchmarks/use.py [--cases law random …] [--seeds 5001 5010] [--fine]
+    python benchmarks/use.py [--cases law scatter …] [--stones 10] [--faces FOLDER]
     python benchmarks/use.py --tables
 
-Stones are made that a law wore, at a load point and against a radius that are drawn from what the
-study takes for possible beforehand; the study is told the middle of the square and 200 mm. Scans
-have 128 × 128 points, or 512 × 512 with --fine; all else is as in config/config.yaml. Seeds were
-chosen before any stone was made:
+Forty stones are generated, with scans of 128 × 128 points, and each is worn by Archard's law. Its
+load point and its radius are drawn from the prior of the study, which is told the middle of the
+square and 200 mm. The seeds, 7001 to 7040, were chosen before any of these stones was made. The
+other cases take the faces and the patches of the first stones, and have other losses:
 
-law              5001 to 5040, worn by the law; from `losses`, and from `grades` from 0 to 3, of
-                 which a fifth are wrong by one
-summits, random, waves   5001 to 5020, worn by rules that know no contact
-12, 8            5011 to 5030, worn by the law: so many patches, by chance
-wrong            5011 to 5030, worn by the law: one patch of the more worn half has the loss of one
-                 of the other half
-two radii        5201 to 5205, worn by the law and a tool of two radii, 1.56 to 1 like the paper's;
-                 the study is told a round tool, its true form, and that turned by 90°
-outside          5101 to 5110, worn by the law at a load point beyond the square; the study is told
-                 that it may err by 2 mm
+law                    losses measured on the worn stones, 40 stones
+control                mean pressures of the patches under the true use, 20 stones
+scatter, stroke        the same under strikes that scatter by 1 mm, or along 4 mm, 20 stones each
+blobs, tilted, gradients, waves, smooth   losses without a contact, 20 stones each
+12, 8, wrong           losses of the law on fewer patches, or with one wrong loss, 10 stones each
+grades, smooth grades  the losses of two cases as grades, a fifth of them wrong, 10 stones each
+outside                a load point beyond the square; the study is told an error of 2 mm
+two radii, true form   an ellipsoidal tool; the study is told a round one, or the true form
+force                  twice the force that the study is told
+squared, root          losses that go with the square or the square root of the pressure
+uneven                 a wear coefficient that varies over the stone by up to 40 %
 
-Writes benchmarks/results/use.csv (with --output: elsewhere), a row for each stone, case and what is
-known of each patch; stones that the file holds already are not made again:
+The last six have 10 stones each. Losses that are not measured on a worn stone scatter by 15 %, and
+by 2 % of their mean.
 
-true_*, mean_*   load point and logarithm of the radius, as they were and as they were found;
-below_*          the share of what was found that lies below the truth;
-sd_*             the standard deviation of what was found;
-effective_draws, p_value, gain, gain_error, answer   as in `gstlib.use.infer.infer_use`;
-log_score        log probability of each loss, given the others, summed;
-told, inferred, known   r.m.s. error of the mean depths lost, each predicted from the others, over
-                 that of no loss at all: with the use as told, as inferred, and as it was;
-mcc_*            mean over the worn patches of the MCC of the predicted places of wear, likewise;
-within_95        share of the losses within the 95 % that are predicted from the others;
-cpu_s            of the inference.
+The rows go to benchmarks/results/use.csv (with --output: elsewhere), one for each stone and case.
+Stones and cases that the file holds already are not made again. Columns:
 
-`--tables` prints coverage, errors and rates of claims from the rows alone. `--grades FILE` writes
-the patch table of config/artefact.yaml, with grades in place of scans, and nothing else.
+true_*, mean_*    centre, logarithm of the radius, scatter, stroke, and spread by both together;
+sd_*, below_*     standard deviation of the draws, and their share below the truth;
+answer, taken, competitor, gain, gain_error, effective_draws, contacts, contact_error
+                  attributes of `gstlib.use.infer.infer_use`;
+least_draws       the fewest effective draws for one patch;
+log_score         log probability of each loss, given the others, summed;
+told, inferred, known   r.m.s. error of the losses, each predicted from the others, over their
+                  r.m.s.: with the use as told, as inferred, and as it was;
+within_95         share of the losses inside their predicted 95 %;
+cpu_s             of the inference.
+
+`--tables` prints coverage, claims and errors from the rows alone. `--faces FOLDER` keeps the stones
+in a folder, so that a second run does not wear them again. `--grades FILE` writes the patch table
+of config/artefact.yaml, with grades in place of scans, and nothing else.
 """
 
 import argparse
+import pickle
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
 from age import record
-from power import asked, merged, specimen_config, specimen_studies, take, worn_patches
+from power import asked, merged, specimen_config, specimen_studies, worn_patches
 
-from gstlib.conditions import study_radius
+from gstlib.conditions import stage_settings
 from gstlib.io.tables import read_table, write_table
 from gstlib.macroscale.active_tool import rounded_counterface
-from gstlib.specimen.randomness import SpecimenParameters
-from gstlib.study import Study
-from gstlib.use.evidence import Evidence, Grades, Losses, weigh
-from gstlib.use.infer import BETTER, StatedUse, infer_use, use_pressures
+from gstlib.macroscale.ensemble import patch_means
+from gstlib.use.evidence import Evidence, Grades, Losses, likelihood
+from gstlib.use.infer import PRESSED, StatedUse, infer_use, use_pressures
 from gstlib.use.outcome import losses_of, predicted_losses, share_within
 from gstlib.use.sampling import Sampling
+from gstlib.use.spread import Uses
+from gstlib.use.tempering import tempered
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "benchmarks/results/use.csv"
+FIRST_SEED = 7001
 LAW = "archard"
 # ASSUME: the contact of the macroscale knows nothing of what a coarser scan leaves out.
 COARSE = {"scan_points": 128, "scan_spacing_um": 6.64, "unmeasured_size_um": 20.0}
 # ASSUME: a stone is pressed within its square: uses beyond it cannot be told from each other.
 EDGE_MM = 0.5
+# Scatter of made losses over the loss, and over the mean loss.
+SCATTER, NOISE = 0.15, 0.02
+# How far strikes scatter along each axis, how long a stroke is, and the contacts that stand for it.
+SCATTER_MM, STROKE_MM = 1.0, 4.0
+STRIKES, STEPS = 32, 41
 # How far beyond the square the load point of the case `outside` lies, and what the study is told.
 OUTSIDE_MM, TOLD_OUTSIDE_MM = (0.25, 1.5), 2.0
 # The longer radius over the shorter one of the case `two radii`.
 ASPECT = 169 / 108
+# The true force over the one that the study is told, in the case `force`.
+FORCE = 2.0
+UNEVEN, UNEVEN_MM = 0.4, 2.0
+# Widths of blobs, tilts of planes and the share of the patches above them, lengths of waves.
+BLOB_MM, TILT_MRAD, ABOVE_PLANE, WAVE_MM = (0.4, 1.2), (2.0, 8.0), (0.3, 0.6), (0.8, 3.0)
+SMOOTH_MM = (0.5, 1.0, 2.0, 3.0)
+# Loss over the mean loss, above which a patch counts as worn.
+WORN = 0.05
 # Grades: the shares of the patches below each, and of those that are wrong by one.
 BELOW_GRADES, WRONG = (0.4, 0.65, 0.85), 0.2
 # The stone of config/artefact.yaml, and the use that the study is not told.
 ARTEFACT_SEED = 4104
-_NAMES = ("y_mm", "x_mm", "log_radius")
-_RESAMPLES = 99  # the tests of the study are not used
+_DRAWS = 1000  # of the wear coefficient at known pressures
+_POINT = ("y_mm", "x_mm", "log_radius")
+_SPREAD = ("spread_mm",)
+_STRIKES = ("scatter_mm", "stroke_mm", *_SPREAD)
+_ATTRIBUTES = ("answer", "taken", "competitor", "gain", "gain_error", "effective_draws")
+_ATTRIBUTES += ("contacts", "contact_error")
 
 
-class Case(NamedTuple):
-    """What is tried on so many stones from a seed on: how they wore, and what is changed."""
+class Stone(NamedTuple):
+    """A stone that was worn by the law.
 
-    wear: str
-    first_seed: int
-    stones: int
+    Attributes
+    ----------
+    seed : int
+    face : xarray.Dataset
+    patches : pandas.DataFrame
+    losses : Losses
+        As measured on the patches.
+    point : (3,) ndarray
+        The true load point (y, x), mm, and the logarithm of the true radius.
+    stated : StatedUse
+        What the study is told.
+    settings : mapping
+        Further arguments of `gstlib.use.infer.infer_use`.
+    """
+
+    seed: int
+    face: xr.Dataset
+    patches: pd.DataFrame
+    losses: Losses
+    point: np.ndarray
+    stated: StatedUse
+    settings: Mapping[str, Any]
 
 
-CASES = {
-    "law": Case(LAW, 5001, 40),
-    **{wear: Case(wear, 5001, 20) for wear in ("summits", "random", "waves")},
-    **{name: Case(LAW, 5011, 20) for name in ("12", "8", "wrong")},
-    "two radii": Case(LAW, 5201, 5),
-    "outside": Case(LAW, 5101, 10),
-}
-# Cases that are studied from grades, too.
-GRADED = ("law", "summits")
-# Cases of the stones of `law` that need no stone of their own.
-CHANGED = ("12", "8", "wrong")
+class Trial(NamedTuple):
+    """What the study is given in one case, and what is true of it.
+
+    Attributes
+    ----------
+    stone : Stone
+        With the face, the patches and what is stated in this case.
+    evidence : Evidence
+    true : mapping of str to float
+        Of a use with its strikes, by the names of the columns; empty without a use.
+    pressure : (patches,) ndarray, optional
+        The true pressures, MPa.
+    """
+
+    stone: Stone
+    evidence: Evidence
+    true: Mapping[str, float] = {}
+    pressure: np.ndarray | None = None
 
 
 def drawn_use(config: Mapping[str, Any], seed: int) -> dict[str, Any]:
-    """A use that the study takes for possible, as parameters of a specimen."""
+    """A use from the prior of the study, as parameters of a specimen."""
     generator = np.random.default_rng([seed, 8])
     errors, half = config["uncertainty"], config["square"]["size_mm"] / 2
     off = errors["load_point_mm"] * generator.standard_normal(2)
@@ -110,6 +163,217 @@ def drawn_use(config: Mapping[str, Any], seed: int) -> dict[str, Any]:
     log_radius = errors["radius_fraction"] * generator.standard_normal()
     radius = config["counterface"]["radius_mm"] * np.exp(log_radius)
     return {"worn_off_middle_mm": tuple(map(float, off)), "worn_radius_mm": float(radius)}
+
+
+def worn_stone(
+    config: Mapping[str, Any], patches: pd.DataFrame, seed: int, faces: Path | None
+) -> Stone:
+    """The stone of a seed, worn by the law, or as `faces` keeps it."""
+    use, file = drawn_use(config, seed), faces and faces / f"{seed}.pkl"
+    settings = stage_settings(config)["infer_use"]
+    stated = StatedUse(**settings.pop("stated"))
+    point = np.array([*stated.through, np.log(use["worn_radius_mm"])])
+    point[:2] += use["worn_off_middle_mm"]
+    if file and file.exists():
+        worn = pickle.loads(file.read_bytes())
+    else:
+        config = merged(config, {"specimen": use})
+        ((_, study),) = specimen_studies(config, patches, seed, [LAW])
+        known, losses = losses_of(study.patches, asked(lambda of: of.registration, study))
+        worn = study.composite[["height", "counterface", "size_mm"]].load(), known, losses
+    if file:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(pickle.dumps(worn))
+    return Stone(seed, *worn, point, stated, settings)
+
+
+def made_losses(depth: np.ndarray, generator: np.random.Generator) -> Losses:
+    """Losses in proportion to a depth (patches,), as scans would measure them."""
+    depth = depth / depth.mean() * generator.lognormal(0, SCATTER, len(depth))
+    depth += NOISE * generator.standard_normal(len(depth))
+    return Losses(np.maximum(depth, 0), depth > 2 * NOISE)
+
+
+def pressures_of(stone: Stone, strikes: np.ndarray, force: float = 1.0) -> np.ndarray:
+    """Mean pressure of each patch over strikes, at so many times the stated force."""
+    stated = stone.stated._replace(force_N=force * stone.stated.force_N)
+    settings = {name: stone.settings[name] for name in ("modulus", "patch_mm")}
+    found = use_pressures(strikes, stone.face, stone.patches, stated, **settings)
+    return np.asarray(found.mean(axis=0))
+
+
+def truth(point: np.ndarray, scatter_mm: float = 0.0, stroke_mm: float = 0.0) -> dict:
+    """The true use, by the names of the columns."""
+    use = Uses(point[None], np.array([scatter_mm]), np.array([[0.0, stroke_mm]]))
+    spread = float(use.spread_mm.item())
+    values = [*map(float, point), scatter_mm, stroke_mm, spread]
+    return dict(zip((*_POINT, *_STRIKES), values, strict=True))
+
+
+def law(stone: Stone, generator: np.random.Generator) -> Trial:
+    """The stone as it was worn."""
+    pressure = pressures_of(stone, stone.point[None])
+    return Trial(stone, stone.losses, truth(stone.point), pressure)
+
+
+def scatter(stone: Stone, generator: np.random.Generator) -> Trial:
+    """Strikes that scatter about the load point."""
+    cube = scipy.stats.qmc.Sobol(2, rng=generator).random(STRIKES)
+    off = scipy.special.ndtri(cube)
+    off = np.concatenate([off, -off])  # so that the centre is the load point
+    strikes = np.tile(stone.point, (len(off), 1))
+    strikes[:, :2] += SCATTER_MM * off / off.std(axis=0)
+    pressure = pressures_of(stone, strikes)
+    losses = made_losses(pressure, generator)
+    return Trial(stone, losses, truth(stone.point, scatter_mm=SCATTER_MM), pressure)
+
+
+def stroke(stone: Stone, generator: np.random.Generator) -> Trial:
+    """Strokes through the load point, in any direction."""
+    angle = generator.uniform(0, np.pi)
+    along = STROKE_MM * ((np.arange(STEPS) + 0.5) / STEPS - 0.5)
+    strikes = np.tile(stone.point, (STEPS, 1))
+    strikes[:, :2] += along[:, None] * (np.sin(angle), np.cos(angle))
+    pressure = pressures_of(stone, strikes)
+    losses = made_losses(pressure, generator)
+    return Trial(stone, losses, truth(stone.point, stroke_mm=STROKE_MM), pressure)
+
+
+def pressed(
+    stone: Stone, generator: np.random.Generator, *, force: float = 1.0, power: float = 1.0
+) -> Trial:
+    """One strike, at so many times the stated force; losses go with a power of the pressure."""
+    pressure = pressures_of(stone, stone.point[None], force)
+    true = truth(stone.point)
+    true["log_radius"] += np.log(force)  # the radius is that for the force as stated
+    return Trial(stone, made_losses(pressure**power, generator), true, pressure)
+
+
+def uneven(stone: Stone, generator: np.random.Generator) -> Trial:
+    """A wear coefficient that varies over the stone."""
+    pressure = pressures_of(stone, stone.point[None])
+    field = by_patch(stone, random_field(stone, UNEVEN_MM, generator))
+    factor = 1 + UNEVEN * field / abs(field).max()
+    return Trial(stone, made_losses(factor * pressure, generator), truth(stone.point), pressure)
+
+
+def outside(stone: Stone, generator: np.random.Generator) -> Trial:
+    """A load point beyond an edge of the square."""
+    half = float(stone.face.size_mm) / 2
+    beyond = [generator.choice([-1, 1]) * (half + generator.uniform(*OUTSIDE_MM))]
+    beyond.append(generator.uniform(-half, half))
+    point = np.array([*generator.permutation(beyond), stone.point[2]])
+    point[:2] += half
+    stated = stone.stated._replace(load_point_mm=TOLD_OUTSIDE_MM)
+    return pressed(stone._replace(point=point, stated=stated), generator)
+
+
+def two_radii(stone: Stone, generator: np.random.Generator, *, is_told: bool) -> Trial:
+    """A tool of two radii; the study is told a round one, or the true form."""
+    radius, angle = stone.stated.radius_mm, generator.uniform(0, 180)
+    middle = 2 * (float(stone.face.size_mm) / 2,)
+    radii = radius * ASPECT**0.5, radius / ASPECT**0.5
+    over = rounded_counterface(stone.face.height, radii, middle, angle)
+    true_form = stone._replace(face=stone.face.assign(counterface=over))
+    trial = pressed(true_form, generator)
+    return trial if is_told else trial._replace(stone=stone)
+
+
+def by_patch(stone: Stone, field: np.ndarray) -> np.ndarray:
+    """Mean of a field on the face (y, x) over each patch."""
+    means = patch_means(stone.face.height, stone.patches, size_mm=stone.settings["patch_mm"])
+    return np.asarray(means @ field.ravel())
+
+
+def places(stone: Stone) -> tuple[np.ndarray, np.ndarray]:
+    """y and x of each point of the face, mm."""
+    y, x = np.meshgrid(stone.face.y, stone.face.x, indexing="ij")
+    return y, x
+
+
+def random_field(stone: Stone, length_mm: float, generator: np.random.Generator) -> np.ndarray:
+    """A Gaussian field on the face, of variance 1 and of a correlation length."""
+    spacing = float(stone.face.y[1] - stone.face.y[0])
+    noise = generator.standard_normal(stone.face.height.shape)
+    field = scipy.ndimage.gaussian_filter(noise, length_mm / spacing / 2**0.5, mode="wrap")
+    return np.asarray(field / field.std())
+
+
+def blob(stone: Stone, generator: np.random.Generator) -> np.ndarray:
+    """A Gaussian spot anywhere on the square."""
+    size, (y, x) = float(stone.face.size_mm), places(stone)
+    middle = generator.uniform(EDGE_MM, size - EDGE_MM, 2)
+    width = generator.uniform(*BLOB_MM)
+    return np.exp(-0.5 * ((y - middle[0]) ** 2 + (x - middle[1]) ** 2) / width**2)
+
+
+def tilted(stone: Stone, generator: np.random.Generator) -> np.ndarray:
+    """What lies above a tilted plane."""
+    angle, tilt = generator.uniform(0, 2 * np.pi), 1e-3 * generator.uniform(*TILT_MRAD)
+    y, x = places(stone)
+    height = np.nan_to_num(stone.face.height.values)
+    height = height - tilt * (y * np.sin(angle) + x * np.cos(angle))
+    share, inside = generator.uniform(*ABOVE_PLANE), by_patch(stone, np.ones_like(y))
+    middle = by_patch(stone, height) / inside
+    levels = np.linspace(middle.min(), middle.max(), 50)
+    depths = [np.maximum(height - level, 0) for level in levels]
+    losses = np.array([by_patch(stone, depth) for depth in depths])
+    is_worn = losses > WORN * losses.mean(axis=1, keepdims=True)
+    return depths[int(abs(is_worn.mean(axis=1) - share).argmin())]
+
+
+def gradient(stone: Stone, generator: np.random.Generator) -> np.ndarray:
+    """A ramp in any direction, from a line through the inner half of the square."""
+    size, angle = float(stone.face.size_mm), generator.uniform(0, 2 * np.pi)
+    (y, x), middle = places(stone), generator.uniform(size / 4, 3 * size / 4, 2)
+    along = (y - middle[0]) * np.sin(angle) + (x - middle[1]) * np.cos(angle)
+    return np.maximum(along, 0)
+
+
+def wave(stone: Stone, generator: np.random.Generator) -> np.ndarray:
+    """A plane wave in any direction, where it is above 0."""
+    angle, phase = generator.uniform(0, 2 * np.pi, 2)
+    (y, x), length = places(stone), generator.uniform(*WAVE_MM)
+    along = y * np.sin(angle) + x * np.cos(angle)
+    return np.maximum(np.sin(2 * np.pi * along / length + phase), 0)
+
+
+def smooth(stone: Stone, generator: np.random.Generator) -> np.ndarray:
+    """A random field of one of four lengths in turn: by turns clipped at 0, or exponentiated."""
+    turn, length = divmod(stone.seed, len(SMOOTH_MM))
+    field = random_field(stone, SMOOTH_MM[length], generator)
+    return np.exp(field) if turn % 2 else np.maximum(field, 0)
+
+
+def without_contact(
+    stone: Stone,
+    generator: np.random.Generator,
+    *,
+    field: Callable[[Stone, np.random.Generator], np.ndarray],
+) -> Trial:
+    """Losses that go with a field that knows no contact."""
+    return Trial(stone, made_losses(by_patch(stone, field(stone, generator)), generator))
+
+
+def fewer(stone: Stone, generator: np.random.Generator, *, count: int) -> Trial:
+    """So many patches, by chance."""
+    trial = law(stone, generator)
+    chosen = np.sort(generator.permutation(len(stone.patches))[:count])
+    patches = stone.patches.iloc[chosen].reset_index(drop=True)
+    return trial._replace(
+        stone=stone._replace(patches=patches),
+        evidence=trial.evidence.permuted(chosen),
+        pressure=trial.pressure[chosen],
+    )
+
+
+def one_wrong(stone: Stone, generator: np.random.Generator) -> Trial:
+    """One patch of the more worn half has the loss of one of the other half."""
+    depth_um = stone.losses.depth_um.copy()
+    order = depth_um.argsort(kind="stable")
+    less, more = (generator.choice(half) for half in np.array_split(order, 2))
+    depth_um[more] = depth_um[less]
+    return law(stone, generator)._replace(evidence=Losses(depth_um))
 
 
 def grades_of(losses: Losses, generator: np.random.Generator) -> Grades:
@@ -121,190 +385,169 @@ def grades_of(losses: Losses, generator: np.random.Generator) -> Grades:
     return Grades(np.clip(grade, 0, len(BELOW_GRADES)))
 
 
+def graded(
+    stone: Stone,
+    generator: np.random.Generator,
+    *,
+    make: Callable[[Stone, np.random.Generator], Trial],
+) -> Trial:
+    """Another case, of which grades are known in place of losses."""
+    trial = make(stone, generator)
+    return trial._replace(evidence=grades_of(trial.evidence, generator))
+
+
+class Case(NamedTuple):
+    """How many stones are tried, and what is made of each."""
+
+    stones: int
+    make: Callable[[Stone, np.random.Generator], Trial]
+
+
+_FIELDS = {"blobs": blob, "tilted": tilted, "gradients": gradient, "waves": wave}
+_FIELDS |= {"smooth": smooth}
+_OF_FIELDS = {name: partial(without_contact, field=field) for name, field in _FIELDS.items()}
+CASES = {
+    "law": Case(40, law),
+    "control": Case(20, pressed),
+    "scatter": Case(20, scatter),
+    "stroke": Case(20, stroke),
+    **{name: Case(20, make) for name, make in _OF_FIELDS.items()},
+    "12": Case(10, partial(fewer, count=12)),
+    "8": Case(10, partial(fewer, count=8)),
+    "wrong": Case(10, one_wrong),
+    "grades": Case(10, partial(graded, make=law)),
+    "smooth grades": Case(10, partial(graded, make=_OF_FIELDS["smooth"])),
+    "outside": Case(10, outside),
+    "two radii": Case(10, partial(two_radii, is_told=False)),
+    "true form": Case(10, partial(two_radii, is_told=True)),
+    "force": Case(10, partial(pressed, force=FORCE)),
+    "squared": Case(10, partial(pressed, power=2.0)),
+    "root": Case(10, partial(pressed, power=0.5)),
+    "uneven": Case(10, uneven),
+}
+# Cases whose losses know no contact.
+UNPRESSED = (*_FIELDS, "smooth grades")
+
+
 def relative_error(predicted: np.ndarray, losses: Losses) -> float:
     """R.m.s. error of predicted losses over that of none."""
     error = np.square(predicted - losses.depth_um).mean()
     return float(np.sqrt(error / np.square(losses.depth_um).mean()))
 
 
-def known_error(pressure: np.ndarray, losses: Losses) -> float:
-    """That of the losses at these pressures (patches,), each from the others."""
-    seen = weigh(losses, pressure[None])
-    return relative_error(seen.without["wear_coefficient"][0] * pressure, losses)
+def error_at(pressure: np.ndarray, losses: Losses) -> float:
+    """`relative_error` at these pressures (patches,), each loss predicted from the others."""
+    if not pressure.any():
+        return 1.0
+    draws = np.tile(pressure, (_DRAWS, 1))
+
+    def log_likelihood(standard: np.ndarray) -> np.ndarray:
+        return likelihood(losses, draws, standard)
+
+    found = tempered(log_likelihood, losses.variables, _DRAWS, np.random.default_rng(1))
+    coefficient = losses.parameters(draws, found.standard)["wear_coefficient"]
+    return relative_error(found.weights_without.T @ coefficient * pressure, losses)
 
 
-def pushed_outside(config: Mapping[str, Any], seed: int) -> dict[str, Any]:
-    """The same with the load point beyond an edge of the square."""
-    generator = np.random.default_rng([seed, 10])
-    half = config["square"]["size_mm"] / 2
-    beyond = [generator.choice([-1, 1]) * (half + generator.uniform(*OUTSIDE_MM))]
-    beyond.append(generator.uniform(-half, half))
-    off = tuple(float(beyond[at]) for at in generator.permutation(2))
-    return drawn_use(config, seed) | {"worn_off_middle_mm": off}
-
-
-def two_radii(radius_mm: float) -> tuple[float, float]:
-    """Radii of an ellipsoidal tool, along its longer axis and across it, of this mean."""
-    return radius_mm * ASPECT**0.5, radius_mm / ASPECT**0.5
-
-
-def changed(
-    patches: pd.DataFrame, losses: Losses, case: str, seed: int
-) -> tuple[pd.DataFrame, Losses]:
-    """Patches and losses of a stone, as in a case of `CHANGED`."""
-    generator = np.random.default_rng([seed, 11])
-    if case == "wrong":
-        depth_um, order = losses.depth_um.copy(), losses.depth_um.argsort(kind="stable")
-        less, more = (generator.choice(half) for half in np.array_split(order, 2))
-        depth_um[more] = depth_um[less]
-        return patches, Losses(depth_um)
-    chosen = np.sort(generator.permutation(len(patches))[: int(case)])
-    return patches.iloc[chosen].reset_index(drop=True), losses.permuted(chosen)
-
-
-def known_use(true: Sequence[float], pressure: np.ndarray, patches: pd.DataFrame) -> xr.Dataset:
-    """The use as it was, as `gstlib.use.infer.infer_use` would find it."""
-    y_mm, x_mm, log_radius = true
-    one = {"y_mm": y_mm, "x_mm": x_mm, "radius_mm": np.exp(log_radius), "weight": 1.0}
-    by_patch = {"pressure": pressure, "weight_without": np.ones(len(patches))}
-    return xr.Dataset(
-        {name: ("draw", [of]) for name, of in one.items()}
-        | {name: (("draw", "patch"), of[None]) for name, of in by_patch.items()},
-        {"patch": list(patches.patch)},
-    )
-
-
-def mean_mcc(study: Study, use: xr.Dataset | None) -> float:
-    """Mean MCC over the worn patches of a study at a use, 0 where it predicts no wear."""
-    given = {name: getattr(study, name) for name in ("read_mesh", "read_scan")}
-    other = Study(study.config, study.patches, **given)
-    take(other, study, ("face", "composite", "square_contact", "detection", "registration"))
-    other.prepared.update(study.prepared)
-    other.changes.update(study.changes)
-    other.worn, other.use = study.worn, use
-    found = other.scored(seed=1, resamples=_RESAMPLES)["patches"]
-    if "mcc" not in found:
-        return 0.0
-    worn = study.registration.set_index("patch").above_noise.astype(bool)
-    mcc = found.set_index("patch").mcc
-    return float(mcc[worn.reindex(mcc.index)].fillna(0).mean())
-
-
-def tried(
-    study: Study, known: tuple[pd.DataFrame, Losses], case: str, seed: int
-) -> Iterator[tuple[str, pd.DataFrame, Evidence, xr.Dataset]]:
-    """What is known of the patches in a case, by name, and the face with its active tool."""
-    patches, losses = known
-    if case in CHANGED:
-        patches, losses = changed(patches, losses, case, seed)
-    yield "losses", patches, losses, study.composite
-    if case in GRADED:
-        grades = grades_of(losses, np.random.default_rng([seed, 9]))
-        yield "grades", patches, grades, study.composite
-    if case == "two radii":
-        angle, radius = study.config["specimen"]["worn_angle_deg"], study_radius(study.config)
-        radii, middle = two_radii(radius), 2 * (study.config["square"]["size_mm"] / 2,)
-        for form, turn in (("true form", angle), ("turned form", angle + 90)):
-            over = rounded_counterface(study.composite.height, radii, middle, turn)
-            yield form, patches, losses, study.composite.assign(counterface=over)
-
-
-def rows_of(study: Study, seed: int, cases: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """What the wear of one stone tells in some cases of its wear."""
-    settings = dict(study.settings["infer_use"])
-    stated = StatedUse(**settings.pop("stated"))
+def row_of(trial: Trial, case: str) -> dict[str, Any]:
+    """What the wear of one stone tells in one case."""
+    stone, evidence = trial.stone, trial.evidence
+    settings = {key: value for key, value in stone.settings.items() if key != "wear_law"}
     sampling = Sampling(**settings.pop("sampling"))
-    known = losses_of(study.patches, asked(lambda of: of.registration, study))
-    specimen = SpecimenParameters(**study.config["specimen"])
-    middle = study.config["square"]["size_mm"] / 2
-    true = [middle + off for off in specimen.worn_off_middle_mm]
-    true.append(float(np.log(specimen.worn_radius_mm).mean()))
-    told = [*stated.through, float(np.log(stated.radius_mm))]
-    for case in cases:
-        for kind, patches, evidence, face in tried(study, known, case, seed):
-            row = {"seed": seed, "case": case, "evidence": kind, "patches": len(patches)}
-            row["scan_points"] = specimen.scan_points
-            start = time.process_time()
-            use = infer_use(face, patches, evidence, stated, sampling=sampling, **settings)
-            row["cpu_s"] = time.process_time() - start
-            row |= found_in(use, true)
-            if isinstance(evidence, Losses) and use.sizes:
-                points = np.array([told, true])
-                at = use_pressures(points, face, patches, stated, **settings)
-                predicted = predicted_losses(use, evidence, sampling.seed)
-                row["told"], row["known"] = (known_error(of, evidence) for of in at)
-                row["inferred"] = relative_error(predicted.predicted_um.to_numpy(), evidence)
-                row["within_95"] = share_within(predicted)
-            if case == "law" and kind == "losses":
-                as_it_was = known_use(true, at[1], patches).assign_attrs(
-                    use.attrs | {"taken": 1}
-                )
-                for name, of in (("told", None), ("inferred", use), ("known", as_it_was)):
-                    row[f"mcc_{name}"] = mean_mcc(study, of)
-            yield row
-
-
-def found_in(use: xr.Dataset, true: Sequence[float]) -> dict[str, Any]:
-    """What was found, beside the truth."""
-    row = {f"true_{name}": truth for name, truth in zip(_NAMES, true, strict=True)}
-    row["answer"] = use.attrs["answer"]
+    row: dict[str, Any] = {"seed": stone.seed, "case": case, "patches": len(stone.patches)}
+    start = time.process_time()
+    use = infer_use(
+        stone.face, stone.patches, evidence, stone.stated, sampling=sampling, **settings
+    )
+    row["cpu_s"] = time.process_time() - start
+    row |= {name: use.attrs[name] for name in _ATTRIBUTES if name in use.attrs}
+    row |= {f"true_{name}": value for name, value in trial.true.items()}
     if not use.sizes:
         return row
-    found, weight = use.assign(log_radius=np.log(use.radius_mm)), use.weight.values
-    for name, truth in zip(_NAMES, true, strict=True):
-        values = found[name].values
+    row |= inferred(use, trial.true)
+    if isinstance(evidence, Losses):
+        predicted = predicted_losses(use, evidence, sampling.seed)
+        as_told = pressures_of(stone, stone.stated.prior.mean[None])
+        row["told"] = error_at(as_told, evidence)
+        row["inferred"] = relative_error(predicted.predicted_um.to_numpy(), evidence)
+        if trial.pressure is not None:
+            row["known"] = error_at(trial.pressure, evidence)
+        row["within_95"] = share_within(predicted)
+    return row
+
+
+def inferred(use: xr.Dataset, true: Mapping[str, float]) -> dict[str, float]:
+    """The inferred use, beside the truth."""
+    draws, weight = use.assign(log_radius=np.log(use.radius_mm)), use.weight.values
+    row = {"log_score": float(use.log_score.sum())}
+    row["least_draws"] = float(use.effective_draws_without.min())
+    for name in (*_POINT, *_STRIKES):
+        values = draws[name].values
         mean = row[f"mean_{name}"] = weight @ values
         row[f"sd_{name}"] = np.sqrt(weight @ (values - mean) ** 2)
-        row[f"below_{name}"] = weight @ (values < truth)
-    row["log_score"] = float(use.log_score.sum())
-    names = ("effective_draws", "p_value", "gain", "gain_error")
-    return row | {name: use.attrs[name] for name in names}
+        if name in true:
+            row[f"below_{name}"] = weight @ (values < true[name])
+    return row
 
 
 def stone_rows(
-    config: Mapping[str, Any], patches: pd.DataFrame, seed: int, cases: Sequence[str]
+    config: Mapping[str, Any],
+    patches: pd.DataFrame,
+    faces: Path | None,
+    seed: int,
+    cases: Sequence[str],
 ) -> list[dict[str, Any]]:
-    """Those of one stone in some cases."""
-    use = drawn_use(config, seed)
-    if "outside" in cases:
-        use = pushed_outside(config, seed)
-        config = merged(config, {"uncertainty": {"load_point_mm": TOLD_OUTSIDE_MM}})
-    if "two radii" in cases:
-        angle = float(np.random.default_rng([seed, 12]).uniform(0, 180))
-        use |= {"worn_radius_mm": two_radii(use["worn_radius_mm"]), "worn_angle_deg": angle}
-    config = merged(config, {"specimen": use})
-    wears = list(dict.fromkeys(CASES[case].wear for case in cases))
-    return [
-        row
-        for wear, study in specimen_studies(config, patches, seed, wears)
-        for row in rows_of(study, seed, [case for case in cases if CASES[case].wear == wear])
-    ]
+    """The rows of one stone in some cases."""
+    stone = worn_stone(config, patches, seed, faces)
+    rows = []
+    for case in cases:
+        generator = np.random.default_rng([seed, 9, list(CASES).index(case)])
+        rows.append(row_of(CASES[case].make(stone, generator), case))
+    return rows
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """What the rows of a benchmark show, by case and evidence.
+    """What the rows of a benchmark show, by case.
 
-    ``stones``; median errors of the load point along ``y_mm`` and ``x_mm`` and of ``log_radius``;
-    ``held_50`` and ``held_95``, percent of these that lie in the middle 50 and 95 % of what was
-    found; median errors of the losses, ``told``, ``inferred`` and ``known``; means of ``mcc_told``,
-    ``mcc_inferred``, ``mcc_known``, ``within_95`` and ``log_score``; ``claims``, stones whose wear
-    a use is said to explain better than heights alone. Where no use made the wear, none is known.
+    ``stones``, of which ``answered``; ``pressed``, stones whose use is claimed, and ``taken``;
+    median errors of ``y_mm``, ``x_mm`` and ``log_radius``; for the three together ``held_50`` and
+    ``held_95``, percent of the truths inside the middle 50 and 95 % of the draws; the counts for
+    each, ``y_mm_50`` …, and for ``spread_mm`` where strikes scatter; median errors of the losses,
+    ``told``, ``inferred`` and ``known``, and of their ratio, ``told_ratio`` and ``inferred_ratio``
+    over that with the use known; mean ``within_95``; medians of ``gain``, ``contacts``,
+    ``contact_error`` and ``cpu_s``; the least of ``least_draws``.
     """
     found = {}
-    for (case, kind), of in rows.groupby(["case", "evidence"], sort=False):
-        row: dict[str, Any] = {"stones": len(of)}
-        if CASES[case].wear == LAW:
-            for name in _NAMES:
-                row[name] = abs(of[f"mean_{name}"] - of[f"true_{name}"]).median()
-            below = of[[f"below_{name}" for name in _NAMES]].to_numpy()
-            for share in (50, 95):
-                row[f"held_{share}"] = 100 * (abs(below - 0.5) < share / 200).mean()
-            row["known"] = of.known.median()
-        row |= of[["told", "inferred"]].median().to_dict()
-        row |= of[["mcc_told", "mcc_inferred", "mcc_known", "within_95"]].mean().to_dict()
-        row["log_score"] = of.log_score.mean()
-        found[case, kind] = row | {"claims": (of.answer == BETTER).sum()}
+    for case, of in rows.groupby("case", sort=False):
+        answered = of[of.log_score.notna()]
+        row: dict[str, Any] = {"stones": len(of), "answered": len(answered)}
+        row |= {"pressed": (of.answer == PRESSED).sum(), "taken": (of.taken == 1).sum()}
+        if case not in UNPRESSED:
+            row |= coverage(answered)
+            for name in ("told", "inferred"):
+                row[f"{name}_ratio"] = (answered[name] / answered.known).median()
+        for name in ("told", "inferred", "known"):
+            row[name] = answered[name].median()
+        row["within_95"] = answered.within_95.mean()
+        for name in ("gain", "contacts", "contact_error", "cpu_s"):
+            row[name] = answered[name].median()
+        found[case] = row | {"least_draws": answered.least_draws.min()}
     return pd.DataFrame(found).T
+
+
+def coverage(rows: pd.DataFrame) -> dict[str, float]:
+    """How far the truths lie from the means of the draws, and how many inside their regions."""
+    row = {name: abs(rows[f"mean_{name}"] - rows[f"true_{name}"]).median() for name in _POINT}
+    names = (*_POINT, *_SPREAD) if (rows.true_spread_mm > 0).any() else _POINT
+    off = abs(rows[[f"below_{name}" for name in names]] - 0.5)
+    for share in (50, 95):
+        inside = off <= share / 200
+        row[f"held_{share}"] = 100 * inside.iloc[:, : len(_POINT)].to_numpy().mean()
+        row |= {
+            f"{name.removeprefix('below_')}_{share}": count
+            for name, count in inside.sum().items()
+        }
+    return row
 
 
 def write_grades(config: Mapping[str, Any], patches: pd.DataFrame, file: Path) -> None:
@@ -323,7 +566,8 @@ def write_grades(config: Mapping[str, Any], patches: pd.DataFrame, file: Path) -
 
 def made(file: Path) -> pd.DataFrame:
     """The rows that a file holds already."""
-    return read_table(file) if file.exists() else pd.DataFrame({"seed": [], "case": []})
+    rows = read_table(file) if file.exists() else pd.DataFrame({"seed": [], "case": []})
+    return rows.assign(case=rows.case.astype(str))  # some have a number for a name
 
 
 def stones_to_make(
@@ -331,20 +575,18 @@ def stones_to_make(
 ) -> Iterator[tuple[int, list[str]]]:
     """Seeds, of these, and the cases of each that have no rows."""
     there = set(zip(rows.seed, rows.case, strict=True))
-    asked_for: dict[int, list[str]] = {}
-    for name in names:
-        first, stones = CASES[name].first_seed, CASES[name].stones
-        for seed in range(first, first + stones):
-            if seed in seeds and (seed, name) not in there:
-                asked_for.setdefault(seed, []).append(name)
-    yield from sorted(asked_for.items())
+    for number, seed in enumerate(seeds):
+        wanted = [name for name in names if number < CASES[name].stones]
+        if missing := [name for name in wanted if (seed, name) not in there]:
+            yield seed, missing
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", nargs="+", default=list(CASES), choices=list(CASES))
-    parser.add_argument("--seeds", type=int, nargs=2, default=(5001, 5999), help="these alone")
-    parser.add_argument("--fine", action="store_true", help="scans as in config/config.yaml")
+    parser.add_argument("--first-seed", type=int, default=FIRST_SEED, help="for trials")
+    parser.add_argument("--stones", type=int, default=40, help="at most so many of each case")
+    parser.add_argument("--faces", type=Path, help="folder that keeps the worn stones")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--output", type=Path, default=RESULT)
     parser.add_argument("--tables", action="store_true", help="from the rows alone")
@@ -355,17 +597,16 @@ def main() -> None:
         write_grades(config, worn_patches(config), options.grades)
         return
     if not options.tables:
-        config = specimen_config()
-        if not options.fine:
-            config = merged(config, {"specimen": COARSE})
-        adds = options.output.exists()
+        config = merged(specimen_config(), {"specimen": COARSE})
         patches, rows = worn_patches(config), made(options.output)
-        first, last = options.seeds
-        todo = list(stones_to_make(options.cases, range(first, last + 1), rows))
+        adds = options.output.exists()
+        seeds = range(options.first_seed, options.first_seed + options.stones)
+        todo = stones_to_make(options.cases, seeds, rows)
+        make = partial(stone_rows, config, patches, options.faces)
         # not forked: the transforms' threads would not come along
         context = get_context("spawn")
         with ProcessPoolExecutor(options.processes, mp_context=context) as processes:
-            jobs = {processes.submit(stone_rows, config, patches, *of): of for of in todo}
+            jobs = {processes.submit(make, *of): of for of in todo}
             for number, job in enumerate(as_completed(jobs), start=1):
                 if error := job.exception():  # the others' rows are kept
                     print(f"{jobs[job]}: {error!r}", flush=True)
@@ -377,7 +618,7 @@ def main() -> None:
                 write_table(options.output, rows)
                 record(options.output, adds=adds)
                 print(f"{number} of {len(jobs)} stones", flush=True)
-    print(summary(read_table(options.output)).round(2).T.to_string())
+    print(summary(made(options.output)).round(2).T.to_string())
 
 
 if __name__ == "__main__":
