@@ -234,6 +234,8 @@ def test_claims_where_nothing_was_pressed_and_where_it_lay_elsewhere():
     unpressed = rows[rows.case.isin(use.UNPRESSED)]
     cases, claimed = map(int, said(r"in (\d+) such cases, a use was claimed in (\d+)\."))
     assert (cases, claimed) == (len(unpressed), (unpressed.answer == use.PRESSED).sum())
+    (without,) = map(int, said(r"In (\d+) of these, nothing could be inferred"))
+    assert without == unpressed.log_score.isna().sum()
     side, reach = 5.0, 1.96  # of config/config.yaml, mm; standard deviations
     middles, reaches, truths = (
         rows[[f"{name}_{axis}_mm" for axis in "yx"]].to_numpy()

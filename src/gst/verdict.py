@@ -57,7 +57,8 @@ _ALL_TELL = (
 # The laws beside Archard's, the unit of their parameter, and the config key that chooses them.
 _LAWS = {
     "threshold": ("a threshold pressure", " MPa", "threshold_MPa"),
-    "exponent": ("an exponent of pressure", "", "exponent"),
+    "lower exponent": ("an exponent of pressure", "", "exponent"),
+    "higher exponent": ("an exponent of pressure", "", "exponent"),
     "touched": ("the same loss wherever patches are touched", "", "exponent to 0"),
 }
 _USED = "How was it used?"

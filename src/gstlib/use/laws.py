@@ -1,13 +1,13 @@
 """Competing laws of wear: which of them best predicts the loss of a patch from the other losses.
 
-Archard's law is scored beside three others on the same likely pressures. They are a threshold
-pressure, another exponent of pressure, and the same loss wherever a patch is touched. None of them
-contains Archard's law as a special case. So a better score means a better prediction.
+Archard's law is scored beside four others on the same likely pressures. They are a threshold
+pressure, a lower and a higher exponent of pressure, and the same loss wherever a patch is touched.
+None of them contains Archard's law as a special case. So a better score means a better prediction.
 """
 
 # ASSUME: beforehand, a threshold is lognormal, with a factor of 2 about half the mean pressure of
-# the patches that likely loads touch. The logarithm of an exponent, to the base of 2, is normal
-# with a standard deviation of 0.6, but moved away from 0 by 0.5. So it is not near 1. Exponents of
+# the patches that likely loads touch. The logarithm of an exponent, to the base of 2, is beyond 0.5
+# on one side of 0, by a half-normal distance with a scale of 0.6. So it is not near 1. Exponents of
 # experiments form one group about 1 and another elsewhere (Delaney et al. 2025, Appl. Mech. Rev.
 # 77:022101). A threshold stands for cracks that grow only in contacts with enough elastic energy
 # (Xu & Persson, arXiv 2412.13129).
@@ -30,19 +30,25 @@ __all__ = ["BASE", "UNDECIDED", "law_scores", "law_table"]
 
 # The law that the others are compared with, and the answer if the scores do not separate them.
 BASE, UNDECIDED = "archard", "undecided"
-_DRAWS = 800
+# Of several samples, the median of each score counts: one may miss loads that are likely once a
+# patch is left out.
+_DRAWS, _SAMPLES = 1000, 3
 _EXPONENT_ERROR, _EXPONENT_APART = 0.6, 0.5
 # Over the mean pressure of the touched patches.
 _THRESHOLD, _THRESHOLD_ERROR = 0.5, 0.7
 # A pressure between solved contacts is interpolated: below this share of the same mean, it is none.
 _TOUCHED = 0.01
 # One-sided level of a claim. The quantile is Student's, because the standard error is from few
-# patches; for the best of three competitors, it is of a third of the level.
+# patches; for the best of four others, it is of a quarter of the level.
 _LEVEL = 0.05
 _LIMITS = 0.025, 0.975
 _STATISTICS = "mean", "low", "high"
 _COLUMNS = ["law", "parameter", *_STATISTICS, "log_score", "gain", "gain_error", "answer"]
-_PARAMETERS = {"threshold": "threshold_MPa", "exponent": "exponent"}
+_PARAMETERS = {
+    "threshold": "threshold_MPa",
+    "lower exponent": "exponent",
+    "higher exponent": "exponent",
+}
 _DECIMALS = 6
 
 
@@ -89,16 +95,21 @@ def law_scores(
             evidence = replace(losses, law=family.law(standard[:, variables:end]))
             return likelihood(evidence, pressures(standard[:, :variables]), standard[:, end:])
 
-        particles = tempered(log_likelihood, end + losses.variables, _DRAWS, generator)
+        size = end + losses.variables
+        samples = [tempered(log_likelihood, size, _DRAWS, generator) for _ in range(_SAMPLES)]
+        particles = [of for of in samples if of is not None]
         scores.append(np.full(len(losses.depth_um), -np.inf))
         parameters.append([np.nan] * len(_STATISTICS))
-        if particles is None:
+        if not particles:
             continue
-        scores[-1] = particles.log_score
+        scores[-1] = np.median([of.log_score for of in particles], axis=0)
         if family.parameter:
-            law = family.law(particles.standard[:, variables:end])
+            law = family.law(
+                np.concatenate([of.standard for of in particles])[:, variables:end]
+            )
             values = np.ravel(getattr(law, family.parameter))
-            parameters[-1] = _summary(values, particles.weights)
+            weight = np.concatenate([of.weights for of in particles]) / len(particles)
+            parameters[-1] = _summary(values, weight)
     return xr.Dataset(
         {
             "law_log_score": (("law", "patch"), np.array(scores)),
@@ -115,14 +126,18 @@ def _families(pressure: np.ndarray) -> dict[str, _Family]:
     def threshold(standard: np.ndarray) -> Law:
         return Law(threshold_MPa=_THRESHOLD * mean * np.exp(_THRESHOLD_ERROR * standard))
 
-    def exponent(standard: np.ndarray) -> Law:
-        apart = np.copysign(_EXPONENT_APART, standard)
-        return Law(exponent=2.0 ** (_EXPONENT_ERROR * standard + apart))
+    def exponent(sign: float) -> Callable[[np.ndarray], Law]:
+        def law(standard: np.ndarray) -> Law:
+            apart = _EXPONENT_APART + _EXPONENT_ERROR * abs(standard)
+            return Law(exponent=2.0 ** (sign * apart))
+
+        return law
 
     return {
         BASE: _Family("", lambda _: ARCHARD),
         "threshold": _Family("threshold_MPa", threshold),
-        "exponent": _Family("exponent", exponent),
+        "lower exponent": _Family("exponent", exponent(-1.0)),
+        "higher exponent": _Family("exponent", exponent(1.0)),
         "touched": _Family("", lambda _: Law(_TOUCHED * mean, 0.0)),
     }
 
