@@ -77,6 +77,7 @@ def solve_contact(  # noqa: PLR0913
     through=None,
     initial_pressure=None,
     pressure_cap=math.inf,
+    springs=0.0,
     layer=None,
     periodic=False,
     tolerance=1e-6,
@@ -109,6 +110,10 @@ def solve_contact(  # noqa: PLR0913
         Cap on the pressure, such as a hardness (MPa): the elastic, perfectly plastic contact
         p ≤ H of Almqvist et al. (Tribol. Int. 40 (2007) 574). Infinite by default; not with
         `through`.
+    springs : float
+        Compliance of independent springs between the surface and the half-space (mm/MPa), none by
+        default. With κ, wear coefficient × sliding, the pressure is that after the wear
+        (`gstlib.bem.wear`).
     layer : Layer, optional
         A compliant layer between the surface and the half-space.
     periodic : bool
@@ -147,7 +152,9 @@ def solve_contact(  # noqa: PLR0913
     [0, 3]
     """
     heights, spacing, like = as_given(heights, spacing)
-    problem = ContactProblem(heights, spacing, contact_modulus, layer=layer, periodic=periodic)
+    problem = ContactProblem(
+        heights, spacing, contact_modulus, springs=springs, layer=layer, periodic=periodic
+    )
     load = problem.load(displacement, mean_pressure, pressure_cap)
     if initial_pressure is not None:
         initial_pressure = checked_array(

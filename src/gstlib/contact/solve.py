@@ -93,12 +93,14 @@ def contact_at_pressure(
     modulus: float,
     tolerance: float,
     source: str | Path = "surface",
+    springs: float = 0.0,
     initial_pressure: np.ndarray | None = None,
 ) -> Contact:
     """Contact of two faces at a load alone, without the path to it.
 
-    Parameters and errors are those of `contact_path`; `initial_pressure` (ny, nx), MPa, of a
-    contact that is much like this one, is where the solver starts.
+    Parameters and errors are those of `contact_path`; `springs` is as in
+    `gstlib.bem.solve_contact`; `initial_pressure` (ny, nx), MPa, of a contact that is much like
+    this one, is where the solver starts.
     """
     through = None if load.through is None else from_corner(load.through, interface.height)
     with solver_errors(source, load):
@@ -107,6 +109,7 @@ def contact_at_pressure(
             modulus,
             mean_pressure=load.mean_pressure,
             through=through,
+            springs=springs,
             tolerance=tolerance,
             initial_pressure=initial_pressure,
         )

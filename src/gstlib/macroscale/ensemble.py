@@ -24,13 +24,15 @@ __all__ = ["Case", "patch_means", "press_each"]
 class Case(NamedTuple):
     """What is pressed once: two faces, their load, and their contact modulus (MPa).
 
-    `start` is a pressure (ny, nx), MPa, near that of the contact, from which it is found sooner.
+    `start` is a pressure (ny, nx), MPa, near that of the contact, from which it is found sooner;
+    `springs` (mm/MPa) is as in `gstlib.bem.solve_contact`.
     """
 
     interface: Interface
     load: Load
     modulus: float
     start: np.ndarray | None = None
+    springs: float = 0.0
 
 
 def press_each(
@@ -60,6 +62,7 @@ def press_each(
                 modulus=case.modulus,
                 tolerance=tolerance,
                 source=source,
+                springs=case.springs,
                 initial_pressure=start if in_order else case.start,
             )
         except InputError:

@@ -9,7 +9,7 @@ like all that is not known (`gstlib.use.tempering`).
 # degrees of freedom: one wrong T1 does not move the answer. The scatter has a part that grows with
 # the loss and one that does not. Beforehand, the coefficients are lognormal: that of wear with a
 # factor of 2 about that of all patches together, the parts of the scatter with a factor of 2.2
-# and 1.8 about 30 % of the loss of the patch and 15 % of the mean loss.
+# and 1.8 about 35 % of the loss of the patch and 18 % of the mean loss.
 # ASSUME: a grade says in which interval the logarithm of a patch's pressure lies, but for a normal
 # error; a tenth of the grades are at random. As many patches lie between two limits as have the
 # grade between them.
@@ -34,8 +34,8 @@ _LOG_OF_T = float(scipy.stats.t.logpdf(0, _FREEDOM))
 # bear load nor wear, whatever the heights err by: their perfect fit says nothing of the patches at
 # the edge of the contact, so that the last has a least value.
 _COEFFICIENT_ERROR = 0.7
-_SCATTER, _SCATTER_ERROR = 0.3, 0.8
-_FLOOR, _FLOOR_ERROR, _LEAST_FLOOR = 0.15, 0.6, 0.08
+_SCATTER, _SCATTER_ERROR = 0.35, 0.8
+_FLOOR, _FLOOR_ERROR, _LEAST_FLOOR = 0.18, 0.6, 0.1
 # Of the logarithm of pressure, for grades.
 _GRADE_ERROR, _GRADE_ERROR_ERROR = 0.5, 0.5
 _AT_RANDOM = 0.1
@@ -65,6 +65,9 @@ class Evidence(Protocol):
         self, pressure: np.ndarray, standard: np.ndarray
     ) -> Mapping[str, np.ndarray]:
         """What is not asked for, by name: (draws,)."""
+
+    def springs(self, pressure: np.ndarray) -> float:
+        """How far an element wears under these pressures (patches,), mm/MPa."""
 
     def permuted(self, order: Sequence[int] | np.ndarray) -> "Evidence":
         """The same, seen on other patches, or on some of them."""
@@ -96,6 +99,14 @@ class Losses:
         if self.above_noise is not None:
             worn = worn & self.above_noise  # so is the loss of a patch that lost nothing
         return bool(worn.sum() >= FEWEST_WORN)
+
+    def springs(self, pressure: np.ndarray) -> float:
+        """Wear coefficient with the sliding, mm/MPa, under these pressures (patches,), MPa.
+
+        An element that gives way by it under pressure is one that has worn (`gstlib.bem.wear`).
+        """
+        borne = float(self.law.equivalent(pressure[np.newaxis]).sum())
+        return 1e-3 * max(float(self.depth_um.sum()), 0.0) / borne if borne > 0 else 0.0
 
     def permuted(self, order: Sequence[int] | np.ndarray) -> "Losses":
         """The same losses on other patches, or those of some patches."""
@@ -143,6 +154,10 @@ class Grades:
 
     grade: np.ndarray
     variables = 1
+
+    def springs(self, pressure: np.ndarray) -> float:
+        """0: how deep the wear is, grades do not say."""
+        return 0.0
 
     @property
     def tells(self) -> bool:

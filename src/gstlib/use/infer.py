@@ -15,8 +15,8 @@ than each of them.
 # F R / E*. So the radius is inferred for the force and the modulus as stated. Beforehand it is
 # known but for a lognormal error, and the centre but for a normal one, alike along both axes.
 # ASSUME: of two radii, the ratio and the direction are known.
-# ASSUME: the pressures of a use are those before wear; what wear moves between patches is small
-# beside what is not known.
+# ASSUME: a loss goes with the pressure after it, as in one implicit step of Archard's law: each
+# element gives way by κ p. The κ is that of the losses under the use as stated.
 
 import logging
 from collections import deque
@@ -190,8 +190,11 @@ def infer_use(
     generator = np.random.default_rng([sampling.seed, 6])
     height = coarser(face.height, _COARSER)
 
+    settings: dict[str, float] = {"modulus": modulus, "patch_mm": patch_mm}
+    (before,) = use_pressures(stated.prior.mean[np.newaxis], face, patches, stated, **settings)
+    settings["springs"] = evidence.springs(before)
+
     def pressures(points: np.ndarray) -> np.ndarray:
-        settings = {"modulus": modulus, "patch_mm": patch_mm}
         return use_pressures(points, face, patches, stated, **settings)
 
     draws = sample(stated.prior, pressures, evidence, sampling, generator)
@@ -200,19 +203,21 @@ def infer_use(
         reason = f"only {touching} of {contacts} strikes about what is stated touch a patch"
         remedy = "Correct load.at_mm and counterface, or raise uncertainty.load_point_mm"
         return _unknown(reason, remedy)
-    if not draws.contact_error <= _MOST_CONTACT_ERROR:
-        reason = (
-            f"the last of {contacts} contacts were predicted from the others with an error of "
-            f"{100 * draws.contact_error:.0f} % of their mean pressure"
-        )
-        remedy = f"Raise use.rounds (now {sampling.rounds}) or use.draws (now {sampling.draws})"
-        return _unknown(reason, remedy)
     found = _stored(draws, patches)
     competitors = competitor_scores(
         height, patches, evidence, patch_mm=patch_mm, seed=sampling.seed
     )
     found["competitor"] = list(competitors)
     found["competitor_log_score"] = ("competitor", "patch"), np.array([*competitors.values()])
+    answer = _answer(found)
+    # where a competitor predicts better, more contacts would not help
+    if answer["taken"] and not draws.contact_error <= _MOST_CONTACT_ERROR:
+        reason = (
+            f"the last of {contacts} contacts were predicted from the others with an error of "
+            f"{100 * draws.contact_error:.0f} % of their mean pressure"
+        )
+        remedy = f"Raise use.rounds (now {sampling.rounds}) or use.draws (now {sampling.draws})"
+        return _unknown(reason, remedy)
     if isinstance(evidence, Losses):
         found = found.merge(
             law_scores(draws.pressures_of, draws.variables, evidence, generator)
@@ -230,7 +235,7 @@ def infer_use(
     return described(found, _DESCRIBED).assign_attrs(
         effective_draws=float(effective_draws(draws.particles.weights)),
         stated_radius_mm=stated_radius,
-        **_answer(found),
+        **answer,
     )
 
 
@@ -277,11 +282,12 @@ def use_pressures(
     *,
     modulus: float,
     patch_mm: float,
+    springs: float = 0.0,
 ) -> np.ndarray:
     """Pressure (uses, patches), MPa, under some uses; 0 of one that tips the stone over.
 
-    `points` (uses, 2 or 3) are load point (y, x), mm, and logarithm of the radius; the rest is as
-    in `infer_use`.
+    `points` (uses, 2 or 3) are load point (y, x), mm, and logarithm of the radius; elements
+    give way by `springs`, mm/MPa; the rest is as in `infer_use`.
     """
     height, known = (coarser(face[name], _COARSER) for name in ("height", "counterface"))
     means = patch_means(height, patches, size_mm=patch_mm)
@@ -296,7 +302,7 @@ def use_pressures(
         apart = [np.square(scaled[number] - scaled[other]).sum() for other, _ in solved]
         start = solved[int(np.argmin(apart))][1] if solved else None
         load = Load.of_force(stated.force_N, height, (y, x))
-        case = Case(Interface(height, over), load, modulus, start)
+        case = Case(Interface(height, over), load, modulus, start, springs)
         (contact,) = press_each([case], tolerance=_TOLERANCE, source="use")
         if contact is None:
             continue

@@ -25,7 +25,7 @@ _NUGGETS = 1e-4, 1e-2
 # Strikes from which these are chosen: more of them change nothing.
 _MOST_FITTED = 200
 # Pressures of a use that are less than this share of the mean are errors of the process.
-_LEAST = 0.05
+_LEAST = 0.1
 # Variance along a stroke of this length that is passed evenly.
 _OF_STROKE = 1 / 12
 

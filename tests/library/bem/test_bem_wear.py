@@ -43,6 +43,13 @@ def test_the_final_contact_is_that_of_the_worn_surface(lost):
     assert path.contact_fraction[-1] == pytest.approx(direct.contact_fraction, abs=2 / 80**2)
 
 
+def test_a_step_is_a_contact_behind_springs():
+    step = wear_path(*SURFACE, **WEAR, steps=1, tolerance=1e-9).final
+    springs = WEAR["mean_loss"] / 76.0
+    behind = solve_contact(*SURFACE, mean_pressure=76.0, springs=springs, tolerance=1e-9)
+    np.testing.assert_allclose(behind.pressure, step.pressure, atol=1e-6 * step.pressure.max())
+
+
 def test_nothing_wears_out_of_contact_and_nothing_grows(path):
     assert path.depth.min() == 0
     single = wear_path(*SURFACE, **WEAR, steps=1)
