@@ -308,45 +308,6 @@ def press(scan, pressure, modulus, periodic, unit, spacing_um, output) -> None:
 
 
 @main.command()
-@click.argument("mesh", type=_PATH)
-@click.option(
-    "--unit",
-    type=click.Choice(["m", "cm", "mm", "um", "in"]),
-    help="Unit of the mesh; by default mm, or m for GLB.",
-)
-@click.option(
-    "--size",
-    type=click.FloatRange(0, 100, min_open=True),
-    default=5.0,
-    help="Side of the square (mm).",
-)
-@click.option("--patches", type=_PATH, help="A patch table to draw on the square.")
-@click.option(
-    "--patch-size",
-    type=click.FloatRange(0, 50, min_open=True),
-    default=0.85,
-    help="Side of a patch (mm).",
-)
-@click.option("--output", type=_PATH, default="pick.html", show_default=True, help="The page.")
-def pick(mesh, unit, size, patches, patch_size, output) -> None:
-    """Write a page to pick the square on: turn the stone, click, copy the config."""
-    from gst.patches import read_patches
-    from gst.pick import pick_page
-    from gstlib.io.files import write_whole
-    from gstlib.io.meshes import read_mesh
-
-    if output.suffix.lower() != ".html":
-        raise click.UsageError(f"--output is a page: name it .html, not '{output.name}'")
-    stone, table = read_mesh(mesh, unit=unit), None
-    unit = stone.metadata["file_unit"]
-    if patches is not None:
-        table = read_patches(patches, size_mm=size, patch_size_mm=patch_size)
-    options = {"name": mesh.name, "unit": unit, "size_mm": size, "patch_size_mm": patch_size}
-    write_whole(output, pick_page(stone, patches=table, **options).encode())
-    click.echo(f"{output}: open it in a browser")
-
-
-@main.command()
 @click.argument("before", type=_PATH)
 @click.argument("after", type=_PATH)
 @click.option(

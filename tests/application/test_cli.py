@@ -34,7 +34,6 @@ def run(*arguments, said=""):
         (["inspect", b"a\xff.plu"], "no such file"),
         (["press", "gone.plu", "--pressure", "5"], "gone.plu: no such file"),
         (["press", "gone.plu", "--pressure", "0"], "not in the range"),
-        (["pick", LONG], TOO_LONG),
         (["check", "a\0b"], "cannot be the path of a file"),
         (["new", "loop", "--like", "tiny"], "is a loop of links"),
         (["package", "loop"], "is a loop of links"),

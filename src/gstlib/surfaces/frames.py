@@ -149,7 +149,7 @@ def find_frame(
                 "square.points_mm",
                 f"point {number}, {list(point)}, is {away:.4g} mm from the nearest vertex of "
                 f"{source}, which spans {span} mm",
-                "Give its coordinates in mm, as gst pick does, whatever the unit of the mesh.",
+                "Give its coordinates in mm, as gst place does, whatever the unit of the mesh.",
             )
     return frame_from_points(points_mm)
 
