@@ -68,7 +68,7 @@ rule all:
 if workflow.is_main_process:
     refuse_foreign(STEPS, Path(RESULTS))
 adapt(workflow, STEPS, Path(RESULTS), config["accept"])
-if AGAIN and workflow.is_main_process and "gst.scheduler" not in sys.orig_argv:
+if AGAIN and workflow.is_main_process and "gst.run.scheduler" not in sys.orig_argv:
     logger.warning(f"To make again what has changed, add: --forcerun {' '.join(AGAIN)}")
 
 

@@ -10,7 +10,7 @@ all of the program if it runs whole studies.
 import json
 from pathlib import Path
 
-from gst.provenance import library_hash, program_hash
+from gst.run.provenance import library_hash, program_hash
 from gstlib.io.files import sha256, write_whole
 
 HERE = Path(__file__).parent

@@ -50,7 +50,7 @@ import yaml
 from age import record
 from power import merged, specimen_config, worn_patches
 
-from gst.checking import check_study
+from gst.check.checking import check_study
 from gstlib.change.selection import exchanged_epochs
 from gstlib.coupling.placement import ALL
 from gstlib.errors import raise_unless_accepted

@@ -24,8 +24,8 @@ import yaml
 from age import record
 from power import specimen_config
 
-from gst.patches import read_patches
-from gst.place_matching import located
+from gst.config.patches import read_patches
+from gst.setup.place_matching import located
 from gstlib.coupling.finding import view_of
 from gstlib.coupling.matching import match_map, match_together
 from gstlib.coupling.nearby import match_near

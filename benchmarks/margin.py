@@ -35,8 +35,8 @@ import yaml
 from age import record
 from commands import snakemake_command
 
-from gst.difference import compare_results
-from gst.tables import TABLES
+from gst.config.tables import TABLES
+from gst.share.difference import compare_results
 from gstlib.io.tables import ALL_DIGITS, printed
 
 ROOT = Path(__file__).parents[1]

@@ -24,7 +24,7 @@ import xarray as xr
 from age import record
 from power import merged, specimen_config, specimen_studies
 
-from gst.config import read_study
+from gst.config.reading import read_study
 from gstlib.coupling.placement import (
     AGREES,
     AS_GIVEN,

@@ -27,7 +27,7 @@ import pandas as pd
 from age import record
 from scipy.stats import beta
 
-from gst.config import complete, read_config_file, read_study
+from gst.config.reading import complete, read_config_file, read_study
 from gstlib.errors import InputError
 from gstlib.io.tables import read_table, write_table
 from gstlib.specimen.generate import make_specimens

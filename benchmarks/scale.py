@@ -31,7 +31,7 @@ import yaml
 from age import record
 from commands import snakemake_command
 
-from gst.patches import read_patches
+from gst.config.patches import read_patches
 from gstlib.specimen import generate, pebble, scanning, stone
 from gstlib.specimen.generate import make_specimen, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters

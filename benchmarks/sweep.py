@@ -18,10 +18,10 @@ import pandas as pd
 import yaml
 from power import merged
 
-from gst.config import config_problems, read_config, refuse_config
-from gst.contradictions import counterface_mesh
-from gst.patches import read_patches
-from gst.poses import reach_of
+from gst.config.contradictions import counterface_mesh
+from gst.config.patches import read_patches
+from gst.config.poses import reach_of
+from gst.config.reading import config_problems, read_config, refuse_config
 from gstlib.change.texture import measure_texture
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan

@@ -22,7 +22,7 @@ import use
 import verdict
 from PIL import Image
 
-from gst.tables import TABLES
+from gst.config.tables import TABLES
 from gstlib.io.files import sha256
 from gstlib.io.tables import read_table
 

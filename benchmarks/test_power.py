@@ -26,8 +26,8 @@ from power import (
 from power import CONFIG as OF_SPECIMENS
 from scipy.stats import binomtest
 
-from gst.config import config_problems
-from gst.tables import columns_of
+from gst.config.reading import config_problems
+from gst.config.tables import columns_of
 from gstlib.io.tables import read_table
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import Stone

@@ -6,16 +6,16 @@ import sys
 import pytest
 from scale import CONFIG, steps, write_study
 
-from gst.checking import check_study
-from gst.config import config_problems, read_config
-from gst.patches import read_patches
+from gst.check.checking import check_study
+from gst.config.patches import read_patches
+from gst.config.reading import config_problems, read_config
 from gstlib.specimen import pebble, scanning
 
 # A step of the workflow, without the workflow: it holds 320 MB for a moment.
 STEP = """
 from types import SimpleNamespace
 
-from gst.logs import run_script
+from gst.run.logs import run_script
 
 rule = SimpleNamespace(input={{}}, output={{}}, params={{}}, log=[{log!r}], config={{}})
 run_script(rule, lambda: b"x" * 320_000_000)

@@ -9,7 +9,7 @@ import yaml
 from power import merged
 from sweep import SETTINGS, changes_table, main
 
-from gst.config import config_problems, read_config
+from gst.config.reading import config_problems, read_config
 
 CONFIGS = Path(__file__).parents[1] / "config"
 

@@ -28,7 +28,7 @@ import xarray as xr
 from age import record
 from power import merged, specimen_config, take
 
-from gst.patches import read_patches
+from gst.config.patches import read_patches
 from gstlib.coupling.intervals import Errors, Macroscale, draw_point, pressure_intervals
 from gstlib.coupling.placement import ALL
 from gstlib.coupling.pressures import patch_pressures

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from PIL import Image, PngImagePlugin
 
-from gst.figures.microscale import overview_figure
-from gst.figures.study import Study
-from gst.figures.style import save_figure
+from gst.page.figures.microscale import overview_figure
+from gst.page.figures.study import Study
+from gst.page.figures.style import save_figure
 from gstlib.io.files import sha256
 from gstlib.io.tables import read_table
 

@@ -17,8 +17,8 @@ import click
 import yaml
 
 from gst.cli import main as gst
-from gst.config import config_schema
-from gst.tables import TABLES, Column, Table
+from gst.config.reading import config_schema
+from gst.config.tables import TABLES, Column, Table
 
 ROOT = Path(__file__).parents[1]
 # A comment that begins with ASSUME, and the comment lines that continue it.

@@ -141,11 +141,11 @@ def new(folder, mesh, scans, overview, like) -> None:
     if scans and mesh is None:
         raise click.UsageError("--scans needs the --mesh of the tool that was scanned")
     if mesh is not None:
-        from gst.new_study import new_study
+        from gst.setup.new_study import new_study
 
         click.echo(new_study(folder, mesh, scans, overview), nl=False)
         return
-    from gst.running import lay_out
+    from gst.run.running import lay_out
 
     like = like or "own"
     for copy in lay_out(folder, like):
@@ -165,7 +165,7 @@ def place(folder, browser) -> None:
     All of that is kept in FOLDER's config and patch table, so the page may be closed and opened
     again. It needs no network, and is on this machine alone.
     """
-    from gst.place import serve
+    from gst.setup.place import serve
 
     serve(folder, browser=browser)
 
@@ -179,12 +179,12 @@ def check(config, fix, yes) -> None:
 
     All problems are listed at once.
     """
-    from gst.checking import check_study
+    from gst.check.checking import check_study
 
     if not fix:
         check_study(config)
         return
-    from gst.fixing import Cure, offer
+    from gst.check.fixing import Cure, offer
 
     cures: list[Cure] = []
     try:
@@ -218,7 +218,7 @@ def study(config, options, cores, profile, plan) -> None:
     """
     if str(config).startswith("-"):
         raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
-    from gst.running import run_study
+    from gst.run.running import run_study
 
     sys.exit(run_study(config, cores=cores, profile=profile, plan=plan, options=options))
 
@@ -235,7 +235,7 @@ def clean(config, intermediate) -> None:
 
     Only files that records of the study name are removed, and folders that are empty then.
     """
-    from gst.running import remove_results
+    from gst.run.running import remove_results
 
     remove_results(config, intermediate=intermediate)
 
@@ -250,15 +250,15 @@ def inspect(files, unit, spacing_um, pictures) -> None:
 
     Of a folder, the scans and meshes in it. If a file cannot be read, the others are still shown.
     """
-    from gst.inspecting import files_in, inspect_file
+    from gst.check.inspecting import files_in, inspect_file
 
     failed = False
     for file in (file for given in files for file in files_in(given)):
         try:
             facts, content = inspect_file(file, unit=unit, spacing_um=spacing_um)
             if pictures is not None:
-                from gst.figures.inspected import inspected_figure
-                from gst.figures.style import save_figure
+                from gst.page.figures.inspected import inspected_figure
+                from gst.page.figures.style import save_figure
 
                 facts["picture"] = pictures / f"{file.name}.png"
                 save_figure(inspected_figure(content, file.name), facts["picture"])
@@ -293,9 +293,9 @@ def press(scan, pressure, modulus, periodic, unit, spacing_um, output) -> None:
 
     It is cleaned and levelled as in a study, but lies alone: it warns of much force on its rim.
     """
-    from gst.figures.inspected import pressed_figure
-    from gst.figures.style import save_figure
-    from gst.press import press_scan
+    from gst.page.figures.inspected import pressed_figure
+    from gst.page.figures.style import save_figure
+    from gst.share.press import press_scan
 
     options = {"periodic": periodic, "unit": unit, "spacing_um": spacing_um}
     height, contact, doubts = press_scan(scan, pressure=pressure, modulus=modulus, **options)
@@ -321,7 +321,7 @@ def diff(before, after, tolerance) -> None:
 
     The exit code is 1 if a table differs; a change of the rest alone is shown, too, but gives 0.
     """
-    from gst.difference import compare_results, describe_changes
+    from gst.share.difference import compare_results, describe_changes
 
     changes = compare_results(before, after, tolerance)
     click.echo(describe_changes(changes) or f"No difference between {before} and {after}.")
@@ -338,7 +338,7 @@ def export(results, to) -> None:
 
     MountainsMap and Gwyddion open the surfaces; CloudCompare, MeshLab and Blender the tool.
     """
-    from gst.export import export_study
+    from gst.share.export import export_study
 
     to = to or results / "export"
     click.echo(f"{to}: {len(export_study(results, to))} files")
@@ -353,7 +353,7 @@ def export(results, to) -> None:
 @click.option("--license", "licence", help="Licence of the results, such as CC-BY-4.0 (SPDX).")
 def package(results, output, authors, licence) -> None:
     """Pack a finished study into one zip for an archive or a paper (a Workflow Run RO-Crate)."""
-    from gst.crate import pack_study
+    from gst.share.crate import pack_study
 
     output = output or Path(f"{results.resolve().name}.zip")
     count = pack_study(results, output, authors=authors, licence=licence)

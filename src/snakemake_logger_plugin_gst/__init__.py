@@ -21,8 +21,8 @@ from typing import Any
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
-from gst.chain import AGAIN, LEVELS
-from gst.logs import FILE_ONLY, PLAN, last_took, logged
+from gst.run.chain import AGAIN, LEVELS
+from gst.run.logs import FILE_ONLY, PLAN, last_took, logged
 
 __all__ = ["LogHandler"]
 

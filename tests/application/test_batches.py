@@ -1,7 +1,7 @@
 """Which patches share a job: each keeps its batch when others come or go."""
 
 import pytest
-from gst.batches import files_of, share_out
+from gst.run.batches import files_of, share_out
 from hypothesis import given
 from hypothesis import strategies as st
 

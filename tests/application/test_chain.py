@@ -7,7 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from gst.chain import (
+from gst.run.chain import (
     PAGE,
     Step,
     break_in,
@@ -22,8 +22,8 @@ from gst.chain import (
     versions_of,
     write_record,
 )
-from gst.logs import ASKED, run_script
-from gst.scheduler import order_dates
+from gst.run.logs import ASKED, run_script
+from gst.run.scheduler import order_dates
 from gstlib.errors import FaultError, InputError, refuse
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -303,10 +303,10 @@ def test_another_accept_runs_again_what_met_such_a_fault(study, before, after, r
 
 def test_versions_are_those_on_which_the_steps_ran(study, monkeypatch):
     results, steps = study
-    monkeypatch.setattr("gst.logs.software", lambda: {"numpy": "2.0", "scipy": "1.1"})
+    monkeypatch.setattr("gst.run.logs.software", lambda: {"numpy": "2.0", "scipy": "1.1"})
     run_script(job_of(steps[0], results), clean)
     assert versions_of(results, ["clean", "wear"]) == {"numpy": "2.0", "scipy": "1.1"}
-    monkeypatch.setattr("gst.logs.software", lambda: {"numpy": "2.1", "scipy": "1.1"})
+    monkeypatch.setattr("gst.run.logs.software", lambda: {"numpy": "2.1", "scipy": "1.1"})
     run_script(job_of(steps[1]._replace(name="wear"), results), lambda **_: None)
     assert versions_of(results, ["clean", "wear"]) == {"numpy": "mixed: 2.0, 2.1", "scipy": "1.1"}
 

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 import yaml
 from gst import SHIPPED
-from gst.config import (
+from gst.config.contradictions import counterface_mesh
+from gst.config.named_files import check_files
+from gst.config.reading import (
     asked_of_files,
     complete,
     config_problems,
@@ -17,9 +19,7 @@ from gst.config import (
     read_study,
     refuse_study,
 )
-from gst.contradictions import counterface_mesh
-from gst.named_files import check_files
-from gst.user_tables import rows_of
+from gst.config.user_tables import rows_of
 from gstlib.conditions import study_poisson
 from gstlib.errors import ConfigError, InputsError
 from snakemake.utils import update_config

@@ -15,10 +15,10 @@ import gstlib
 import pytest
 import yaml
 from click.testing import CliRunner
-from gst.chain import given_to, step_of, write_record
 from gst.cli import main
-from gst.crate import pack_study
-from gst.provenance import program_hash
+from gst.run.chain import given_to, step_of, write_record
+from gst.run.provenance import program_hash
+from gst.share.crate import pack_study
 from gstlib.errors import InputError
 from gstlib.io.files import sha256
 from hypothesis import example, given, settings

@@ -6,7 +6,7 @@ import shutil
 import pytest
 from click.testing import CliRunner
 from gst.cli import main
-from gst.difference import compare_results, describe_changes
+from gst.share.difference import compare_results, describe_changes
 
 TABLES = {
     "patch_pressures.csv": "patch,pressure_MPa,in_study\n5,47.104,yes\n8,40.2,yes\n10,0,no\n",

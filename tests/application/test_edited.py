@@ -4,9 +4,9 @@ import copy
 import json
 
 import pytest
-from gst.edited import save_text, text_of, with_cells, with_values
-from gst.strict_yaml import parse_yaml
-from gst.user_tables import records_of
+from gst.config.edited import save_text, text_of, with_cells, with_values
+from gst.config.strict_yaml import parse_yaml
+from gst.config.user_tables import records_of
 from gstlib.errors import ConfigError
 from hypothesis import given
 from hypothesis import strategies as st

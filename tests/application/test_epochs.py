@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gst.config import complete
-from gst.epochs import UNMATCHED, epochs_on_each_other
+from gst.check.epochs import UNMATCHED, epochs_on_each_other
+from gst.config.reading import complete
 from gstlib.specimen.randomness import smooth_field
 from gstlib.study import Study
 from gstlib.surfaces.grid import make_surface

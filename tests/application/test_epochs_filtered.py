@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gst.config import complete
-from gst.epochs import epochs_on_each_other
+from gst.check.epochs import epochs_on_each_other
+from gst.config.reading import complete
 from gstlib.errors import FaultError
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.study import Study

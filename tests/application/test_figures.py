@@ -11,13 +11,13 @@ import pytest
 import trimesh
 import xarray as xr
 from contacts import contact_of
-from gst.figures import macroscale, maps, microscale, style, tables, use
-from gst.figures.maps import draw_footprints
-from gst.figures.microscale import PatchResult
-from gst.figures.study import Study, evenly
-from gst.figures.study import draw as draw_study
-from gst.figures.tool import PressedFace, check_figure, draw_square, draw_stone
-from gst.verdict import MODELS
+from gst.page.figures import macroscale, maps, microscale, style, tables, use
+from gst.page.figures.maps import draw_footprints
+from gst.page.figures.microscale import PatchResult
+from gst.page.figures.study import Study, evenly
+from gst.page.figures.study import draw as draw_study
+from gst.page.figures.tool import PressedFace, check_figure, draw_square, draw_stone
+from gst.page.verdict import MODELS
 from gstlib.errors import InputError
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface

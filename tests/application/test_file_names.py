@@ -1,7 +1,7 @@
 """How laboratories name their scans: each scheme is read right, or it is asked, never guessed."""
 
 import pytest
-from gst.file_names import read_names
+from gst.setup.file_names import read_names
 
 # By patch, the scan before, the one after (empty: none yet) and, where there is one, the repeat.
 READ = {

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from gst.fixing import Cure, cures_of, offer
+from gst.check.fixing import Cure, cures_of, offer
 from gstlib.coupling.placement import Mould, oriented
 from gstlib.errors import ConfigError
 from gstlib.surfaces.footprints import Place, on_patch, spline_of

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 from click.testing import CliRunner
+from gst.check.inputs import Asked, check_inputs
+from gst.check.inspecting import inspect_file
 from gst.cli import main
-from gst.inputs import Asked, check_inputs
-from gst.inspecting import inspect_file
-from gst.patches import ScanFile
+from gst.config.patches import ScanFile
 from gstlib.errors import NOTE, InputsError
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.footprints import Place, square_of
@@ -127,12 +127,12 @@ def test_every_problem_is_named_once(folder):
 
 
 def test_a_scan_is_read_once_for_all_its_pieces(folder, monkeypatch):
-    import gst.inputs
+    import gst.check.inputs
 
     read = []
-    whole = gst.inputs.read_scan
+    whole = gst.check.inputs.read_scan
     monkeypatch.setattr(
-        gst.inputs, "read_scan", lambda path, **k: read.append(path) or whole(path, **k)
+        gst.check.inputs, "read_scan", lambda path, **k: read.append(path) or whole(path, **k)
     )
     large = folder / "large.plu"
     heights = 1e-3 * np.random.default_rng(1).random((120, 120))

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 import snakemake_logger_plugin_gst as plugin
-from gst.logs import FILE_ONLY, PLAN, job_log, logged
+from gst.run.logs import FILE_ONLY, PLAN, job_log, logged
 from gstlib.errors import NOTE, InputError
 from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_logger_plugin_gst import _SILENT, LogHandler
@@ -40,7 +40,7 @@ def test_a_missing_package_stands_in_the_log(tmp_path):
     log = tmp_path / "job.log"
     for line, said in (("import no_such", "No module named 'no_such'"), ("1 / 0", "ZeroDivision")):
         start = f"snakemake = SimpleNamespace(log=[{str(log)!r}])\nlog_failed_start(snakemake)\n"
-        given = "from types import SimpleNamespace\nfrom gst.logs import log_failed_start\n"
+        given = "from types import SimpleNamespace\nfrom gst.run.logs import log_failed_start\n"
         ended = subprocess.run([sys.executable, "-c", given + start + line], check=False)
         assert ended.returncode == 1
         (shown,) = logged(log, "ERROR")

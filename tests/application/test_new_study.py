@@ -9,7 +9,7 @@ import trimesh
 import yaml
 from click.testing import CliRunner
 from gst.cli import main
-from gst.config import complete, config_problems, read_config
+from gst.config.reading import complete, config_problems, read_config
 from gstlib.io.meshes import read_mesh
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.frames import find_frame

@@ -7,9 +7,9 @@ import random
 import gst
 import pytest
 import yaml
-from gst.chain import Step
-from gst.owned import claim, claim_picture, claimed_by, refuse_foreign, written_by
-from gst.running import remove_results
+from gst.run.chain import Step
+from gst.run.owned import claim, claim_picture, claimed_by, refuse_foreign, written_by
+from gst.run.running import remove_results
 
 NAMES = ("figures", "tables", "logs", "wear", "1", "7.h5", "a.csv", "index.html", "note.txt")
 NAMES += (

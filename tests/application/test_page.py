@@ -8,13 +8,14 @@ import re
 import numpy as np
 import pytest
 import trimesh
-from gst import ROOT, page
-from gst.chain import given_to, step_of, write_record
-from gst.config import read_config
-from gst.figures.style import STONE
-from gst.figures.tool import coloured_tool
-from gst.tables import TABLES
-from gst.verdict import Answer
+from gst import ROOT
+from gst.config.reading import read_config
+from gst.config.tables import TABLES
+from gst.page import page
+from gst.page.figures.style import STONE
+from gst.page.figures.tool import coloured_tool
+from gst.page.verdict import Answer
+from gst.run.chain import given_to, step_of, write_record
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
 from PIL import Image

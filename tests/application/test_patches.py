@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import openpyxl
 import pytest
-from gst.patches import overlaps, read_patches, scan_files
+from gst.config.patches import overlaps, read_patches, scan_files
 from gstlib.errors import ConfigError
 from gstlib.io.tables import read_table, write_table
 

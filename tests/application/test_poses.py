@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gst.poses import batches_of, reach_of, read_poses
+from gst.config.poses import batches_of, reach_of, read_poses
 from gstlib.errors import ConfigError
 
 SIDE = 4.0

@@ -12,7 +12,7 @@ from pathlib import Path
 import gst
 import gstlib
 import pytest
-from gst.provenance import (
+from gst.run.provenance import (
     commit,
     provenance,
     refuse_other_study,
@@ -96,7 +96,11 @@ def test_the_hash_of_a_step_moves_with_every_module_that_it_runs_on(tmp_path, mo
         moved = {name for name in STEPS if after[name] != before[name]}
         file.write_text(content)
         assert moved >= {name for name in STEPS if file.relative_to(tmp_path) in loaded[name]}, file
-        rooms = {"gst/page.css": {"write_page"}, "gst/cli.py": set(), "gst/chain.py": set()}
+        rooms = {
+            "gst/page/page.css": {"write_page"},
+            "gst/cli.py": set(),
+            "gst/run/chain.py": set(),
+        }
         rooms |= {"gstlib/change/texture.py": {"tabulate_texture"}}
         rooms |= {"gstlib/surfaces/grid.py": set(STEPS), "gstlib/__init__.pyi": set()}
         name = file.relative_to(tmp_path).as_posix()
@@ -123,7 +127,7 @@ def loaded_by(script):
     said = subprocess.check_output([sys.executable, "-c", program, script], text=True)
     source = Path(gstlib.__spec__.origin).parents[1]
     names = {Path(file).relative_to(source) for file in ast.literal_eval(said)}
-    return names - {Path(f"gst/{name}.py") for name in RECORDING}
+    return names - {Path(f"gst/run/{name}.py") for name in RECORDING}
 
 
 @pytest.mark.parametrize(

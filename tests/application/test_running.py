@@ -13,9 +13,9 @@ from types import SimpleNamespace
 
 import gst
 import pytest
-from gst import running
-from gst.running import former_layout, lay_out, run_study
-from gst.scheduler import end
+from gst.run import running
+from gst.run.running import former_layout, lay_out, run_study
+from gst.run.scheduler import end
 from gstlib.errors import InputError
 
 
@@ -65,7 +65,7 @@ USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
     ],
 )
 def test_a_study_that_cannot_begin_leaves_nothing(folder, config, asked, said, monkeypatch):
-    monkeypatch.setattr("gst.running.shutil.which", lambda _: None)
+    monkeypatch.setattr("gst.run.running.shutil.which", lambda _: None)
     with pytest.raises(InputError, match=said):
         run_study(config, **USUAL | asked)
     names = {"bad.yaml", "config", "mine.yaml", "table.yaml", "table.tsv", "twice.yaml"}
@@ -88,7 +88,7 @@ def test_the_end_of_a_run_waits_for_no_lock_that_it_interrupted():
 @pytest.mark.parametrize(
     "start",
     [
-        "import gst.inputs",  # also in the step to which Snakemake gives all cores
+        "import gst.check.inputs",  # also in the step to which Snakemake gives all cores
         "import contextlib, sys, gst.__main__; sys.argv = ['gst', '--help']\n"
         "with contextlib.suppress(SystemExit): gst.__main__.run()",
     ],

@@ -4,7 +4,7 @@ import math
 
 import pytest
 import yaml
-from gst.strict_yaml import as_yaml, parse_yaml
+from gst.config.strict_yaml import as_yaml, parse_yaml
 from gstlib.errors import ConfigError
 
 NUMBERS = {"550": 550, "+550": 550, "550.": 550.0, "05.50": 5.5, ".5e3": 500.0}

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from gst.tables import TABLES, columns_of, write_table
+from gst.config.tables import TABLES, columns_of, write_table
 from gstlib.io.tables import printed
 
 ROOT = Path(__file__).parents[2]

@@ -4,8 +4,8 @@ import math
 
 import pandas as pd
 import pytest
-from gst.verdict import MODELS, used, where_to_scan
-from gst.verdict import verdict as verdict_of
+from gst.page.verdict import MODELS, used, where_to_scan
+from gst.page.verdict import verdict as verdict_of
 from gstlib.coupling.placement import AGREES, CANNOT_TELL, ELSEWHERE
 from gstlib.macroscale.sampling_sites import Concentration
 from gstlib.use.infer import NOT_PRESSED, PERHAPS, PRESSED, UNKNOWN

@@ -10,7 +10,7 @@ import zipfile
 import numpy as np
 import pytest
 import trimesh
-from gst import viewer
+from gst.page import viewer
 from gstlib.errors import InputError
 
 

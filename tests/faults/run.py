@@ -70,7 +70,7 @@ class Study:
         for process in psutil.process_iter(["cwd", "cmdline"]):
             command = process.info["cmdline"] or []
             is_job = any("/.snakemake/scripts/" in word for word in command)
-            is_run = "gst.scheduler" in command and not is_job
+            is_run = "gst.run.scheduler" in command and not is_job
             here = process.info["cwd"] == str(self.folder.resolve())
             found += [process] if here and (is_job if kind == "job" else is_run) else []
         return found

@@ -10,8 +10,8 @@ from pathlib import Path
 import gst
 import gstlib
 import pytest
-from gst.config import read_config
-from gst.patches import read_patches
+from gst.config.patches import read_patches
+from gst.config.reading import read_config
 
 CONFIG = Path(__file__).parents[2] / "config"
 ABSENT = (

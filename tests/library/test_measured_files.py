@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from contacts import pressed
-from gst.patches import read_patches
+from gst.config.patches import read_patches
 from gstlib.coupling import placement
 from gstlib.coupling.matching import match_map, match_together
 from gstlib.io.meshes import read_mesh

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from gst.tables import TABLES
+from gst.config.tables import TABLES
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
@@ -45,7 +45,7 @@ def test_a_config_of_the_users_own_makes_no_document_stale(tmp_path):
 
 
 def test_the_layout_names_what_there_is():
-    """All of `gst`; of the library every room, and the modules that the row of a room names."""
+    """Every room, and the modules that the row of a room names."""
     text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
     for package in ("gstlib", "gst"):
         table = re.search(rf"^## .*`src/{package}`\n(.*?)^## ", text, re.MULTILINE | re.DOTALL)[1]
@@ -53,7 +53,7 @@ def test_the_layout_names_what_there_is():
         for first, says in re.findall(r"^\| (`.*?) \| (.*?) \|", table, re.MULTILINE):
             rooms, modules = (set(re.findall(r"`(\w+[\w./]*)`", cell)) for cell in (first, says))
             named |= rooms
-            if package == "gstlib" and len(rooms) == 1:
+            if len(rooms) == 1 and (folder / min(rooms)).is_dir():
                 beside = {file.stem for file in (folder / rooms.pop()).glob("*.py")}
                 assert {name for name in modules if "/" not in name} <= beside, first
         there = {file.name for file in folder.glob("[!_]*.py")}

@@ -14,8 +14,8 @@ import pandas as pd
 import pytest
 import yaml
 from filelock import FileLock
-from gst.config import read_config
-from gst.tables import write_table
+from gst.config.reading import read_config
+from gst.config.tables import write_table
 from gstlib.io.store import read_attributes
 from gstlib.io.tables import read_table
 from gstlib.study import Study as InMemory
@@ -32,7 +32,7 @@ UNREAD = {
     "solve_reference": {"macroscale/composite.h5"},
 }
 # as `gst study` starts it, with this interpreter: the environment under test
-SNAKEMAKE = sys.executable, "-m", "gst.scheduler"
+SNAKEMAKE = sys.executable, "-m", "gst.run.scheduler"
 
 
 def run(*command: object, cwd: Path | None = None, said: str = "", **environment: str):

@@ -18,7 +18,7 @@ from pathlib import Path
 import lxml.html
 import numpy as np
 import pandas as pd
-from gst.difference import compare_results, describe_changes
+from gst.share.difference import compare_results, describe_changes
 from gstlib.io.store import read_dataset
 from PIL import Image
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from gst.owned import CLAIMS, LOCK, RESULTS
+from gst.run.owned import CLAIMS, LOCK, RESULTS
 
 NOT_FOR_USERS = ("Traceback", "RuleException", "CalledProcessError", 'File "', "InputFunction")
 

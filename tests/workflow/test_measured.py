@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
-from gst.config import read_config
-from gst.poses import read_poses
+from gst.config.poses import read_poses
+from gst.config.reading import read_config
 from gstlib.change.change import Detection
 from gstlib.contact import Contact
 from gstlib.io.plu import write_plu

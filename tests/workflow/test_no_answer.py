@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from gst.tables import write_table
-from gst.verdict import verdict
+from gst.config.tables import write_table
+from gst.page.verdict import verdict
 from gstlib.io.tables import read_table
 from gstlib.use.infer import UNKNOWN
 from power import merged

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from gst.crate import pack_study
+from gst.share.crate import pack_study
 
 from .conftest import ROOT, Study, run
 

@@ -15,9 +15,9 @@ import psutil
 import pytest
 import trimesh
 import yaml
-from gst.edited import with_values
-from gst.patches import read_patches
-from gst.place import PlaceServer
+from gst.config.edited import with_values
+from gst.config.patches import read_patches
+from gst.setup.place import PlaceServer
 from gstlib.io.meshes import read_mesh
 from gstlib.surfaces.frames import find_frame
 

@@ -4,8 +4,8 @@ import re
 
 import pytest
 import yaml
-from gst.patches import read_patches
-from gst.running import BETWEEN
+from gst.config.patches import read_patches
+from gst.run.running import BETWEEN
 
 from .conftest import ROOT, SNAKEMAKE, run
 

@@ -5,7 +5,7 @@ import re
 import shutil
 
 import pytest
-from gst.batches import share_out
+from gst.run.batches import share_out
 
 from .conftest import ROOT, SNAKEMAKE, run
 
@@ -176,7 +176,7 @@ def test_files_are_checked_before_any_is_read(measured):
 # --- What Snakemake does not know -------------------------------------------------------------
 
 SCRIPT = """{first}
-from gst.logs import run_script
+from gst.run.logs import run_script
 
 
 def main(scan, folder, table):
@@ -189,7 +189,7 @@ run_script(snakemake, main)
 """
 SNAKEFILE = """
 from pathlib import Path
-from gst.scheduler import adapt, steps_of
+from gst.run.scheduler import adapt, steps_of
 
 rule all:
     input: "results/second.csv"

@@ -12,8 +12,8 @@ import lxml.html
 import numpy as np
 import pandas as pd
 import pytest
-from gst.figures.maps import FORCE_MAP
-from gst.tables import columns_of
+from gst.config.tables import columns_of
+from gst.page.figures.maps import FORCE_MAP
 from gstlib.io.store import read_dataset
 from gstlib.surfaces.footprints import square_of
 from PIL import Image

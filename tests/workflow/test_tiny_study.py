@@ -10,10 +10,10 @@ import re
 
 import numpy as np
 import pytest
-from gst.figures import study as figures
-from gst.figures.style import BLUE, save_figure
-from gst.provenance import commit, program_hash
-from gst.tables import TABLES, write_table
+from gst.config.tables import TABLES, write_table
+from gst.page.figures import study as figures
+from gst.page.figures.style import BLUE, save_figure
+from gst.run.provenance import commit, program_hash
 from gstlib.conditions import study_modulus
 from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.io.files import sha256

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from gst.difference import compare_results, describe_changes
-from gst.tables import TABLES
+from gst.config.tables import TABLES
+from gst.share.difference import compare_results, describe_changes
 from gstlib.io.tables import read_table
 
 from .conftest import ROOT, fresh

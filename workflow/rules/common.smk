@@ -6,17 +6,17 @@ import sys
 from pathlib import Path
 
 from gst import ROOT
-from gst.batches import share_out
-from gst.chain import AGAIN, hashes_of
-from gst.config import asked_of_files, complete, read_config_file, read_study
-from gst.contradictions import counterface_mesh, improbable
-from gst.named_files import check_files
-from gst.owned import claim, move_aside, refuse_foreign, written_by
-from gst.patches import scan_files
-from gst.poses import batches_of, poses_of, reach_of
-from gst.provenance import commit, program_hash, source_hash
-from gst.scheduler import adapt, steps_of
-from gst.tables import TABLES
+from gst.run.batches import share_out
+from gst.run.chain import AGAIN, hashes_of
+from gst.config.reading import asked_of_files, complete, read_config_file, read_study
+from gst.config.contradictions import counterface_mesh, improbable
+from gst.config.named_files import check_files
+from gst.run.owned import claim, move_aside, refuse_foreign, written_by
+from gst.config.patches import scan_files
+from gst.config.poses import batches_of, poses_of, reach_of
+from gst.run.provenance import commit, program_hash, source_hash
+from gst.run.scheduler import adapt, steps_of
+from gst.config.tables import TABLES
 from gstlib.conditions import rounded_form, stage_settings, study_poisson, study_radius
 from gstlib.io.files import sha256
 from gstlib.preprocess.mesh import elements_around
@@ -179,7 +179,7 @@ SHOWN = {}
 
 
 def table(name, category):
-    """A table of `gst.tables`, with its place on the page and in the report."""
+    """A table of `gst.config.tables`, with its place on the page and in the report."""
     caption, title = f"tables/{name}.rst", TABLES[name].title
     file = f"{RESULTS}/{TABLES[name].file}"
     SHOWN[file] = caption, category, title

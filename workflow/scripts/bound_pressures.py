@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from gst.logs import run_script
-from gst.stored import active_tool_of, dataset_of
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.logs import run_script
+from gst.run.stored import active_tool_of, dataset_of
 from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from gst.inputs import Asked, check_inputs
-from gst.logs import run_script
-from gst.patches import ScanFile
-from gst.tables import write_table
+from gst.check.inputs import Asked, check_inputs
+from gst.config.patches import ScanFile
+from gst.config.tables import write_table
+from gst.run.logs import run_script
 from gstlib.errors import InputsError
 
 

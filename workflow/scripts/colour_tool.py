@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gst.export import tool_with
-from gst.logs import run_script
+from gst.run.logs import run_script
+from gst.share.export import tool_with
 from gstlib.io.files import write_whole
 from gstlib.io.store import read_dataset
 

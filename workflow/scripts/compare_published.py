@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from gst.logs import run_script
-from gst.tables import columns_of, write_table
-from gst.user_tables import read_rows
+from gst.config.tables import columns_of, write_table
+from gst.config.user_tables import read_rows
+from gst.run.logs import run_script
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.validation.published import figures_to_compare
 

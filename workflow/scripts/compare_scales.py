@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from gst.logs import run_script
-from gst.stored import contacts_of
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.logs import run_script
+from gst.run.stored import contacts_of
 from gstlib.io.store import read_dataset
 from gstlib.validation.single_scale import two_scales_table
 

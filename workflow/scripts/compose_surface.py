@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from gst.batches import files_of
-from gst.logs import run_script
-from gst.provenance import provenance
+from gst.run.batches import files_of
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.macroscale.composite import compose_surface
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from gst.logs import run_script
-from gst.stored import dataset_of
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.logs import run_script
+from gst.run.stored import dataset_of
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.store import read_dataset
 from gstlib.use.outcome import pressures_of_use

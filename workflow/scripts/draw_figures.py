@@ -3,8 +3,8 @@
 import math
 from pathlib import Path
 
-from gst.figures.study import Study, draw
-from gst.logs import run_script
+from gst.page.figures.study import Study, draw
+from gst.run.logs import run_script
 
 PICTURES = "_png", "_svg", "_pdf", "_jpg"
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 
-from gst.batches import files_of
-from gst.logs import run_script
-from gst.provenance import provenance
-from gst.stored import active_tool_of, changes_of, contact_of, contacts_of
+from gst.run.batches import files_of
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
+from gst.run.stored import active_tool_of, changes_of, contact_of, contacts_of
 from gstlib.io.store import write_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture

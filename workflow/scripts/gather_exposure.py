@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from gst.logs import run_script
-from gst.provenance import provenance
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table
 from gstlib.macroscale.gesture import exposure, exposure_table

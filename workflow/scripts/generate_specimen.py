@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from gst.logs import run_script
+from gst.run.logs import run_script
 from gstlib.io.files import write_whole
 from gstlib.specimen.generate import counterface_stl, make_specimen, stone_stl, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters

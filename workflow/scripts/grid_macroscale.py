@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from gst.logs import run_script
-from gst.provenance import provenance
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
 from gstlib.macroscale.active_tool import stated_tool

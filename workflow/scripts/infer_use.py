@@ -5,10 +5,10 @@ from typing import Any
 
 import pandas as pd
 
-from gst.logs import run_script
-from gst.provenance import provenance
-from gst.stored import face_of, table_of
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
+from gst.run.stored import face_of, table_of
 from gstlib.io.store import write_dataset
 from gstlib.use.outcome import use_of_study
 

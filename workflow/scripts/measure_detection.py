@@ -4,9 +4,9 @@ from pathlib import Path
 
 import xarray as xr
 
-from gst.batches import files_of
-from gst.logs import run_script
-from gst.provenance import provenance
+from gst.run.batches import files_of
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
 from gstlib.change.change import SCAN_FIELDS, measure_detection
 from gstlib.io.store import Stored, write_dataset
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from gst.batches import files_of
-from gst.logs import run_script
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.batches import files_of
+from gst.run.logs import run_script
 from gstlib.coupling.placement import place_patches
 from gstlib.io.store import Stored, read_dataset
 

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from gst.batches import files_of
-from gst.logs import run_script
-from gst.provenance import provenance
-from gst.stored import contacts_of, dataset_of
+from gst.run.batches import files_of
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
+from gst.run.stored import contacts_of, dataset_of
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import predict_wear

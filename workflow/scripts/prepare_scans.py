@@ -3,8 +3,8 @@
 import logging
 from pathlib import Path
 
-from gst.logs import run_script
-from gst.provenance import provenance
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
 from gstlib.errors import concerning
 from gstlib.io.scans import read_scan
 from gstlib.io.store import write_dataset

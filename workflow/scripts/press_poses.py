@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from gst.logs import run_script
-from gst.provenance import provenance
-from gst.stored import active_tool_of, dataset_of, face_of
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
+from gst.run.stored import active_tool_of, dataset_of, face_of
 from gstlib.io.store import write_dataset
 from gstlib.macroscale.gesture import Gesture, press_poses
 from gstlib.use.outcome import as_used

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gst.logs import run_script
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.logs import run_script
 from gstlib.io.store import read_dataset
 from gstlib.macroscale.sampling_sites import propose_places
 

@@ -3,9 +3,9 @@
 import logging
 from pathlib import Path
 
-from gst.batches import files_of
-from gst.logs import run_script
-from gst.provenance import provenance
+from gst.run.batches import files_of
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
 from gstlib.change.change import SCAN_FIELDS, Detection, register_patch
 from gstlib.change.form import form_warning
 from gstlib.io.store import read_attributes, read_dataset, write_dataset

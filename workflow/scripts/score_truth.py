@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from gst.batches import files_by_epoch, files_of
-from gst.logs import run_script
-from gst.stored import table_of
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.batches import files_by_epoch, files_of
+from gst.run.logs import run_script
+from gst.run.stored import table_of
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.specimen.score import score_truth

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from gst.batches import files_of
-from gst.logs import run_script
-from gst.stored import changes_of, contacts_of, dataset_of
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.batches import files_of
+from gst.run.logs import run_script
+from gst.run.stored import changes_of, contacts_of, dataset_of
 from gstlib.coupling.pressures import covered
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table

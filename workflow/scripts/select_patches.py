@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from gst.logs import run_script
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.logs import run_script
 from gstlib.change.selection import select_patches
 from gstlib.coupling.pressures import covered_pressures
 from gstlib.io.store import read_dataset

@@ -3,10 +3,10 @@
 import logging
 from pathlib import Path
 
-from gst.logs import run_script
-from gst.provenance import provenance
-from gst.stored import dataset_of, face_of
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
+from gst.run.stored import dataset_of, face_of
 from gstlib.io.store import write_dataset
 from gstlib.macroscale.equilibrium import macroscale_table, solve_macroscale
 from gstlib.macroscale.plausibility import plausibility_warnings

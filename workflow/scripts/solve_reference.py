@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from gst.batches import files_of
-from gst.logs import run_script
-from gst.provenance import provenance
-from gst.stored import contact_of
+from gst.run.batches import files_of
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
+from gst.run.stored import contact_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.specimen.score import true_contact
 from gstlib.validation.single_scale import drawn_surfaces, solve_reference

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gst.logs import run_script
-from gst.provenance import provenance
+from gst.run.logs import run_script
+from gst.run.provenance import provenance
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.macroscale.equilibrium import solve_square
 

@@ -3,9 +3,9 @@
 import logging
 from pathlib import Path
 
-from gst.batches import files_of
-from gst.logs import run_script
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.batches import files_of
+from gst.run.logs import run_script
 from gstlib.change.selection import (
     exchanged_epochs,
     other_heights,

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from gst.batches import files_of
-from gst.logs import run_script
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.batches import files_of
+from gst.run.logs import run_script
 from gstlib.io.store import Stored
 from gstlib.io.tables import studied_files
 from gstlib.microscale.patches import LOAD_PATHS, microscale_tables

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from gst.batches import files_by_epoch
-from gst.logs import run_script
-from gst.tables import write_table
+from gst.config.tables import write_table
+from gst.run.batches import files_by_epoch
+from gst.run.logs import run_script
 from gstlib.io.store import read_attributes
 from gstlib.preprocess.scans import preprocessing_table
 

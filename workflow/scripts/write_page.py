@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from gst import ROOT
-from gst.logs import run_script
-from gst.study_page import StudyPage, refuse_edited
+from gst.page.study_page import StudyPage, refuse_edited
+from gst.run.logs import run_script
 
 
 def main(

@@ -384,8 +384,8 @@ def persson_pressure_density(
 ):
     """Probability density (1/MPa) of a pressure p > 0 (MPa) on a rough surface, by Persson.
 
-    Two Gaussians of the variance (E* h'rms/2)² about ±p̄, one less the other: it starts from zero in
-    proportion to p, and its integral is the contact fraction. Broadcasts.
+    Two Gaussians of the variance (E* h'rms/2)² about ±p̄, one less the other: it starts from zero
+    in proportion to p, and its integral is the contact fraction. Broadcasts.
     """
     width = full_contact_rms_pressure(rms_gradient, contact_modulus)
     at, mean = np.asarray(pressure) / width, mean_pressure / width

@@ -40,7 +40,7 @@ def write_dataset(
     """Write `dataset` to `path`; an old file is replaced once the new one is whole.
 
     Every data variable must carry ``units`` and ``long_name``. `attrs` are added to the attributes
-    of the dataset (see `gst.provenance`). Raises as `gstlib.io.files.write_whole`.
+    of the dataset (see `gst.run.provenance`). Raises as `gstlib.io.files.write_whole`.
     """
     for name, variable in dataset.data_vars.items():
         if missing := {"units", "long_name"} - set(variable.attrs):

@@ -23,7 +23,7 @@ import numpy as np
 import openpyxl
 import scipy.io
 import trimesh
-from gst.patches import read_patches
+from gst.config.patches import read_patches
 from gstlib.errors import InputError
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.scans import read_scan

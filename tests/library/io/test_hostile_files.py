@@ -11,8 +11,8 @@ from pathlib import Path
 
 import openpyxl
 import pytest
-from gst.patches import read_patches
-from gst.strict_yaml import parse_yaml
+from gst.config.patches import read_patches
+from gst.config.strict_yaml import parse_yaml
 from gstlib.errors import ConfigError, InputError
 from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table

@@ -8,9 +8,9 @@ import zipfile
 import numpy as np
 import pytest
 import trimesh
-from gst.config import read_config_file
-from gst.patches import read_patches
-from gst.poses import read_poses
+from gst.config.patches import read_patches
+from gst.config.poses import read_poses
+from gst.config.reading import read_config_file
 from gstlib.errors import ConfigError, InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan

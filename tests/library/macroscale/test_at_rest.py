@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from contacts import around, interface
-from gst.config import complete, read_config
-from gst.patches import read_patches
+from gst.config.patches import read_patches
+from gst.config.reading import complete, read_config
 from gstlib.bem.closed_forms import Sphere
 from gstlib.conditions import load_force, load_point
 from gstlib.contact import Load, contact_at_pressure, contact_path

@@ -1,0 +1,259 @@
+"""Faults with one cure, and how it is applied: `gst check --fix`.
+
+The user sees the difference of the files first, and confirms it; each file is kept beside, as
+``study.yaml.bak``. What could have two causes has no cure here: exchanged epochs, for one, look
+like moulds that were not undone, unless the mesh shows which of the two it is.
+"""
+
+import contextlib
+import difflib
+import itertools
+import logging
+import math
+import os
+import stat
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gst.config.edited import Cells, save_text, text_of, with_cells, with_values
+from gst.config.reading import read_config_file
+from gstlib.change.selection import is_more
+from gstlib.coupling.nearby import REACH, match_near
+from gstlib.coupling.placement import (
+    AS_GIVEN,
+    CANNOT_TELL,
+    SHIFTED,
+    Mould,
+    as_measured,
+    lying_right,
+    place_patches,
+    shows_waves,
+)
+from gstlib.coupling.placement import FAULT as PLACEMENT
+from gstlib.errors import ConfigError, GstError
+from gstlib.io.files import write_whole
+from gstlib.macroscale.face import largest_face
+from gstlib.study import Study
+from gstlib.surfaces.footprints import places_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Cure", "cures_of", "keep_copy", "offer"]
+
+# Places that are off by less (mm) and turns that are (degrees) are left as they are.
+_LEAST_MOVED, _LEAST_TURNED = 0.05, 3.0
+
+
+class Cure(NamedTuple):
+    """What takes a fault away, and why: values of the config by key, cells of the patch table."""
+
+    why: str
+    values: Mapping[str, Any]
+    cells: Cells | None = None
+
+
+def cures_of(study: Study) -> list[Cure]:
+    """The cures of a study's faults, as far as each has one alone.
+
+    Its scans can be read. A T1 that cannot be registered has left the study.
+    """
+    former = logging.root.manager.disable
+    logging.disable()  # the check has said what is odd
+    try:
+        return [*_of_places(study), *_of_face(study)]
+    finally:
+        logging.disable(former)
+
+
+def _of_places(study: Study) -> Iterator[Cure]:
+    """Of scans that are laid wrongly, epochs exchanged, and a table mirrored or shifted."""
+    patch_mm = study.config["scans"]["size_mm"]
+    if study.patches.empty or not shows_waves(study.face.height, patch_mm):
+        return
+    scans = {patch: study.prepared[patch, "T0"] for patch in study.patches.patch}
+    settings = study.settings["place_patches"] | {"accept": [PLACEMENT]}
+    table = place_patches(study.face.height, study.patches, scans, **settings)
+    together, mould = table.iloc[-1], Mould(**study.config["scans"]["mould"])
+    if together.orientation not in ("", AS_GIVEN):
+        if not study.patches.flip.any():  # in some rows, which are another matter
+            yield _laid_right(together.orientation, mould, study.config["square"]["size_mm"])
+        return
+    for row in table.iloc[:-1].itertuples():
+        if row.orientation:
+            flip = study.patches.set_index("patch").flip[row.patch]
+            own = mould._replace(flip={"none": None, "": mould.flip}.get(flip, flip))
+            yield from _alone_laid_right(row.patch, row.orientation, own)
+    if together.status == CANNOT_TELL:
+        yield from _by_hand(study, scans)
+        return
+    # heights that fit the mesh have the right sign, so that they rose tells the epochs
+    if _are_exchanged(study):
+        yield Cure("t0 and t1 are exchanged: heights rose with use", {}, _exchanged)
+    elif together.status == SHIFTED:
+        x, y = (round(float(together[f"shift_{axis}_um"])) / 1e3 for axis in "xy")
+        why = (
+            f"all patches lie {x:+g} mm along x and {y:+g} mm along y from where the table says"
+        )
+        yield Cure(
+            why, {}, lambda row: {"x_mm": _plus(row, "x_mm", x), "y_mm": _plus(row, "y_mm", y)}
+        )
+
+
+def _by_hand(study: Study, scans: Mapping[str, "xr.Dataset"]) -> Iterator[Cure]:
+    """Of places that are known to half a millimetre, as by hand; those that fit clearly."""
+    places = places_of(study.patches)
+    heights = [scans[patch].height for patch in places]
+    try:
+        found = match_near(study.face.height, heights, [*places.values()])
+    except ValueError:  # the mesh is too coarse
+        return
+    cells = {}
+    for (patch, former), match in zip(places.items(), found, strict=True):
+        off = math.dist(former[:2], match.place[:2])
+        if match.found and not match.mirrored and off > max(_LEAST_MOVED, 3 * match.error_mm):
+            y, x, turn = match.place
+            cells[patch] = {"x_mm": f"{x:.3f}", "y_mm": f"{y:.3f}"}
+            if abs(turn - former.rotation_deg) > _LEAST_TURNED:
+                cells[patch]["rotation_deg"] = f"{turn:.1f}"
+    if cells:
+        why = f"patches {', '.join(cells)} fit the mesh up to {REACH} mm from where the table says"
+        yield Cure(why, {}, lambda row: cells.get(row["patch"], {}))
+
+
+def _laid_right(orientation: str, mould: Mould, size_mm: float) -> Cure:
+    """Of patches that all fit the mesh with another orientation or another table than as given."""
+    look, _, mistake = orientation.partition("with ")
+    right, turn = lying_right(look.strip(), mould)
+    values = {
+        f"scans.mould.{key}": value
+        for key, value in right._asdict().items()
+        if value != getattr(mould, key)
+    }
+
+    def cells(row: Mapping[str, str]) -> Mapping[str, object]:
+        changed = {"rotation_deg": _plus(row, "rotation_deg", turn)} if turn else {}
+        if mistake:
+            x, y = as_measured(_number(row["x_mm"]), _number(row["y_mm"]), size_mm, mistake)
+            changed |= {"x_mm": f"{round(x, 4):g}", "y_mm": f"{round(y, 4):g}"}
+        return changed
+
+    why = f"the patches fit the mesh {orientation}"
+    return Cure(why, values, cells if turn or mistake else None)
+
+
+def _alone_laid_right(patch: str, orientation: str, own: Mould) -> Iterator[Cure]:
+    """Of one patch with another orientation; heights in its file are not inverted here."""
+    right, turn = lying_right(orientation, own, is_alone=True)
+    if right.invert != own.invert:
+        return
+
+    def cells(row: Mapping[str, str]) -> Mapping[str, object]:
+        if row["patch"] != patch:
+            return {}
+        changed = {"rotation_deg": _plus(row, "rotation_deg", turn)} if turn else {}
+        return changed | ({"flip": right.flip or "none"} if right.flip != own.flip else {})
+
+    yield Cure(f"patch {patch} fits the mesh {orientation}", {}, cells)
+
+
+def _are_exchanged(study: Study) -> bool:
+    """Whether heights rose from T0 to T1 on most patches, and clearly fell on none."""
+    try:
+        table = study.registration
+    except GstError:
+        return False
+    found = table[table.found.astype(bool)]
+    rose = is_more(found.gain_fraction, found.loss_fraction).sum()
+    return bool(
+        2 * rose > len(found) and not is_more(found.loss_fraction, found.gain_fraction).any()
+    )
+
+
+def _exchanged(row: Mapping[str, str]) -> Mapping[str, object]:
+    return {"t0": row["t1"], "t1": row["t0"]} if row.get("t0") and row.get("t1") else {}
+
+
+def _plus(row: Mapping[str, str], column: str, more: float) -> str:
+    """A number of a row and something to add; angles stay within half a turn."""
+    total = _number(row.get(column) or "0") + more
+    if column == "rotation_deg" and not -180 <= total <= 180:
+        total -= math.copysign(360, total)
+    return f"{round(total, 4):g}"
+
+
+def _number(cell: str) -> float:
+    return float(cell.replace(",", "."))
+
+
+def _of_face(study: Study) -> Iterator[Cure]:
+    """Of a face that is larger than the stone is thick, if the square is not."""
+    config, side = study.config, largest_face(study.face.height.attrs["thickness_mm"])
+    if config["square"]["size_mm"] <= side < config["macroscale"]["face_mm"]:
+        why = f"the stone is {side:g} mm thick under the square, less than its face"
+        yield Cure(why, {"macroscale.face_mm": side})
+
+
+def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) -> bool:
+    """Show what cures would change in a config and its patch table; ask; whether it was done."""
+    table = read_config_file(config).get("patches")
+    has_cells = any(cure.cells for cure in cures)
+    paths = [config, Path(table)] if table and has_cells else [config]
+    before = {path: text_of(path) for path in paths}
+    after = dict(before)
+    for cure in cures:
+        after[config] = with_values(after[config], cure.values)
+        if cure.cells is not None and table:
+            after[Path(table)] = with_cells(after[Path(table)], cure.cells)
+    changed = [path for path in before if after[path] != before[path]]
+    if not changed:
+        print("What cures it cannot be written into these files.")
+        return False
+    print("\n".join(["", *(f"{cure.why[0].upper()}{cure.why[1:]}." for cure in cures), ""]))
+    for path in changed:
+        old, new = before[path].splitlines(), after[path].splitlines()
+        shown = difflib.unified_diff(old, new, str(path), f"{path}, mended", lineterm="", n=1)
+        print("\n".join(shown))
+    if not (is_confirmed or _confirmed()):
+        return False
+    for path in changed:
+        if text_of(path) != before[path]:
+            raise ConfigError(path, "has changed since it was read", "Run the command again.")
+    for path in changed:
+        kept = keep_copy(path)
+        save_text(path, after[path])
+        print(f"{path}: written; as it was: {kept}")
+    return True
+
+
+def _confirmed() -> bool:
+    if sys.stdin.isatty():
+        print(
+            "\nWrite this, and keep the files as they are beside it? [y/N] ", end="", flush=True
+        )
+    return sys.stdin.readline().strip() == "y"  # empty where nobody is there to answer
+
+
+def keep_copy(path: Path) -> Path:
+    """Copy a file to the first free name beside it, such as ``patches.csv.bak``.
+
+    A copy with the same content that is already there will do.
+    """
+    content = path.read_bytes()
+    for kept in _names_beside(path):
+        if not os.path.lexists(kept):
+            # with its mode before its content
+            with contextlib.suppress(OSError):  # which `write_whole` reports
+                kept.touch(stat.S_IMODE(path.stat().st_mode))
+            write_whole(kept, content)
+        elif kept.is_symlink() or not kept.is_file() or kept.read_bytes() != content:
+            continue
+        break
+    return kept
+
+
+def _names_beside(path: Path) -> Iterator[Path]:
+    yield path.with_name(f"{path.name}.bak")
+    yield from (path.with_name(f"{path.name}.bak{number}") for number in itertools.count(2))

@@ -1,0 +1,400 @@
+"""Reads the files of a study before any work: what each contains, and what is wrong with it.
+
+A study of hours must not fail at its last scan. After a fault in one file the others are still
+checked, so all can be corrected at once.
+"""
+
+import logging
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gst.check.amplitudes import UNIT_FACTOR, WRONG_UNIT, Amplitude, other_units
+from gst.check.inspecting import scan_facts
+from gst.config.contradictions import thinner_than_a_point
+from gst.config.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
+from gst.config.tables import columns_of
+from gstlib.contact import check_grid
+from gstlib.errors import (
+    ConfigError,
+    FaultError,
+    GstError,
+    InputError,
+    accepting,
+    concerning,
+    unaccepted,
+)
+from gstlib.io.meshes import UNITS, read_mesh
+from gstlib.io.scans import read_scan, unit_remedy
+from gstlib.macroscale.active_tool import stated_tool
+from gstlib.macroscale.face import grid_macroscale, thin_stone
+from gstlib.preprocess.scans import check_unmeasured, cut_patch, mould_of
+from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.frames import Frame, find_frame
+from gstlib.surfaces.grid import MM_TO_UM, coarser, spacing_of
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["Asked", "Inputs", "check_inputs"]
+
+_log = logging.getLogger(__name__)
+
+SAME_SCAN = "same_scan"  # the fault's name, as which a config accepts it
+# Share of the mesh's surface from which on something apart from the stone is no speck.
+_LARGE_BODY = 0.01
+# Fewest points along a patch of a coarser scan.
+_COARSE = 128
+# If spacings of T0 and T1 differ by more than this share, the magnifications differ.
+_SAME_SPACING = 1e-3
+# What to do where a scan of a patch has the very heights of another of its scans.
+_COPIED = {
+    "T1": {
+        "T0": "Give the scan that was made after use, or leave t1 empty in the patch table."
+    },
+    REPEAT: {
+        "T0": "Give the second scan without use, or leave repeat empty in the patch table.",
+        "T1": "Leave repeat empty if the patch was used in between, otherwise t1.",
+    },
+}
+_AT = {"T1": "at T1", REPEAT: "in its repeat"}
+# Scans that a message names, of those of which the same holds.
+_NAMED = 4
+# Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
+_BYTES = 200
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The contents of a study's files, and their faults."""
+
+    # A row for each readable scan: ``patch, epoch, file``; ``points_x, points_y, spacing_x_um,
+    # spacing_y_um``; ``unmeasured`` (share); ``Sq_um, tilt_x_mrad, tilt_y_mrad`` about and of the
+    # least-squares plane; ``instrument, objective``; ``range_um``, of the heights as read.
+    scans: pd.DataFrame
+    stone: "trimesh.Trimesh | None"  # mm; None if it cannot be read
+    # Where the square lies on it; None if there is no mesh, or if the config gives no frame.
+    frame: Frame | None
+    # The square and the face around it, from `gstlib.macroscale.face.grid_macroscale`; None if
+    # they cannot be found.
+    face: xr.Dataset | None
+    # By patch and epoch, the patch as measured, with fewer points.
+    coarse: dict[tuple[str, str], xr.DataArray]
+    problems: list[GstError]  # everything that would stop the study
+
+
+class _Piece(NamedTuple):
+    """What comparisons need to know about a scan, or the piece cut from it."""
+
+    path: Path
+    grid: tuple[tuple[int, ...], tuple[float, float]]  # (ny, nx), and (dy, dx) in mm
+    content: tuple  # hash of its file's heights, and which piece of them it is
+    amplitude: Amplitude
+
+
+_Pieces = dict[tuple[str, str], _Piece]  # by patch and epoch
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the config asks of the files."""
+
+    mesh_unit: str  # as in `gstlib.io.meshes.read_mesh`
+    face: Mapping  # the settings of `gstlib.macroscale.face.grid_macroscale`
+    rounded: tuple  # as in `gstlib.conditions.rounded_form`
+    scan_settings: Mapping  # the section ``scans`` of the config
+    maximum_unmeasured: float  # largest share (0 to 1) of unmeasured points in a patch
+    placed: bool  # the scans are laid on the mesh: both must then see the same stone
+    reference: bool  # the whole square is pressed at the scans' resolution, which takes memory
+    interlayer: Mapping | None  # the section ``interlayer`` of the config
+    # As in `gstlib.macroscale.active_tool.ActiveTool.read`; None for one without a mesh.
+    active_tool: Mapping | None
+    accept: Sequence[str] = ()  # names of faults that do not stop the study
+
+
+def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Asked) -> Inputs:
+    """Read the mesh and every scan of a study.
+
+    If the mesh is None, it is not checked.
+
+    Notes
+    -----
+    What is odd but may be right is logged as a warning.
+    """
+    stone, frame, face, problems = _read_stone(mesh, asked)
+    heights = square_of(face.height, asked.face["size_mm"]) if face is not None else None
+    read = _read_scans(scans, asked, heights)
+    problems += read.problems
+    problems += _unlike_epochs(read.pieces)
+    problems += _same_scans(read.pieces)
+    at_t0 = {patch: piece for (patch, epoch), piece in read.pieces.items() if epoch == "T0"}
+    problems += _unlike_counterface(read.pieces.get((COUNTERFACE, "")), at_t0)
+    if asked.reference:
+        problems += _no_reference(at_t0, asked.face["size_mm"])
+    problems += _thin_interlayer(read.rows, asked)
+    edge_mm = heights.attrs["mesh_edge_mm"] if heights is not None else None
+    amplitudes = {patch: piece.amplitude for patch, piece in at_t0.items()}
+    for fault in other_units(amplitudes, edge_mm):
+        if asked.placed:
+            problems.append(fault)
+        else:
+            _log.warning("%s: %s. %s", fault.source, fault.problem, fault.remedy)
+    table = pd.DataFrame(read.rows, columns=[*columns_of("inputs"), "range_um"])
+    stopping = unaccepted(problems, asked.accept)
+    return Inputs(table, stone, frame, face, read.coarse, stopping)
+
+
+def _read_stone(
+    mesh: str | Path | None, asked: Asked
+) -> "tuple[trimesh.Trimesh | None, Frame | None, xr.Dataset | None, list[GstError]]":
+    """The mesh, the frame of the square and the face, as far as they can be had."""
+    stone = frame = face = None
+    try:
+        if mesh is not None:
+            stone = read_mesh(mesh, unit=asked.mesh_unit)
+            frame = _find_frame(stone, asked, source=str(mesh))
+            _mind_other_bodies(stone, frame, asked, source=str(mesh))
+            # the fastest interpolation: to look at, and to hold scans against
+            settings = {**asked.face, "interpolation": "linear", "source": str(mesh)}
+            tool = stated_tool(asked.active_tool, asked.rounded)
+            with accepting(asked.accept):
+                face = grid_macroscale(stone, **settings, active_tool=tool)[0]
+            return stone, frame, face, list(thin_stone(face.height, source=mesh))
+    except GstError as error:
+        return stone, frame, face, [error]
+    return stone, frame, face, []
+
+
+def _find_frame(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> Frame:
+    """The frame of the square; where it is off the stone, the unit of the mesh may be wrong."""
+    points_mm, size_mm = asked.face["points_mm"], asked.face["size_mm"]
+    try:
+        return find_frame(points_mm, stone, size_mm=size_mm, source=source)
+    except ConfigError as error:
+        for unit, length_mm in UNITS.items():
+            other = stone.copy().apply_scale(length_mm / UNITS[asked.mesh_unit])
+            try:
+                find_frame(points_mm, other, size_mm=size_mm)
+            except ConfigError:
+                continue
+            problem = f"{error.problem}; with mesh_unit: {unit} it would be on the stone"
+            raise ConfigError(error.source, problem, error.remedy) from None
+        raise
+
+
+class _Scans(NamedTuple):
+    """What the scans contain: rows of the table, pieces, and what cannot be used."""
+
+    rows: list[dict[str, Any]]
+    pieces: _Pieces
+    coarse: dict[tuple[str, str], xr.DataArray]
+    problems: list[GstError]
+
+
+def _read_scans(
+    scans: Iterable[ScanFile], asked: Asked, heights: xr.DataArray | None
+) -> _Scans:
+    """Every scan, each file read once."""
+    by_file: dict[Path, list[ScanFile]] = {}
+    for scan in scans:
+        by_file.setdefault(scan.path, []).append(scan)
+    read = _Scans([], {}, {}, [])
+    for path, uses in by_file.items():
+        try:
+            unit, spacing_um = asked.scan_settings["unit"], asked.scan_settings["spacing_um"]
+            with accepting(asked.accept), concerning([use.patch for use in uses]):
+                whole = read_scan(path, unit=unit, spacing_um=spacing_um)
+        except GstError as error:
+            read.problems.append(error)
+            continue
+        for use in uses:
+            _add_piece(read, whole, use, asked, heights)
+    return read
+
+
+def _add_piece(
+    read: _Scans, whole: xr.DataArray, use: ScanFile, asked: Asked, heights: xr.DataArray | None
+) -> None:
+    """What a patch has of a scan."""
+    settings, path = asked.scan_settings, use.path
+    try:
+        piece = cut_patch(
+            whole,
+            crop=use.crop,
+            size_mm=settings["size_mm"],
+            epoch=use.epoch or "T0",
+            mould_flip=mould_of(settings["mould"], use.flip)["flip"],
+        )
+        check_unmeasured(piece, asked.maximum_unmeasured)
+    except InputError as error:
+        named = f"{path} ({at_epoch(use.patch, use.epoch)})" if use.epoch else path
+        read.problems.append(error.about(named, error.problem))
+        return
+    if use.epoch:
+        times = max(1, int(settings["size_mm"] / max(spacing_of(piece))) // _COARSE)
+        read.coarse[use.patch, use.epoch] = coarser(piece, times)
+    place = use.place if use.epoch == "T0" else None
+    amplitude = Amplitude.of(path, piece, heights, place)
+    same = hash(whole.values.tobytes()), use.crop
+    grid = piece.shape, spacing_of(piece)
+    read.pieces[use.patch, use.epoch] = _Piece(path, grid, same, amplitude)
+    facts = scan_facts(piece)
+    facts["range_um"] = facts["highest_um"] - facts["lowest_um"]
+    read.rows.append(facts | {"patch": use.patch, "epoch": use.epoch, "file": path.name})
+
+
+def _thin_interlayer(rows: list[dict[str, Any]], asked: Asked) -> Iterator[GstError]:
+    """An interlayer that is thinner than two points of a scan are apart."""
+    if asked.interlayer is not None:
+        spacings = [row[f"spacing_{axis}_um"] for row in rows for axis in "xy"]
+        yield from thinner_than_a_point(asked.interlayer, max(spacings, default=0.0))
+
+
+def _mind_other_bodies(
+    stone: "trimesh.Trimesh", frame: Frame, asked: Asked, *, source: str
+) -> None:
+    """Warn of what is large and apart from the stone, such as the table on which it was scanned."""
+    from trimesh.graph import connected_component_labels
+
+    size_mm = asked.face["size_mm"]
+    middle = np.array(frame.origin) + size_mm / 2 * (frame.axes[0] + frame.axes[1])
+    body = connected_component_labels(stone.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
+    away = np.linalg.norm(stone.vertices - middle, axis=1)
+    areas = np.bincount(
+        body[stone.faces[:, 0]], weights=stone.area_faces, minlength=body.max() + 1
+    )
+    nearest = np.full(len(areas), np.inf)
+    np.minimum.at(nearest, body, away)
+    is_other = (areas > _LARGE_BODY * areas.sum()) & (
+        nearest > (asked.face["face_mm"] or size_mm)
+    )
+    if is_other.any():
+        _log.warning(
+            "%s: %.2g %% of the mesh's surface is apart from the stone, %.3g mm or more from the "
+            "square: if that is a turntable or a support, remove it from the mesh",
+            source,
+            100 * areas[is_other].sum() / areas.sum(),
+            nearest[is_other].min(),
+        )
+
+
+def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
+    """Refuse scans of a patch that cannot be compared: different spacings, or equal heights."""
+    copied: dict[tuple[str, str], list[str]] = {}
+    for patch, epoch in pieces:
+        if epoch in _COPIED and (patch, "T0") in pieces:
+            yield from _unlike(patch, pieces[patch, "T0"], pieces[patch, epoch])
+            for other in _COPIED[epoch]:
+                first = pieces.get((patch, other))
+                if first is not None and first.content == pieces[patch, epoch].content:
+                    copied.setdefault((epoch, other), []).append(patch)
+    # Two scans never have the same noise: one was copied, and would show no wear, or no error.
+    for (epoch, other), patches in copied.items():
+        patch = patches[0]
+        yield FaultError(
+            SAME_SCAN,
+            pieces[patch, epoch].path,
+            f"patch {patch} has the same heights {_AT[epoch]} as at {other} "
+            f"({pieces[patch, other].path}){_and_so([f'patch {name}' for name in patches[1:]])}",
+            _COPIED[epoch][other],
+            patches,
+        )
+
+
+def _apart(spacing: tuple[float, float]) -> str:
+    """How far apart points lie: along y and x, where these differ."""
+    steps = dict.fromkeys(f"{step * MM_TO_UM:.5g}" for step in spacing)
+    return " × ".join(steps) + " µm"
+
+
+def _unlike(patch: str, first: _Piece, second: _Piece) -> Iterator[GstError]:
+    """Two scans of a patch that differ in spacing, or in the unit of their heights."""
+    (_, spacing_0), (_, spacing_1) = first.grid, second.grid
+    if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
+        yield InputError(
+            second.path,
+            f"its points are {_apart(spacing_1)} apart, those of {first.path} {_apart(spacing_0)}",
+            "Scan both epochs of a patch with the same objective, or resample one.",
+        )
+    before, after = first.amplitude.spread, second.amplitude.spread
+    if before and after and not 1 / UNIT_FACTOR <= after / before <= UNIT_FACTOR:
+        yield FaultError(
+            WRONG_UNIT,
+            second.path,
+            f"its heights vary {after / before:.3g} times as much as those of "
+            f"{first.path}: one of the two is in another unit",
+            "Export both epochs of a patch in one unit. "
+            + unit_remedy(second.amplitude.states_unit),
+            [patch],
+        )
+
+
+def _same_scans(pieces: _Pieces) -> Iterator[GstError]:
+    """The same piece of the same heights for two patches or more."""
+    alike: dict[tuple, list[tuple[str, str]]] = {}
+    for use, piece in pieces.items():
+        if use[0] != COUNTERFACE:
+            alike.setdefault(piece.content, []).append(use)
+    for first, *rest in alike.values():
+        others = [use for use in rest if use[0] != first[0]]
+        if others:
+            yield FaultError(
+                SAME_SCAN,
+                pieces[others[0]].path,
+                f"{at_epoch(*others[0])} has the same heights as {at_epoch(*first)} "
+                f"({pieces[first].path}){_and_so([at_epoch(*use) for use in others[1:]])}",
+                "Correct their names in the patch table: each patch has scans of its own.",
+                [*dict.fromkeys(patch for patch, _ in (first, *others))],
+            )
+
+
+def _and_so(others: list[str]) -> str:
+    """That the same holds for others, of which the first are named."""
+    if not others:
+        return ""
+    named = ", ".join(others[:_NAMED]) + ", …" * (len(others) > _NAMED)
+    return f", and so {'have' if len(others) > 1 else 'has'} {len(others)} more: {named}"
+
+
+def _unlike_counterface(face: _Piece | None, at_t0: Mapping[str, _Piece]) -> list[GstError]:
+    """The first patch that the counterface does not fit, if any."""
+    if face is not None:
+        try:
+            for piece in at_t0.values():
+                check_grid(face.grid, piece.grid, source=face.path, patch_source=piece.path)
+        except GstError as error:
+            return [error]
+    return []
+
+
+def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[GstError]:
+    """Why the whole square cannot be pressed at the scans' resolution, if it cannot."""
+    kinds = list({piece.grid[0]: (patch, piece) for patch, piece in at_t0.items()}.values())
+    if not kinds:
+        return
+    first = kinds[0][1]
+    count = round(square_mm / first.grid[1][1])
+    needed = _BYTES * count**2
+    if needed > (available := os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
+        yield FaultError(
+            "memory",
+            "config, reference_draws",
+            f"the contact of the whole square at the scans' resolution has {count} × {count} "
+            f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "
+            f"{available / 2**30:.1f} GiB",
+            "Set reference_draws to null, or run the study on a larger machine.",
+        )
+    for patch, other in kinds[1:2]:
+        (ny, nx), (other_ny, other_nx) = first.grid[0], other.grid[0]
+        yield InputError(
+            other.path,
+            f"patch {patch} has {other_nx} × {other_ny} points, but {first.path} has {nx} × {ny}: "
+            "the contact of the whole square needs scans of one grid",
+            "Scan all patches alike, or set reference_draws to null.",
+        )

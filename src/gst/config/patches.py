@@ -1,0 +1,221 @@
+"""The patch table: where on the square each scan was taken, and which files hold it.
+
+`workflow/schemas/patches.schema.yaml` describes a row, `gst.config.user_tables` the text. A name
+with ``*`` is that of the one file that fits it, where ``{patch}`` stands for the patch. In a table
+without ``t0`` and ``t1``, a patch's scans are those named after it and the epoch: ``E1_T0.plux``
+and, if they are there, ``E1_T1.plux`` and ``E1_repeat.plux``. A table with grades of wear in place
+of scans has no files.
+
+The table of proposed places (``places.csv``) is a patch table, too: ``place`` stands for ``patch``,
+and its other columns are for readers.
+"""
+
+import math
+import re
+import unicodedata
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+from gst.config.tables import columns_of
+from gst.config.user_tables import Problem, read_rows, rows_of
+from gstlib.surfaces.footprints import Place, outline, places_of
+
+__all__ = [
+    "COUNTERFACE",
+    "EPOCHS",
+    "REPEAT",
+    "ScanFile",
+    "at_epoch",
+    "cell_of",
+    "find_scans",
+    "no_patches",
+    "overlaps",
+    "read_patches",
+    "scan_files",
+]
+
+COUNTERFACE = "counterface"  # in place of a patch's name
+# Epochs of a patch's scans, by their columns of the table. The repeat is a second scan without use.
+REPEAT = "repeat"
+EPOCHS = {"t0": "T0", "t1": "T1", "repeat": REPEAT}
+# A footprint may touch the square's edge; up to this much (mm) beyond it is rounding.
+_ROUNDING = 1e-9
+# Patches that have less in common (share of a patch) lie side by side: places are rounded.
+_LEAST_OVERLAP = 0.01
+
+
+def read_patches(
+    path: str | Path,
+    *,
+    size_mm: float,
+    patch_size_mm: float,
+    scan_folder: str | Path | None = None,
+) -> pd.DataFrame:
+    """Read and check the patch table of a square of side `size_mm`.
+
+    It has every column of the schema, and a row for each patch, in natural order of ids ("2" before
+    "10"). Names of scans become those in `scan_folder`, which is None for a synthetic specimen. A
+    `ConfigError` lists all that is wrong, with line numbers.
+    """
+    ignored = columns_of("places")
+    table = read_rows(path, "patches", renamed={"place": "patch"}, ignored=ignored)
+    rows = table.rows
+    problems = [*find_scans(rows, table.columns, scan_folder)]
+    problems += _repeated(rows)
+    problems += _out_of_square(rows, size_mm, patch_size_mm)
+    table.refuse(problems)
+    return rows.sort_values(
+        "patch", key=lambda ids: ids.map(natural), kind="stable", ignore_index=True
+    )
+
+
+def no_patches() -> pd.DataFrame:
+    """The patch table of a study before anything is scanned: no rows."""
+    return rows_of("patches", {})
+
+
+def cell_of(name: str) -> str:
+    """A scan's name that the table does not take for a formula or an option."""
+    return f"./{name}" if name[:1] in tuple("~=+@-") else name
+
+
+def find_scans(
+    rows: pd.DataFrame, columns: Collection[str], folder: str | Path | None
+) -> Iterator[Problem]:
+    """Put the names of files in place of the names that they fit; where none fits, or several."""
+    is_named = not {"t0", "t1"}.isdisjoint(columns)
+    if "wear_grade" in columns:
+        if is_named and (graded := rows.index[rows.wear_grade.notna()]).size:
+            yield (
+                graded[0],
+                "wear_grade stands beside scans, in whose place grades are: take the column out, "
+                "or t0 and t1",
+            )
+        if not is_named or graded.size:
+            return
+    for line, row in rows.iterrows():
+        for column, name in _names(row, is_named, folder is None).items():
+            there = [name] if folder is None else _fitting(name, Path(folder))
+            is_asked = there or row[column] or column == "t0"
+            if len(there) == 1:
+                rows.loc[line, column] = there[0]
+            elif "*" in name and is_asked:
+                fits = f"{' and '.join(there)} fit" if there else "no file fits"
+                yield line, f"{fits} {name} in {folder}: let one fit, or name it as {column}"
+        if is_named and not row.t0:
+            yield line, "t0 is empty"
+
+
+def _names(row: pd.Series, is_named: bool, is_generated: bool) -> dict[str, str]:
+    """The name of each scan of a patch, by column: from the table, or after patch and epoch."""
+    names = {each: row[each].replace("{patch}", row.patch) for each in EPOCHS if row[each]}
+    if is_named:
+        return names
+    if is_generated:  # a synthetic specimen has the repeats that are named
+        return {"t0": f"{row.patch}_T0.plu", "t1": f"{row.patch}_T1.plu"} | names
+    return {column: f"{row.patch}_{epoch}.*" for column, epoch in EPOCHS.items()} | names
+
+
+def _fitting(name: str, folder: Path) -> list[str]:
+    """The files that fit a name, perhaps with ``*``, whatever their capitals.
+
+    Nor does it matter how accents are composed: é is one character, or e and an accent.
+    """
+    place = folder / name
+    if place.is_file():
+        return [name]
+    if place.is_dir():
+        return []
+    parts = [re.escape(part) for part in _composed(place.name).split("*")]
+    pattern = re.compile(".*".join(parts), re.IGNORECASE)
+    there = []
+    for file in place.parent.iterdir() if place.parent.is_dir() else ():
+        if pattern.fullmatch(_composed(file.name)):
+            there.append(str(Path(name).with_name(file.name)))
+    return sorted(there)
+
+
+def _composed(name: str) -> str:
+    return unicodedata.normalize("NFC", name)
+
+
+def _repeated(rows: pd.DataFrame) -> Iterator[Problem]:
+    """Ids that an earlier line has."""
+    ids = rows.patch[rows.patch != ""].str.lower()  # some file systems ignore case
+    for line in ids.index[ids.duplicated()]:
+        first = (ids == ids[line]).idxmax()
+        yield line, f"same id as in line {first}"
+
+
+def _out_of_square(rows: pd.DataFrame, size: float, patch_size: float) -> Iterator[Problem]:
+    """Patches whose footprint is not within the square."""
+    for row in rows.itertuples():
+        angle = math.radians(row.rotation_deg)
+        half = patch_size / 2 * (abs(math.cos(angle)) + abs(math.sin(angle)))
+        sides = {
+            "x = 0": half - row.x_mm,
+            f"x = {size:g}": row.x_mm + half - size,
+            "y = 0": half - row.y_mm,
+            f"y = {size:g}": row.y_mm + half - size,
+        }
+        beyond = {side: mm for side, mm in sides.items() if mm > _ROUNDING}
+        if beyond:
+            said = " and ".join(
+                f"{mm:.4g} mm at the {side} side" for side, mm in beyond.items()
+            )
+            footprint = f"its footprint of {patch_size:g} mm"
+            yield row.Index, f"{footprint} sticks out of the {size:g} mm square by {said}"
+
+
+def overlaps(patches: pd.DataFrame, size_mm: float) -> Iterator[tuple[str, str, float]]:
+    """Two patches, and the share (0 to 1) of each that they have in common, if more than 1 %."""
+    from shapely import Polygon, STRtree
+
+    places = places_of(patches)
+    names = list(places)
+    outlines = [Polygon(outline(place, size_mm)) for place in places.values()]
+    pairs = STRtree(outlines).query(outlines, predicate="intersects").T if names else ()
+    for one, other in sorted(map(tuple, pairs)):
+        share = outlines[one].intersection(outlines[other]).area / size_mm**2
+        if one < other and share > _LEAST_OVERLAP:
+            yield names[one], names[other], share
+
+
+class ScanFile(NamedTuple):
+    """A scan that the study uses."""
+
+    path: Path
+    patch: str  # or `COUNTERFACE`
+    epoch: str  # T0, T1, repeat, or empty
+    # Centre (y, x), mm, of the piece to cut, from the scan's centre; None for the whole scan.
+    crop: tuple[float, float] | None = None
+    place: Place | None = None  # on the square
+    flip: str = ""  # as in the table
+
+
+def scan_files(
+    patches: pd.DataFrame, folder: str | Path, counterface: str | Path | None
+) -> list[ScanFile]:
+    """Every scan in `folder` that the table of `read_patches` names, and the counterface's."""
+    scans = []
+    for row in patches.itertuples():
+        crop = None if math.isnan(row.crop_x_mm) else (row.crop_y_mm, row.crop_x_mm)
+        place = Place(row.y_mm, row.x_mm, row.rotation_deg)
+        for column, epoch in EPOCHS.items():
+            if name := getattr(row, column):
+                use = row.patch, epoch, crop, place, row.flip
+                scans.append(ScanFile(Path(folder) / name, *use))
+    return scans + ([ScanFile(Path(counterface), COUNTERFACE, "")] if counterface else [])
+
+
+def at_epoch(patch: str, epoch: str) -> str:
+    """A patch's scan in words."""
+    return f"repeat of patch {patch}" if epoch == REPEAT else f"patch {patch} at {epoch}"
+
+
+def natural(name: str) -> str:
+    """What sorts names with "2" before "10": numbers within them are padded to equal length."""
+    return re.sub(r"\d+", lambda found: found[0].zfill(20), name)

@@ -1,0 +1,287 @@
+"""The study's configuration: read, completed and checked as a whole before anything runs.
+
+Keys left out take their defaults from `workflow/schemas/config.schema.yaml`. The whole config is
+checked against that schema, and then against what no schema can express
+(`gst.config.contradictions`). All problems are reported at once, each with its key, its value and
+the remedy.
+"""
+
+import copy
+import difflib
+import functools
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError
+
+from gst import ROOT
+from gst.config.contradictions import accepted_patches, contradictions, improbable
+from gst.config.named_files import check_files
+from gst.config.patches import no_patches, read_patches
+from gst.config.poses import poses_of
+from gst.config.strict_yaml import read_yaml
+from gst.config.todo import is_to_do, left_in
+from gst.config.user_tables import cells_to_do, read_rows
+from gstlib.conditions import rounded_form, stage_settings
+from gstlib.errors import FAULTS, ConfigError, InputsError
+from gstlib.use.evidence import FEWEST_PATCHES
+
+__all__ = ["asked_of_files", "complete", "config_problems", "config_schema", "read_config"]
+__all__ += ["read_config_file"]
+__all__ += ["read_study", "read_unfinished", "refuse_config", "refuse_study", "value_problems"]
+
+_SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
+# No length, force or seed is larger; sums and squares of such numbers stay finite.
+_LARGEST_NUMBER = 1e15
+# Control characters but for tabs and ends of lines, and halves of characters.
+_IMPOSSIBLE = re.compile(r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\U0010ffff]")
+# What usually lies behind a value of a wrong kind.
+_NUMBER = "write a number with a point and without quotes, such as 20 or 1.0e-9"
+_LIST = "write decimal points, not commas"
+
+
+def read_config_file(path: str | Path) -> dict:
+    """The keys and values of a config, nested as in the file, without defaults.
+
+    Raises a `ConfigError` as `gst.config.strict_yaml.read_yaml` does.
+    """
+    config = read_yaml(path, "Correct its path, or make one with `gst new`.")
+    if problem := next(_impossible_texts(config), None):
+        raise ConfigError(path, problem, "No name of a file can have it.")
+    return config
+
+
+def read_config(path: str | Path) -> dict:
+    """The config of a file, defaults included."""
+    return complete(read_config_file(path))
+
+
+def complete(config: Mapping) -> dict:
+    """A config with the defaults of all keys left out; `config` is not altered.
+
+    In a section given in part, the other keys take their defaults. A null stays null, and a
+    list replaces a default list. Nothing is checked: unknown keys and values of a wrong type stay.
+    """
+    return _completed(config, _validator().schema)
+
+
+def _completed(value: Any, rule: Mapping) -> Any:
+    """A value, completed if its rule describes a section."""
+    if not isinstance(value, Mapping) or "properties" not in rule:
+        return copy.deepcopy(value)
+    keys = rule["properties"]
+    defaults = {name: part["default"] for name, part in keys.items() if "default" in part}
+    return {
+        name: _completed(part, keys.get(name, {}))
+        for name, part in (defaults | dict(value)).items()
+    }
+
+
+def refuse_config(problems: Iterable[str], source: str) -> None:
+    """Raise a `ConfigError` that lists the problems of the config file `source`, if any."""
+    if listed := "".join(f"\n  - {problem}" for problem in problems):
+        problem = f"the configuration cannot be used{listed}\n "
+        raise ConfigError(source, problem, "See config/README.md for all keys.")
+
+
+def read_study(config: Mapping, source: str) -> pd.DataFrame:
+    """Check a config, defaults included, and read its patch table; without one, no rows.
+
+    Raises a `ConfigError` that lists all that is wrong with the config, which it calls `source`,
+    or with a table; or the faults of both that the config does not accept.
+    """
+    refuse_config(config_problems(config), source)
+    if config["published"] is not None:
+        read_rows(config["published"], "published").refuse()
+    patches = _patches_of(config)
+    refuse_config(accepted_patches(config, [*patches.patch]), source)
+    faults = improbable(config, patches)
+    if stopping := [each for each in faults if not each.is_accepted(config["accept"])]:
+        raise InputsError(stopping)
+    if config["patches"] is None:
+        return patches
+    if not (patches.t0 != "").any():
+        _refuse_without_scans(config, patches.wear_grade.dropna())
+    elif config["inputs"] is not None and config["inputs"]["scan_folder"] is None:
+        problem = f"{config['patches']} names scans, and 'inputs' lacks scan_folder"
+        raise ConfigError(source, problem, "Give the folder where they are.")
+    return patches
+
+
+def _patches_of(config: Mapping) -> pd.DataFrame:
+    if config["patches"] is None:
+        return no_patches()
+    return read_patches(
+        config["patches"],
+        size_mm=config["square"]["size_mm"],
+        patch_size_mm=config["scans"]["size_mm"],
+        scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
+    )
+
+
+def _refuse_without_scans(config: Mapping, grades: pd.Series) -> None:
+    """Refuse what needs scans, of a patch table that has grades in their place, or too few."""
+    if (few := len(grades) < FEWEST_PATCHES) or grades.nunique() < 2:
+        raise ConfigError(
+            config["patches"],
+            f"grades {f'only {len(grades)}' if few else 'all'} of its places"
+            f"{'' if few else ' alike'}, which does not say how the tool was used",
+            f"Grade {FEWEST_PATCHES} places or more, better twenty, unworn ones too.",
+        )
+    needs = [name for name in ("published", "interlayer") if config[name] is not None]
+    if config["gesture"] is None or config["use"] is None or needs:
+        raise ConfigError(
+            config["patches"],
+            "has grades of wear and no scans, for which the config needs gesture and use, and "
+            "neither published nor interlayer",
+            "Set gesture, such as {load_point_scatter_mm: 1.0, poses: 60}, and use: {}; set "
+            f"{' and '.join(needs) or 'nothing else'} to null.",
+        )
+
+
+def asked_of_files(
+    config: Mapping, mesh_unit: str, active_tool: Mapping | None
+) -> dict[str, Any]:
+    """What a config asks of the files of its study, for `gst.check.inputs.Asked`.
+
+    `active_tool` is as in `gst.config.contradictions.counterface_mesh`, with ``reach_mm``; None
+    without a mesh of it.
+    """
+    is_placed = config["coupling"] == "placed"
+    return {
+        "mesh_unit": mesh_unit,
+        "face": stage_settings(config)["grid_macroscale"],
+        "rounded": rounded_form(config),
+        "scan_settings": config["scans"],
+        "maximum_unmeasured": config["preprocessing"]["maximum_unmeasured"],
+        "placed": is_placed,
+        "reference": is_placed and config["reference_draws"] is not None,
+        "interlayer": config["interlayer"],
+        "active_tool": active_tool,
+        "accept": config["accept"],
+    }
+
+
+def refuse_study(config: Mapping, source: str) -> None:
+    """Refuse what would stop a run before its first step, in sentences of gst alone.
+
+    Raises a `ConfigError` if the config, defaults included, its patch table or its table of poses
+    cannot be used, or a measured file is missing; `source` names the config.
+    """
+    patches = read_study(config, source)
+    poses_of(config)
+    if config["inputs"] is not None:
+        check_files(config, patches, ", ".join(filter(None, [source, config["patches"]])))
+
+
+def config_problems(config: Mapping) -> list[str]:
+    """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
+    if unusable := [*_unusable_numbers(config)] or [*_to_do(config)]:
+        return unusable
+    errors = sorted(_validator().iter_errors(config), key=_order)
+    # the contradictions rely on correct types
+    explained = list(dict.fromkeys(map(_explain, errors)))
+    return explained or list(contradictions(config))
+
+
+def _to_do(config: Mapping) -> Iterator[str]:
+    """What `gst new` left to the user, in the config and its patch table."""
+    yield from left_in(config, _validator().schema)
+    table = config.get("patches")
+    if isinstance(table, str) and not is_to_do(table) and Path(table).is_file():
+        yield from cells_to_do(table, "patches")
+
+
+def read_unfinished(path: Path) -> dict:
+    """Read a config as `read_config` does, in which values may still be given or corrected.
+
+    Raises a `ConfigError` if a value is of another type than its key has.
+    """
+    config = read_config(path)
+    errors = sorted(_validator().iter_errors(config), key=_order)
+    wrong = [error for error in errors if error.validator in ("type", "required")]
+    refuse_config([_explain(of) for of in wrong if not is_to_do(of.instance)], str(path))
+    return config
+
+
+def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:
+    """What is wrong with the values of these keys, each by itself, whatever else is."""
+    found = [*_unusable_numbers(config), *_impossible_texts(config)]
+    for error in sorted(_validator().iter_errors(config), key=_order):
+        place = ".".join(map(str, error.absolute_path))
+        if any(place == key or place.startswith(f"{key}.") for key in keys):
+            found.append(_explain(error))
+    return found
+
+
+def config_schema() -> dict[str, Any]:
+    """The JSON schema of a config, with the faults that the config can accept."""
+    schema = yaml.safe_load(_SCHEMA.read_text(encoding="utf-8"))
+    accept, faults = schema["properties"]["accept"], FAULTS.items()
+    listed = "; ".join(f"{name} ({meaning})" for name, meaning in faults)
+    accept["description"] = accept["description"].replace("{faults}", listed)
+    return schema
+
+
+@functools.cache
+def _validator() -> Draft202012Validator:
+    return Draft202012Validator(config_schema())
+
+
+def _unusable_numbers(value: Any, key: str = "") -> Iterator[str]:
+    """Numbers that are not finite, which no bound of a schema refuses, or far too large."""
+    if isinstance(value, Mapping | list):
+        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+        for name, part in parts:
+            yield from _unusable_numbers(part, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, int | float) and not abs(value) <= _LARGEST_NUMBER:
+        yield f"'{key}' is {value}: give a finite number, at most {_LARGEST_NUMBER:g}"
+
+
+def _impossible_texts(value: Any, key: str = "") -> Iterator[str]:
+    """Texts with characters that no file's name can have, and that no page can show."""
+    if isinstance(value, Mapping | list):
+        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+        for name, part in parts:
+            yield from _impossible_texts(part, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, str) and (wrong := _IMPOSSIBLE.search(value)):
+        yield f"'{key}' is {value!r}: leave out the character U+{ord(wrong[0]):04X}"
+
+
+def _order(error: ValidationError) -> tuple[bool, list[str]]:
+    """By key; last, what cannot go together."""
+    return error.validator == "not", [str(part) for part in error.absolute_path]
+
+
+def _explain(error: ValidationError) -> str:
+    """What is wrong with a value, and what is asked for."""
+    if error.validator == "not":
+        return error.schema["description"]
+    key, value = ".".join(str(part) for part in error.absolute_path), error.instance
+    if error.validator == "additionalProperties":
+        return _unknown_keys(key, [*map(str, value)], error.schema["properties"])
+    if error.validator == "required":
+        return f"'{key}' lacks {sorted({*error.validator_value} - {*value})}: add them"
+    said = f"'{key}' is {value!r:.1000}:"
+    if error.validator != "pattern":  # which is for the machine
+        said += f" {error.message:.1000}"
+    if error.validator == "type" and isinstance(value, str):
+        said += f" ({_NUMBER})"
+    if error.validator == "maxItems":
+        said += f" ({_LIST})"
+    return f"{said} [{text}]" if (text := error.schema.get("description")) else said
+
+
+def _unknown_keys(section: str, given: list[str], known: Mapping) -> str:
+    unknown = sorted({*given} - {*known})
+    near = {key: difflib.get_close_matches(key, known, n=1) for key in unknown}
+    meant = ", ".join(f"{names[0]} for {key}" for key, names in near.items() if names)
+    hint = f"did you mean {meant}? " if meant else ""
+    place = f"'{section}' has" if section else "there are"
+    remedy = f"remove or correct them ({hint}known: {sorted(known)})"
+    return f"{place} unknown keys {unknown}: {remedy}"

@@ -1,0 +1,341 @@
+"""Tables that a user writes, each row checked against a schema: patches, poses, published values.
+
+The first sheet of an .xlsx workbook, or text as spreadsheets write it: in UTF-8, in UTF-16 with its
+mark, or in code page 1252, as Windows does in the west. Tabs, commas or semicolons separate the
+cells, as in the line of column names; unless commas separate them, numbers may have decimal commas.
+Each row has as many cells as there are columns. ``#`` begins a comment line.
+`workflow/schemas/NAME.schema.yaml` describes a row: its columns, their types and bounds, and what
+stands for an empty cell.
+"""
+
+import csv
+import io
+import itertools
+import math
+import re
+import unicodedata
+import zipfile
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+import yaml
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError
+
+from gst import ROOT
+from gst.config.todo import is_to_do, sentence
+from gstlib.errors import ConfigError, InputError
+from gstlib.io.containers import plain_zip
+from gstlib.io.files import LARGEST_TABLE, check_size
+from gstlib.io.instruments import plain_text
+from gstlib.io.text_rows import FORMULA_ERROR, decoded, separator_of
+
+__all__ = ["Problem", "Record", "UserTable", "alike", "cells_to_do"]
+__all__ += ["read_rows", "records_of", "rows_of"]
+
+# What every program reads as this number; Python's float takes 1_5, nan and digits of all scripts.
+_NUMBER = re.compile(r"[-+]?([0-9]++\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+# A square of 5 mm holds some forty patches side by side; a gesture has some hundred poses.
+_MOST_ROWS = 10_000
+# Columns of a workbook, letters in a cell as spreadsheets bound them, and those in all cells.
+_MOST_COLUMNS, _LONGEST_CELL, _MOST_LETTERS = 100, 32_767, 5 * LARGEST_TABLE
+# Tags of XML in a sheet, and in what describes it: a cell has four, and a style takes openpyxl
+# longer.
+_MOST_TAGS, _MOST_OTHER_TAGS = 1_000_000, 100_000
+_LAST_ROW = 1 << 20  # of a spreadsheet
+# Problems in a message; who has corrected them is shown the next ones.
+_MOST_LISTED = 50
+
+Problem = tuple[int, str]  # a line number, and what is wrong there
+
+
+class Record(NamedTuple):
+    """A row of a table in text, in one line or more; or a comment, or a blank line."""
+
+    text: str  # with its line end
+    cells: list[str]
+    line: int  # the number of its last line
+
+    @property
+    def is_row(self) -> bool:
+        return any(self.cells) and not _is_comment(self.cells[0])
+
+
+class UserTable(NamedTuple):
+    """A table as it was read."""
+
+    path: Path
+    columns: list[str]  # that the file has
+    # Every column of the schema, by line number. Missing text is "" and missing numbers are NaN,
+    # unless the schema has a default.
+    rows: pd.DataFrame
+    problems: list[Problem]
+
+    def refuse(self, more: Iterable[Problem] = ()) -> None:
+        """Raise a `ConfigError` that lists all problems, and `more`, if there are any."""
+        listed = []
+        problems = sorted([*self.problems, *more], key=lambda problem: problem[0])
+        for line, text in problems[:_MOST_LISTED]:
+            patch = self.rows.loc[line].get("patch")
+            listed.append(f"\n  - line {line}{f' (patch {patch})' if patch else ''}: {text}")
+        if listed:
+            count = f"{len(problems)} problem{'s' * (len(problems) > 1)}"
+            listed += ["\n  - and others"] * (len(problems) > _MOST_LISTED)
+            raise ConfigError(
+                self.path,
+                f"{count} in this table{''.join(listed)}\n ",
+                "Correct these rows; config/README.md describes the columns. Between cells, "
+                "commas leave no room for decimal commas: use semicolons or tabs.",
+            )
+
+
+def read_rows(
+    path: str | Path,
+    name: str,
+    *,
+    renamed: Mapping[str, str] | None = None,
+    ignored: Collection[str] = (),
+) -> UserTable:
+    """Read a table whose rows the schema `name` describes, and check each row.
+
+    Columns are recognised in whatever case, and a column may not be given twice. `renamed` has
+    other names for some, which count if the schema's own are absent; the columns `ignored` are for
+    readers. Raises a `ConfigError` if it is no text, or has no rows, or not the columns.
+    """
+    path, schema = Path(path), _schema(name)
+    known = schema["properties"]
+    header, mark, lines = _read_lines(path)
+    names = {alike(name): name for name in [*ignored, *(renamed or {}), *known]}
+    columns = [names.get(alike(column), column) for column in header]
+    for other, own in (renamed or {}).items():
+        columns = [own if c == other and own not in columns else c for c in columns]
+    missing = [column for column in schema["required"] if column not in columns]
+    unknown = [column for column in columns if column not in {*known, *ignored}]
+    if missing or unknown:
+        raise ConfigError(
+            path,
+            f"missing columns {missing}, unknown columns {unknown} (found {header})",
+            f"Known columns: {list(known)}, separated by tabs, commas or semicolons.",
+        )
+    validator = Draft202012Validator(schema)
+    rows: dict[int, dict[str, Any]] = {}
+    problems: list[Problem] = []
+    for line, cells in lines:
+        row = rows[line] = {
+            column: cell if known[column]["type"] == "string" else _number(cell, mark)
+            for column, cell in zip(columns, cells, strict=False)
+            if cell and column in known
+        }
+        problems += [(line, _explain(error)) for error in validator.iter_errors(row)]
+        if len(cells) < len(columns) or any(cells[len(columns) :]):
+            problems.append((line, f"{len(cells)} cells in {len(columns)} columns"))
+    if mark in (";", "\t"):
+        numbers = {name for name, rule in known.items() if rule["type"] != "string"}
+        problems += _two_decimal_signs(columns, lines, numbers)
+    return UserTable(path, columns, rows_of(name, rows), problems)
+
+
+def _two_decimal_signs(
+    columns: Sequence[str], lines: Iterable[tuple[int, list[str]]], numbers: Collection[str]
+) -> Iterator[Problem]:
+    """Numbers with a point in a table that has decimal commas: it may separate thousands."""
+    points: list[Problem] = []
+    has_commas = False
+    for line, cells in lines:
+        for column, cell in zip(columns, cells, strict=False):
+            if column in numbers and "." in cell and _NUMBER.fullmatch(cell):
+                points.append((line, f"{column} is {cell!r}, and others have decimal commas"))
+            has_commas |= column in numbers and "," in cell
+    yield from points if has_commas else []
+
+
+def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
+    """A sentence for the cells of a table that are still to be filled in, by column."""
+    try:
+        header, _, lines = _read_lines(Path(path))
+    except InputError:  # which is said where the table is read
+        return
+    found: dict[tuple[str, tuple[int, ...]], list[str]] = {}
+    for n, column in enumerate(header):
+        left = {line: cells[n] for line, cells in lines if is_to_do("".join(cells[n : n + 1]))}
+        if left:  # the first value stands for all
+            found.setdefault((next(iter(left.values())), tuple(left)), []).append(column)
+    known = _schema(name)["properties"]
+    for (value, numbers), columns in found.items():
+        where = f"line{'s' * (len(numbers) > 1)} {_listed(numbers)}"
+        meaning = " ".join(known.get(column, {}).get("description", "") for column in columns)
+        yield sentence(f"{path}, {' and '.join(columns)} in {where},", value, meaning)
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    """Line numbers, of which many are shortened.
+
+    >>> _listed([2, 3, 4]), _listed([2, 4])
+    ('2 to 4', '2, 4')
+    """
+    if len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1:
+        return f"{numbers[0]} to {numbers[-1]}"
+    return ", ".join(map(str, numbers))
+
+
+def rows_of(name: str, rows: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
+    """Rows with every column of a schema, as in `UserTable`."""
+    table = pd.DataFrame(index=[*rows])
+    for column, rule in _schema(name)["properties"].items():
+        is_text = rule["type"] == "string"
+        empty = rule.get("default", "" if is_text else math.nan)
+        cells = pd.Series(
+            [row.get(column, empty) for row in rows.values()], table.index, object
+        )
+        # what is no number is among the problems
+        numbers = pd.to_numeric(cells, errors="coerce").astype(float)
+        table[column] = cells.astype(str) if is_text else numbers
+    return table
+
+
+def _schema(name: str) -> dict[str, Any]:
+    file = ROOT / f"workflow/schemas/{name}.schema.yaml"
+    return yaml.safe_load(file.read_text(encoding="utf-8"))
+
+
+def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]]:
+    """The column names, what separates the cells, and the cells of each row by line number."""
+    try:
+        check_size(path, LARGEST_TABLE)
+        is_sheet = path.suffix.lower() == ".xlsx"
+        mark, lines = _sheet(path) if is_sheet else _text(path.read_bytes())
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        remedy = "Correct its path in the config, or save it as CSV in UTF-8."
+        raise ConfigError(path, f"cannot be read ({error})", remedy) from error
+    lines = [(n, cells) for n, cells in lines if any(cells) and not _is_comment(cells[0])]
+    count = len(lines) - 1
+    if not 1 <= count <= _MOST_ROWS:
+        raise ConfigError(
+            path,
+            f"the table has {count if count > 0 else 'no'} rows",
+            f"Give a line of column names and at most {_MOST_ROWS} rows, a line each.",
+        )
+    line, header = lines[0]
+    while not header[-1]:  # as long as the widest row
+        header.pop()
+    columns: dict[str, str] = {}
+    for column in header:
+        if other := columns.get(alike(column)):
+            problem = f"line {line}: a column is given twice, as {other!r} and as {column!r}"
+            raise ConfigError(path, problem, "Remove one of them, or rename it.")
+        columns[alike(column)] = column
+    return header, mark, lines[1:]
+
+
+def alike(column: str) -> str:
+    """A column's name without its capitals, blanks and marks that nobody sees."""
+    return unicodedata.normalize("NFKC", column).strip(" \ufeff\u200b").casefold()
+
+
+def _text(content: bytes) -> tuple[str, list[tuple[int, list[str]]]]:
+    """What separates the cells of a text, and the cells of each row by line number."""
+    try:
+        text = decoded(content)
+    except UnicodeDecodeError:
+        text = content.decode("cp1252")
+    records, mark = records_of(text)
+    return mark, [(record.line, record.cells) for record in records]
+
+
+def records_of(text: str) -> tuple[list[Record], str]:
+    """The records of a table in text, and the separator of its cells.
+
+    Raises a `csv.Error` if a quote is not closed, which would hide rows.
+    """
+    lines = [*io.StringIO(text, newline="")]
+    # A spreadsheet puts a comment in quotes, and writes blank rows as rows of empty cells.
+    full = (line for line in lines if line.strip(' \t\r\n,;"') and not _is_comment(line))
+    mark = separator_of(next(full, "")) or ","
+    records: list[Record] = []
+    rest, start = iter(lines), 0
+    for line in rest:
+        cells, end = [""], start + 1
+        if line.strip() and not _is_comment(line):
+            # takes as many lines as the row has
+            reader = csv.reader(itertools.chain([line], rest), delimiter=mark, strict=True)
+            cells = [cell.strip() for cell in next(reader)]
+            end = start + reader.line_num
+        records.append(Record("".join(lines[start:end]), cells, end))
+        start = end
+    return records, mark
+
+
+def _sheet(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
+    """The cells of a workbook's first sheet by row, as text."""
+    try:
+        lines = _cells_by_row(plain_zip(path))
+    except MemoryError:
+        raise
+    except Exception as error:  # openpyxl raises whatever its parsers raise
+        reason = plain_text(f"{type(error).__name__}: {error}")
+        if isinstance(error, InputError):
+            reason = error.problem
+        problem = f"cannot be read as a workbook ({reason}): it is damaged, or too large"
+        remedy = "Delete rows and columns without values, or save it as CSV in UTF-8."
+        raise ConfigError(path, problem, remedy) from error
+    width = max((len(cells) for _, cells in lines), default=0)
+    padded = [(n, cells + [""] * (width - len(cells))) for n, cells in lines]
+    return "", padded  # a number that was typed as text may have a decimal comma
+
+
+def _cells_by_row(content: io.BytesIO) -> list[tuple[int, list[str]]]:
+    """The cells of rows that have any, without the empty ones behind them, by the row's number."""
+    import openpyxl
+
+    with zipfile.ZipFile(content) as archive:
+        for name in archive.namelist():
+            most = _MOST_TAGS if "worksheets/" in name else _MOST_OTHER_TAGS
+            if (count := archive.read(name).count(b"<")) > most:
+                raise ValueError(f"{name} has {count} tags of XML")
+    book = openpyxl.load_workbook(content, read_only=True, data_only=True, keep_links=False)
+    sheet = book.worksheets[0]
+    sheet.reset_dimensions()  # which may be stated wrongly
+    lines, letters = [], 0
+    for number, row in enumerate(sheet.iter_rows(max_row=_LAST_ROW, values_only=True), 1):
+        near = ["" if cell is None else str(cell) for cell in row[:_MOST_COLUMNS]]
+        cells = [cell[:_LONGEST_CELL].strip() for cell in near]
+        letters += len(row) + sum(map(len, cells))
+        if any(cell is not None for cell in row[_MOST_COLUMNS:]):
+            raise ValueError(f"row {number} has cells beyond column {_MOST_COLUMNS}")
+        if letters > _MOST_LETTERS:
+            raise ValueError(f"its cells are too long, or too many, at row {number}")
+        if any(cells):
+            lines.append((number, cells))
+    book.close()
+    return lines
+
+
+def _is_comment(line: str) -> bool:
+    """Whether a line, or its first cell, is a comment, and not the error of a formula."""
+    start = line.lstrip(' "')
+    return start.startswith("#") and not FORMULA_ERROR.match(start)
+
+
+def _number(cell: str, mark: str) -> float | str:
+    """The number in a cell; the cell itself if it is not a finite number."""
+    text = cell if mark == "," else cell.replace(",", ".")
+    value = float(text) if _NUMBER.fullmatch(text) else math.inf
+    return value if math.isfinite(value) else cell
+
+
+def _explain(error: ValidationError) -> str:
+    """What is wrong with a cell."""
+    # one that is absent is named by the message, and perhaps what asks for it
+    if not error.absolute_path:
+        name, *asking = error.message.split("'")[1::2]
+        return f"{name} is empty" + (f", but {asking[0]} is given" if asking else "")
+    name = error.absolute_path[-1]
+    if error.validator == "type":
+        return f"{name} is {error.instance!r}, not a number"
+    # a pattern is for the machine
+    said = "" if error.validator == "pattern" else f": {error.message}"
+    if name == "patch" and error.validator == "pattern":
+        said = f": write {re.sub('[^A-Za-z0-9]+', '-', error.instance).strip('-')}"
+    return f"{name} is {error.instance!r}{said} [{error.schema['description']}]"

@@ -1,0 +1,1 @@
+"""What a person looks at after a study: the page, the answer, the viewer and the figures."""

@@ -1,0 +1,61 @@
+"""Pictures of one file: the heights of a scan, or how it is pressed; a mesh from three sides."""
+
+from typing import TYPE_CHECKING
+
+import xarray as xr
+from matplotlib.figure import Figure
+
+from gst.page.figures.maps import HEIGHTS, draw_map
+from gst.page.figures.style import BLUE, VERMILION, panels, styled
+from gst.page.figures.tool import FACES, draw_stone
+from gst.page.viewer import coarsen
+from gstlib.bem.loading import LoadPath
+from gstlib.io.instruments import plain_text
+from gstlib.surfaces.frames import Frame
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["inspected_figure", "pressed_figure"]
+
+_ROOM = (0.55, 0.25, 0.3, 0.85)
+# From where a mesh is seen: the directions to the right, and towards the eye.
+_VIEWS = {
+    "from +z": ((1, 0, 0), (0, 0, 1)),
+    "from −y": ((1, 0, 0), (0, -1, 0)),
+    "from +x": ((0, 1, 0), (1, 0, 0)),
+}
+
+
+@styled
+def inspected_figure(content: "xr.DataArray | trimesh.Trimesh", name: str) -> Figure:
+    """The content of a file, from `gst.check.inspecting.inspect_file`, under the file's name."""
+    if isinstance(content, xr.DataArray):
+        figure, (axes,) = panels(1, 2, 1.0, _ROOM)
+        draw_map(axes, content, ticks=True, **HEIGHTS)
+        axes.set_title(f"{plain_text(name)}, without its plane")
+        return figure
+    figure, views = panels(len(_VIEWS), len(_VIEWS))
+    mesh = coarsen(content, faces=FACES)
+    for axes, (title, directions) in zip(views, _VIEWS.items(), strict=True):
+        draw_stone(axes, mesh, Frame(mesh.bounds.mean(axis=0), *directions))
+        axes.set_title(f"{plain_text(name)}, {title}")
+    return figure
+
+
+@styled
+def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure:
+    """The heights with the contact over them, and area and displacement along the path."""
+    figure, (left, area, depth) = panels(3, 2, 1.0, _ROOM)
+    final, table = contact.final, contact.table()
+    draw_map(left, height, marks={VERMILION: final.contact.values}, ticks=True, **HEIGHTS)
+    left.set_title(
+        f"{plain_text(name)}: contact {final.contact_fraction:.2%} at {final.mean_pressure:.4g} MPa"
+    )
+    area.plot(table.mean_pressure_MPa, 100 * table.contact_fraction, ".-", color=BLUE)
+    area.set(ylabel="real contact area A / Aₙ (%)", title="Area in contact")
+    depth.plot(table.mean_pressure_MPa, table.displacement_um, ".-", color=BLUE)
+    depth.set(ylabel="far-field displacement (µm)", title="Displacement")
+    for axes in (area, depth):
+        axes.set(xlabel="mean pressure (MPa)", xlim=(0, None), ylim=(0, None))
+    return figure

@@ -1,0 +1,235 @@
+"""Maps: heights, forces and marked elements, with a scale bar and a colour bar.
+
+Maps show the stone from outside, in the square's own axes: x runs to the right and y upwards from
+the reference corner, at the lower left. A pixel of a panel has the mean colour of the elements
+under it, so marks cover the same share of the picture as of the surface.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import (
+    Colormap,
+    LinearSegmentedColormap,
+    ListedColormap,
+    Normalize,
+    PowerNorm,
+    to_rgb,
+)
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.patches import Polygon
+from matplotlib.patheffects import withStroke
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
+from PIL import Image
+
+from gst.page.figures.style import DPI, PALE, VERMILION, panels, short
+from gstlib.surfaces.footprints import outline, places_of
+from gstlib.surfaces.grid import MM_TO_UM, spacing_of
+
+__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHTS", "HEIGHT_MAP", "LOSS_MAP", "OUTLINE"]
+__all__ += [
+    "draw_footprints",
+    "draw_forces",
+    "draw_map",
+    "draw_maps",
+    "force_norm",
+    "height_norm",
+]
+__all__ += ["label_in", "mark_corner", "picture_of", "raking", "scale_bar"]
+
+# Few levels make small files; with these, the eye sees no steps.
+HEIGHT_MAP = colormaps["cividis"].resampled(64)
+HEIGHTS = {"cmap": HEIGHT_MAP, "bar": "height (µm)"}
+CHANGE_MAP = colormaps["RdBu"].resampled(65)
+LOSS_MAP = ListedColormap(CHANGE_MAP(np.arange(33)))  # its half, up to white
+# Light throughout: black and the class colours stand out even over valleys.
+RELIEF_MAP = LinearSegmentedColormap.from_list("relief", ["#c4c4c4", "#fafafa"], N=40)
+# Where a patch is named: this far from its middle to its corner, less for each further letter.
+_LABEL, _LETTER = 0.62, 0.08
+# Slopes of stone are gentle: under a raking light they are shown so many times as steep.
+_STEEPER = 2.0
+# White at zero: bare paper means no force.
+FORCE_MAP = LinearSegmentedColormap.from_list(
+    "force", ["#ffffff", *colormaps["magma_r"](np.linspace(0.1, 0.95, 12))]
+)
+OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
+
+
+def height_norm(*surfaces: xr.DataArray) -> Normalize:
+    """Colour limits (µm) that height maps (mm) share; the most extreme 1 % is cut off."""
+    values = np.concatenate([surface.values.ravel() for surface in surfaces])
+    return Normalize(*np.nanpercentile(values, [0.5, 99.5]) * MM_TO_UM)
+
+
+def force_norm(values: np.ndarray) -> PowerNorm:
+    """A square-root scale from 0 to the largest of forces or pressures."""
+    return PowerNorm(0.5, vmin=0, vmax=float(values.max()) or 1.0)
+
+
+def draw_map(
+    axes: Axes,
+    field: xr.DataArray,
+    values: np.ndarray | None = None,
+    *,
+    cmap: Colormap = RELIEF_MAP,
+    norm: Normalize | None = None,
+    marks: Mapping[str, np.ndarray] | None = None,
+    bar: str = "",
+    ticks: bool = False,
+) -> None:
+    """Draw a field on its grid, with marked elements over it.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+        A panel of the final size: the picture is drawn at its resolution.
+    field : (y, x) xarray.DataArray
+        The grid; heights in mm, drawn in µm unless there are `values`.
+    values : (ny, nx) ndarray, optional
+        Drawn in place of heights. NaN stays pale.
+    cmap, norm
+        Colours; by default, a pale relief between the limits of the heights.
+    marks : mapping of colour to (ny, nx) mask, optional
+        Elements to paint over; the masks exclude each other.
+    bar : str
+        Text of a colour bar under the map: what the colours mean.
+    ticks : bool
+        Draw axes in mm; without them, add a `scale_bar`.
+    """
+    norm = norm or height_norm(field)
+    inches = axes.get_position(original=True).size * axes.figure.get_size_inches()
+    pixels = round(float(min(inches)) * DPI)
+    image = picture_of(field, pixels, values, cmap=cmap, norm=norm, marks=marks)
+    dy, dx = spacing_of(field)
+    left, right = float(field.x[0]) - dx / 2, float(field.x[-1]) + dx / 2
+    bottom, top = float(field.y[0]) - dy / 2, float(field.y[-1]) + dy / 2
+    extent = (left, right, bottom, top)
+    axes.imshow(np.asarray(image), origin="lower", extent=extent, interpolation="nearest")
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+    axes.set(xlabel="x (mm)", ylabel="y (mm)") if ticks else axes.set(xticks=[], yticks=[])
+    axes.spines[:].set_visible(True)
+    if bar:
+        below = 0.13 if ticks else 0.04  # in heights of the map
+        strip = axes.inset_axes((0.2, -below - 0.035, 0.6, 0.035))
+        look: dict[str, Any] = {"orientation": "horizontal", "ticks": [norm.vmin, norm.vmax]}
+        look["format"] = lambda value, _: short(value)
+        colours = axes.figure.colorbar(ScalarMappable(norm, cmap), cax=strip, **look)
+        colours.outline.set_visible(False)
+        strip.tick_params(length=0, labelsize=6.5, pad=1)
+        strip.set_xlabel(bar, fontsize=6.5, labelpad=1)
+
+
+def picture_of(
+    field: xr.DataArray,
+    pixels: int,
+    values: np.ndarray | None = None,
+    *,
+    cmap: Colormap = RELIEF_MAP,
+    norm: Normalize | None = None,
+    marks: Mapping[str, np.ndarray] | None = None,
+) -> Image.Image:
+    """What `draw_map` draws, at most so many `pixels` wide; its first row is that of the field."""
+    values = field.values * MM_TO_UM if values is None else values
+    norm = norm or height_norm(field)
+    picture = cmap(norm(values), bytes=True)[..., :3]
+    return _smaller(picture, {PALE: np.isnan(values), **(marks or {})}, pixels)
+
+
+def raking(height: xr.DataArray, pixels: int) -> Image.Image:
+    """Heights (mm) lit from the upper left, at most so many `pixels` wide; as `picture_of`."""
+    # Not by matplotlib's LightSource, which stretches the brightness of each picture by itself: two
+    # could not be compared.
+    known = height.fillna(height.mean().fillna(0)).values  # where nothing is measured, level
+    slope_y, slope_x = (_STEEPER * of for of in np.gradient(known, *spacing_of(height)))
+    towards = (slope_x - slope_y + np.sqrt(2)) / 2 / np.sqrt(1 + slope_y**2 + slope_x**2)
+    grey = np.round(255 * towards.clip(0, 1)).astype(np.uint8)
+    return _smaller(np.stack(3 * [grey], axis=-1), {PALE: np.isnan(height.values)}, pixels)
+
+
+def _smaller(picture: np.ndarray, marks: Mapping[str, np.ndarray], pixels: int) -> Image.Image:
+    """A picture (ny, nx, 3) with marked elements; a pixel has the mean colour of those under it."""
+    for colour, mask in marks.items():
+        picture[np.asarray(mask, dtype=bool)] = np.round(np.multiply(to_rgb(colour), 255))
+    image = Image.fromarray(picture)
+    image.thumbnail((pixels, pixels), Image.Resampling.BOX, reducing_gap=None)
+    return image
+
+
+def draw_maps(
+    maps: Sequence[tuple[str, xr.DataArray, Mapping]],
+    columns: int,
+    room: tuple[float, float, float, float] = (0.05, 0.05, 0.2, 0.02),
+    *,
+    head: float = 0.25,
+) -> Figure:
+    """Small multiples: for each map its title, its field and further arguments of `draw_map`.
+
+    `columns`, `room` and `head` are as in `style.panels`.
+    """
+    figure, axes = panels(len(maps), columns, 1.0, room, head=head)
+    for panel, (title, field, look) in zip(axes, maps, strict=True):
+        draw_map(panel, field, **look)
+        panel.set_title(title, fontsize=7)
+    scale_bar(axes[0])
+    return figure
+
+
+def draw_forces(axes: Axes, contact: xr.Dataset, *, bar: str = "", ticks: bool = False) -> None:
+    """Force (N) on each element at the last step, in colours on a square-root scale."""
+    force = contact["pressure"].values * np.prod(spacing_of(contact))
+    look = {"cmap": FORCE_MAP, "norm": force_norm(force), "bar": bar, "ticks": ticks}
+    draw_map(axes, contact["height"], force, **look)
+
+
+def scale_bar(axes: Axes) -> None:
+    """A bar of a round length, about a quarter of a map, in its lower left corner."""
+    length = float(f"{0.24 * np.diff(axes.get_xlim()).item():.0e}")
+    look = {"fontproperties": FontProperties(size=6.5), "label_top": True, "size_vertical": 0}
+    bar = AnchoredSizeBar(axes.transData, length, f"{length:g} mm", "lower left", **look)
+    bar.patch.set(linewidth=0, alpha=0.8)  # white, so that it shows on black contact
+    axes.add_artist(bar)
+
+
+def mark_corner(axes: Axes) -> None:
+    """Mark the reference corner, from which the patch table measures."""
+    low, high = axes.get_xlim()
+    side = 0.05 * (high - low)
+    corner = np.add([[0, 0], [side, 0], [0, side]], (low, axes.get_ylim()[0]))
+    axes.add_patch(Polygon(corner, color=VERMILION, linewidth=0))
+    axes.set_title("◣ reference corner", loc="left", color=VERMILION, fontsize=7)
+
+
+def draw_footprints(
+    axes: Axes, patches: pd.DataFrame, patch_size_mm: float, *, colour: str
+) -> None:
+    """Outline and name the patches: solid if in the study, else dashed; graded ones "name: grade".
+
+    `patches` has ``patch, x_mm, y_mm, rotation_deg`` and optionally ``in_study``, ``wear_grade``.
+    """
+    look = {"color": colour, "path_effects": OUTLINE}
+    names = patches.patch.astype(str)
+    if "wear_grade" in patches:
+        graded = names + ": " + patches.wear_grade.map("{:g}".format)
+        names = names.where(patches.wear_grade.isna(), graded)
+    studied = patches.get("in_study", pd.Series(True, patches.index))
+    for place, name, is_studied in zip(
+        places_of(patches).values(), names, studied, strict=True
+    ):
+        corners, line = outline(place, patch_size_mm), "-" if is_studied else "--"
+        axes.add_patch(Polygon(corners, fill=False, linestyle=line, **look))
+        at = label_in(corners, name)
+        axes.text(*at, name, fontsize=6.5, ha="center", va="center", **look)
+
+
+def label_in(corners: np.ndarray, name: str) -> np.ndarray:
+    """Where a patch is named: inside, near its upper left corner, however it is turned."""
+    corner = corners[np.argmax(np.diff(corners, axis=1))]
+    reach = max(0.0, _LABEL - _LETTER * max(0, len(name) - 2))
+    return corners.mean(axis=0) + reach * (corner - corners.mean(axis=0))

@@ -1,0 +1,94 @@
+"""Where the tool was pressed and against how round a tool, as its wear says."""
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
+
+from gst.page.figures import maps, style
+from gst.page.figures.style import BLACK, BLUE, GREY, VERMILION, styled
+from gstlib.use.outcome import strikes_of
+
+__all__ = ["use_figure"]
+
+_ROOM = (0.55, 0.25, 0.3, 0.85)
+_BINS = 24
+# Uses of which a strike is drawn.
+_STRIKES = 500
+# Of the radius, what is drawn.
+_SHOWN = 0.005, 0.995
+
+
+@styled
+def use_figure(
+    use: xr.Dataset,
+    table: pd.DataFrame,
+    losses: pd.DataFrame | None,
+    height: xr.DataArray,
+    patches: pd.DataFrame,
+    *,
+    patch_size_mm: float,
+) -> Figure:
+    """Strikes and their centre on the square, the radius, and the losses beside their predictions.
+
+    `use` is from `gstlib.use.infer.infer_use`, `table` and `losses` are ``use.csv`` and
+    ``predicted_losses.csv``, None where there are grades in place of losses; `height` (y, x), mm,
+    is the square's.
+    """
+    panels = 2 if losses is None else 3
+    figure, (square, radius, *others) = style.panels(panels, 2, 1.0, _ROOM)
+    stated = table.set_index("parameter").stated
+    maps.draw_map(square, height, ticks=True, **maps.HEIGHTS)
+    maps.draw_footprints(square, patches, patch_size_mm, colour=BLACK)
+    generator = np.random.default_rng(0)
+    chosen = generator.choice(use.sizes["draw"], _STRIKES, p=use.weight.values)
+    likely = use.isel(draw=chosen)
+    strikes = strikes_of(likely, generator)
+    square.plot(*strikes.T, ".", color=VERMILION, markersize=4, alpha=0.25, zorder=2)
+    square.plot(likely.x_mm, likely.y_mm, ".", color=BLACK, markersize=2, alpha=0.4)
+    point = stated["load_point_x"], stated["load_point_y"]
+    square.plot(*point, "P", color=BLUE, markersize=10, markeredgecolor="white")
+    square.set_xlim(0, height.x[-1] + height.x[0])
+    square.set_ylim(0, height.y[-1] + height.y[0])
+    square.set_title("stated (cross); from wear: strikes (red), centre (black)")
+    _draw_radius(radius, use, table)
+    if losses is not None:
+        _draw_losses(others[0], losses)
+    return figure
+
+
+def _draw_radius(axes: Axes, use: xr.Dataset, table: pd.DataFrame) -> None:
+    """How likely each radius of the active tool is."""
+    axes.set_title("radius of the active tool")
+    known = table.set_index("parameter")
+    if "radius" not in known.index:
+        axes.text(0.5, 0.5, "not asked for", ha="center", transform=axes.transAxes)
+        axes.set_axis_off()
+        return
+    values, told = use.radius_mm.values, known.stated["radius"]
+    ends = np.quantile(values, _SHOWN, weights=use.weight.values, method="inverted_cdf")
+    edges = np.geomspace(min(ends[0], told) / 1.5, 1.5 * max(ends[1], told), _BINS + 1)
+    axes.hist(values, edges, weights=use.weight.values, color=VERMILION, label="from the wear")
+    axes.axvline(told, color=BLUE, label="stated")
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter("")
+    axes.set_xlabel("radius (mm)")
+    axes.set_ylabel("probability")
+    axes.legend()
+
+
+def _draw_losses(axes: Axes, losses: pd.DataFrame) -> None:
+    """The loss of each patch beside what the others predict."""
+    axes.set_title("loss, predicted by the other patches")
+    axes.vlines(losses.loss_um, losses.low_um, losses.high_um, color=GREY, linewidth=0.8)
+    axes.plot(losses.loss_um, losses.predicted_um, "o", color=BLUE, markersize=4)
+    most = 1.1 * float(losses[["loss_um", "predicted_um"]].to_numpy().max())
+    axes.plot([0, most], [0, most], color=BLACK, linewidth=0.7)
+    axes.set_xlim(0, most)
+    axes.set_ylim(min(0.0, float(losses.low_um.min())), max(most, float(losses.high_um.max())))
+    axes.set_xlabel("measured mean depth lost (µm)")
+    axes.set_ylabel("predicted (µm), 95 % interval")

@@ -1,0 +1,122 @@
+"""A stone that can be turned in a web page: scripts and data, without network requests.
+
+`viewer.js`, beside this file, draws the stone; its head describes its interface. A page contains
+`three_js` and `viewer.js` as inline scripts, and `stone_data` as JSON (`to_script`). three.js is
+the copy that trimesh ships for its own viewer.
+"""
+
+import base64
+import importlib.resources
+import io
+import json
+import zipfile
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gstlib.errors import InputError
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["coarsen", "packed", "shipped", "stone_data", "three_js", "to_script"]
+
+# trimesh's page has one script: three.js, its controls and loaders, then trimesh's own code.
+_TEMPLATE = "resources/templates/viewer.zip"
+_BEGIN, _END = "<script>", "var camera,controls,scene"
+
+
+def three_js() -> str:
+    """three.js (MIT licence), which defines THREE.
+
+    Raises an `InputError` if the installed trimesh ships it in another form.
+    """
+    template = importlib.resources.files("trimesh") / _TEMPLATE
+    try:
+        with zipfile.ZipFile(io.BytesIO(template.read_bytes())) as archive:
+            page = archive.read("viewer.html.template").decode()
+        return page[page.index(_BEGIN) + len(_BEGIN) : page.index(_END)]
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        problem = "does not contain three.js where gst looks for it"
+        remedy = "Install the version of trimesh given in requirements.lock."
+        raise InputError(str(template), problem, remedy) from error
+
+
+def shipped(name: str, room: str = "gst.page") -> str:
+    """A page, script or style that lies in a room of the application."""
+    return (importlib.resources.files(room) / name).read_text(encoding="utf-8")
+
+
+def to_script(value: Any) -> str:
+    """JSON that is safe inside a script of a page, where no tag or comment begins in it."""
+    return json.dumps(value, ensure_ascii=False).replace("<", "\\u003c")
+
+
+def coarsen(
+    mesh: "trimesh.Trimesh", *, faces: int = 120_000, keep: np.ndarray | None = None
+) -> "trimesh.Trimesh":
+    """A mesh with fewer faces: the vertices in each cell of a grid become their mean.
+
+    A mesh with no more than `faces` faces is returned as it is; each takes about 24 bytes in a
+    page. The vertices that `keep` (n,) marks stay as they are. After Rossignac & Borrel (1993),
+    Multi-resolution 3D approximations for rendering complex scenes, in Modeling in Computer
+    Graphics, Springer, 455-465.
+    """
+    import trimesh
+
+    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if len(triangles) <= faces:
+        return mesh
+    kept = np.zeros(len(points), bool) if keep is None else keep
+    cell = np.sqrt(2 * mesh.area / faces)
+    while True:
+        cells = np.floor((points - mesh.bounds[0]) / cell).astype(np.int64)
+        # A kept vertex has its own cell.
+        cells = np.column_stack([cells, np.where(kept, np.arange(1, len(points) + 1), 0)])
+        _, cluster = np.unique(_row_numbers(cells), return_inverse=True)
+        new = np.sort(cluster[triangles], axis=1)
+        whole = (np.diff(new, axis=1) > 0).all(axis=1)
+        _, first = np.unique(_row_numbers(new[whole]), return_index=True)
+        if len(first) <= faces or kept[triangles].all(axis=1).sum() > faces / 2:
+            break
+        cell *= 1.02 * np.sqrt(len(first) / faces)
+    count = np.bincount(cluster)
+    means = np.column_stack([np.bincount(cluster, points[:, k]) / count for k in range(3)])
+    coarse = cluster[triangles][whole][np.sort(first)]
+    # Where a cell contains a fold, a face may have been turned over, and would be drawn dark.
+    outwards = mesh.vertex_normals[triangles].sum(axis=1)[whole][np.sort(first)]
+    edges = np.diff(means[coarse], axis=1)
+    over = (np.cross(edges[:, 0], edges[:, 1]) * outwards).sum(axis=1) < 0
+    coarse[over] = coarse[over, ::-1]
+    return trimesh.Trimesh(means, coarse, process=False)
+
+
+def _row_numbers(rows: np.ndarray) -> np.ndarray:
+    """A number for each row of whole numbers, in the order of the rows, which sort much slower."""
+    return np.ravel_multi_index(tuple(rows.T), tuple(rows.max(axis=0) + 1))
+
+
+def stone_data(mesh: "trimesh.Trimesh") -> dict[str, Any]:
+    """The data that `stoneViewer` draws, ready for JSON.
+
+    `mesh` is the stone (mm), as `coarsen` returns it. The result has ``vertices`` (float32, about
+    ``centre``) and ``faces`` (uint32), each as base64, row by row; ``centre`` and ``bounds`` in mm;
+    ``axes``, the stone's principal axes, the longest first.
+    """
+    low, high = mesh.bounds
+    centre = (low + high) / 2
+    axes = np.linalg.eigh(np.cov(np.asarray(mesh.vertices).T))[1].T[::-1]
+    # the signs that eigh gives are arbitrary
+    axes = axes * np.sign([axis[np.abs(axis).argmax()] for axis in axes])[:, np.newaxis]
+    return {
+        "vertices": packed(mesh.vertices - centre, "<f4"),
+        "faces": packed(mesh.faces, "<u4"),
+        "centre": centre.tolist(),
+        "bounds": [low.tolist(), high.tolist()],
+        "axes": axes.tolist(),
+    }
+
+
+def packed(values: np.ndarray, kind: str) -> str:
+    """Numbers as base64 of their bytes, row by row; `kind` is that of NumPy."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

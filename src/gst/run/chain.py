@@ -1,0 +1,335 @@
+"""The chain from the measured files to the page: what each step was given, and what it made.
+
+A step leaves a record beside its log. It holds the step's params and the SHA-256 of every file that
+it read or made. Before a run, records are compared with what the steps would be given now; whatever
+differs is made again. The page's record holds a hash of each step as the page's config asks for it.
+At the end of a run, and before anything is exported or packed, steps are compared with these hashes
+and files with the records. Contents decide: no date, no folder, and nothing that Snakemake keeps. A
+record is only read and compared. Nothing is written or deleted because a record names it.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gst.run.received import RECORD, is_readable, places_of, read_json
+from gstlib.errors import InputError
+from gstlib.io.files import sha256, write_whole
+
+__all__ = ["AGAIN", "LEVELS", "LOGS", "Step", "break_in", "certified_inputs", "check_chain"]
+__all__ += ["check_links", "given_to", "hashes_of", "is_inside", "made_in", "messages_of"]
+__all__ += ["plan_again", "record_of", "step_of", "versions_of", "write_record"]
+
+# What a run makes again, and why: of each such step an output, which stands for its job. The
+# Snakefile fills it when it is read; `gst.run.scheduler` hands it to Snakemake, and the display
+# shows the reasons.
+AGAIN: dict[str, str] = {}
+PAGE = "write_page"  # the last step: its record completes the chain
+LOGS = "logs"
+# Of the messages of its log that a step's record keeps: faults that the config accepts, warnings
+# and notes (see `gstlib.errors`).
+LEVELS = ("ERROR", "WARNING", "NOTE")
+
+Record = dict[str, Any]
+
+
+class Step(NamedTuple):
+    """A step as the workflow has it; a folder stands for the files that a step made in it."""
+
+    name: str  # of its log and its record
+    params: Mapping[str, Any]
+    inputs: list[Path]
+    outputs: list[Path]
+
+
+def step_of(log: str | Path, params: Mapping, inputs: Iterable, outputs: Iterable) -> Step:
+    """A step by what Snakemake knows about it."""
+    read, made = ([Path(file) for file in files] for files in (inputs, outputs))
+    return Step(Path(log).stem, dict(params), read, made)
+
+
+def hashes_of(steps: Iterable[Step], results: Path) -> dict[str, str]:
+    """By the name of each step a hash of its params and of the names of its files."""
+    return {step.name: _hash(_asked(step, results)) for step in steps}
+
+
+def _asked(step: Step, results: Path) -> Record:
+    """The params of a step as JSON has them, and the names of its files and folders."""
+    files = {"reads": step.inputs, "makes": step.outputs}
+    # what a step asks of `accept` is recorded in place of all that the config accepts
+    return _plain({**step.params, **files, "accept": None}, results)
+
+
+def _hash(params: Record) -> str:
+    text = json.dumps(params, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def record_of(results: Path, name: str) -> Path:
+    """The file with the record of a step."""
+    return results / LOGS / f"{name}.json"
+
+
+def write_record(
+    results: Path, step: Step, given: Record, messages: Mapping[str, Sequence[str]]
+) -> None:
+    """Record a step that has ended: what it was `given`, what it made, its messages by level."""
+    record = record_of(results, step.name)
+    record.unlink(missing_ok=True)  # or a folder would stand for the files that it names
+    made = _Contents(results).of(step.outputs)
+    whole = given | {"outputs": made, "messages": messages}
+    text = json.dumps(whole, indent=1, sort_keys=True, ensure_ascii=False)
+    write_whole(record, f"{text}\n".encode())
+
+
+def given_to(results: Path, step: Step, contents: "_Contents | None" = None) -> Record:
+    """What a step would be given now.
+
+    ``params`` by name, with the files and folders that it ``reads`` and ``makes``; ``inputs``, the
+    SHA-256 of the study's own files by their names in the results, which may move; ``files``, that
+    of all others by their paths. `gst.run.logs` adds the ``faults`` that the step asked about, each
+    with whether it was accepted, and the ``software`` that the step ran on.
+    """
+    contents = contents or _Contents(results)
+    own = {path for path in step.inputs if path.is_relative_to(results)}
+    return {
+        "params": _asked(step, results),
+        "inputs": contents.of(own),
+        "files": contents.of(path for path in step.inputs if path not in own),
+        "faults": {},
+        "software": {},
+    }
+
+
+def read_record(results: Path, name: str) -> Record | None:
+    """The record of a step; None if there is none, or it is damaged or names files elsewhere."""
+    try:
+        record: Record = read_json(record_of(results, name), results, RECORD)
+    except (OSError, InputError):
+        return None
+    names = [*record["inputs"], *record["outputs"], *record["params"]["makes"]]
+    return record if all(map(is_inside, names)) else None
+
+
+def plan_again(
+    steps: Iterable[Step], results: Path, accepted: Container[str] = ()
+) -> dict[str, str]:
+    """The steps that would be given something else now, each by an output of it, and why.
+
+    `accepted` are the faults that the config accepts. A step that has made nothing yet is not
+    among the steps: Snakemake runs it anyway.
+    """
+    contents = _Contents(results)
+    begun = [step for step in steps if any(path.exists() for path in step.outputs)]
+    why = {str(step.outputs[0]): _difference(step, contents, accepted) for step in begun}
+    return {output: reason for output, reason in why.items() if reason}
+
+
+def _difference(step: Step, contents: "_Contents", accepted: Container[str]) -> str | None:
+    """In what a step as recorded differs from the step as it would be now, in a few words."""
+    record = read_record(contents.results, step.name)
+    if record is None:
+        return "no record says how it was made"
+    now = given_to(contents.results, step, contents)
+    for part in ("files", "inputs"):
+        if name := _changed(record[part], now[part]):
+            return f"{name} {'is missing' if now[part].get(name) == '' else 'has changed'}"
+    if name := _changed(record["params"], now["params"]):
+        before, after = (part["params"].get(name) for part in (record, now))
+        return "the program has changed" if name == "code" else _turned(name, before, after)
+    if name := _changed(record["outputs"], contents.of(step.outputs)):
+        return f"{name} is not as it was made"
+    return _judged_otherwise(record, accepted)
+
+
+def _judged_otherwise(record: Record, accepted: Container[str]) -> str | None:
+    """A fault that a step accepted and a config does not, or the other way round, in words."""
+    now = {name: name in accepted for name in record["faults"]}
+    name = _changed(record["faults"], now)
+    return name and f"whether {name} is accepted has changed"
+
+
+def break_in(results: Path, config: Mapping[str, Any] | None = None) -> str | None:
+    """Where the chain from the measured files to the page breaks, in a sentence; None if it holds.
+
+    With a `config`, the page must be that of this config. A measured file that is no longer in its
+    place breaks nothing.
+    """
+    if not (steps := _steps_in(results)):
+        return "this folder holds no finished study"
+    made_with = _of(results, PAGE, "params").get("config", {})
+    if config is not None and made_with != _plain(config, results):
+        return "the results were made with another config"
+    accepted = made_with.get("accept", ())
+    return next(_breaks(results, steps, config, accepted), None)
+
+
+def check_chain(results: Path) -> None:
+    """Raise an `InputError` if results are no finished study, or their chain is broken."""
+    check_links(results)
+    _refuse(results, break_in(results))
+
+
+def certified_inputs(
+    results: Path, steps: Mapping[str, str], files: Sequence[Path]
+) -> dict[str, str]:
+    """SHA-256, by path, of measured `files` as the `steps` read them (`hashes_of` gives these).
+
+    Raises an `InputError` if a step was asked something else, or if a file is not as its step made
+    it, or not as a step read it.
+    """
+    _refuse(results, next(_breaks(results, steps, files), None))
+    read: dict[str, str] = {}
+    for each in steps:
+        read |= _of(results, each, "files")
+    return {str(path): read.get(str(path)) or sha256(path) for path in sorted(files, key=str)}
+
+
+def versions_of(results: Path, steps: Iterable[str]) -> dict[str, str]:
+    """The version of each package on which the steps ran; all of them where steps differ."""
+    pairs = {pair for step in steps for pair in _of(results, step, "software").items()}
+    versions: dict[str, str] = {}
+    for name, version in sorted(pairs):
+        before = versions.get(name)
+        versions[name] = f"{before}, {version}" if before else version
+    return {name: "mixed: " * (", " in text) + text for name, text in versions.items()}
+
+
+def _refuse(results: Path, problem: str | None) -> None:
+    if problem is not None:
+        remedy = "Run the study (again); it makes anew what has changed."
+        raise InputError(results, problem, remedy)
+
+
+def _breaks(
+    results: Path,
+    steps: Mapping[str, str | None],
+    named: Any,
+    accepted: Container[str] | None = None,
+) -> Iterator[str]:
+    """Every break between these steps, in a sentence; `named` is that of `places_of`."""
+    places, contents = places_of(named), _Contents(results)
+    records = {}
+    for name, asked in steps.items():
+        record = read_record(results, name)
+        if record is None:
+            yield f"no record says what the step {name} made"
+            continue
+        records[name] = record
+        if asked not in (None, _hash(record["params"])):
+            yield f"the step {name} was made with other params or files than the config gives"
+        if accepted is not None and (fault := _judged_otherwise(record, accepted)):
+            yield f"{fault} since the step {name} was made"
+    # who made a file is named before those that read it
+    for part, did in (("outputs", "made"), ("inputs", "read"), ("files", "read")):
+        for name, record in records.items():
+            paths = {results / each: of for each, of in record[part].items()}
+            if part == "files":  # the others, which may be gone
+                paths = {Path(each): of for each, of in record[part].items()}
+                paths = {path: of for path, of in paths.items() if is_readable(path, places)}
+            for path, digest in paths.items():
+                if contents.digest(path) != digest:
+                    yield (
+                        f"{path} is not as the step {name} {did} it"
+                        if os.path.exists(path)
+                        else f"{path}, which the step {name} {did}, is missing"
+                    )
+
+
+def made_in(results: Path) -> list[Path]:
+    """Every file of a finished study, as its steps recorded them."""
+    steps = _steps_in(results)
+    return [results / name for each in steps for name in _of(results, each, "outputs")]
+
+
+def _steps_in(results: Path) -> dict[str, str | None]:
+    """The steps of a finished study with their hashes, the page last; none if there is none."""
+    steps = _of(results, PAGE, "params").get("steps")
+    return {**steps, PAGE: None} if isinstance(steps, dict) else {}
+
+
+def messages_of(results: Path, step: str, level: str) -> list[str]:
+    """What a step reported at one of the `LEVELS` when it last ran."""
+    return _of(results, step, "messages").get(level, [])
+
+
+def check_links(results: Path) -> None:
+    """Raise an `InputError` if a link in the results leads out: a study writes nowhere else."""
+    whole = os.path.realpath(results)
+    for folder, folders, files in os.walk(results):
+        for name in (*folders, *files):
+            path = Path(folder, name)
+            if not path.is_symlink():
+                continue
+            real = Path(os.path.realpath(path))
+            if not real.is_relative_to(whole):
+                problem = f"is a link to {real}, outside the results"
+                raise InputError(path, problem, "Remove the link: a study writes only there.")
+
+
+def _of(results: Path, step: str, part: str) -> dict[str, Any]:
+    record = read_record(results, step)
+    return record[part] if record else {}
+
+
+def is_inside(name: str) -> bool:
+    """Whether a name in a record stays within the results."""
+    return not Path(name).is_absolute() and ".." not in Path(name).parts
+
+
+def _plain(value: Any, results: Path) -> Any:
+    """A param as JSON has it: paths in the results relative to them, null for an empty number."""
+    if isinstance(value, Mapping):  # the config, too, names the folder
+        parts = {str(name): _plain(each, results) for name, each in value.items()}
+        return parts | ({"results": "."} if "results" in parts else {})
+    if isinstance(value, list | tuple):
+        return [_plain(each, results) for each in value]
+    if isinstance(value, str | Path):
+        inside = results in Path(value).parents
+        return Path(value).relative_to(results).as_posix() if inside else str(value)
+    return None if value is None or value != value else value
+
+
+class _Contents:
+    """SHA-256 of files by name in the results, or by path; each file is read once."""
+
+    def __init__(self, results: Path):
+        self.results = results
+        self.digest = cache(lambda file: sha256(file) if os.path.isfile(file) else "")
+
+    def of(self, paths: Iterable[Path]) -> dict[str, str]:
+        """Of these files, and of those in these folders; empty for one that is missing."""
+        files = [file for path in paths for file in self._files_of(path)]
+        return {_plain(file, self.results): self.digest(file) for file in files}
+
+    def _files_of(self, path: Path) -> list[Path]:
+        """Of a folder the files that its step recorded: other programs leave theirs there, too."""
+        if not os.path.isdir(path):
+            return [path]
+        if maker := self._makers.get(name := _plain(path, self.results)):
+            made = maker["outputs"]
+            return [self.results / each for each in made if Path(each).is_relative_to(name)]
+        return [file for file in sorted(path.rglob("[!.]*")) if file.is_file()]
+
+    @cached_property
+    def _makers(self) -> dict[str, Record]:
+        """The record of the step that made a file or a folder, by its name in the results."""
+        names = [file.stem for file in sorted(self.results.glob(f"{LOGS}/*.json"))]
+        records = [record for name in names if (record := read_record(self.results, name))]
+        return {name: record for record in records for name in record["params"]["makes"]}
+
+
+def _changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> str | None:
+    """The first name whose value differs, came or went."""
+    names = sorted({*before, *after})
+    return next((name for name in names if before.get(name) != after.get(name)), None)
+
+
+def _turned(name: str, before: Any, after: Any) -> str:
+    was, now = (json.dumps(value, ensure_ascii=False) for value in (before, after))
+    is_short = max(len(was), len(now)) <= 40
+    return f"{name} was {was}, is {now}" if is_short else f"{name} has changed"

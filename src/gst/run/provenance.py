@@ -1,0 +1,247 @@
+"""Where a result comes from: hashes of its inputs and of its code, settings and versions."""
+
+import ast
+import functools
+import hashlib
+import importlib.util
+import json
+import platform
+import subprocess
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from importlib import metadata
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from packaging.requirements import Requirement
+
+import gst
+import gstlib
+from gst.run.received import read_provenance
+from gstlib.errors import InputError
+from gstlib.io.files import sha256
+
+__all__ = [
+    "commit",
+    "library_hash",
+    "program_hash",
+    "provenance",
+    "refuse_other_study",
+    "software",
+    "source_hash",
+    "study_provenance",
+]
+
+# Of the packages that gstlib names, those that a study runs on.
+_EXTRAS = "fast", "formats", "texture", "workflow"
+_PROGRAM = "src", "workflow", "Snakefile"
+# Modules that record a result but do not shape it.
+_RECORDING = {"gst.run.chain", "gst.run.logs", "gst.run.provenance", "gst.run.received"}
+
+
+def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
+    """Attributes of a result file: hashes of its inputs by name, settings, versions and commit."""
+    paths = sorted(map(Path, inputs))
+    count = Counter(path.name for path in paths)
+    # where two have one name, the folders of stage and batch tell them apart
+    names = ["/".join(path.parts[-3 if count[path.name] > 1 else -1 :]) for path in paths]
+    digests = [_sha256(path) for path in paths]
+    hashes = dict(zip(names, digests, strict=True))
+    return {
+        "gstlib_version": gstlib.__version__,
+        "gstlib_commit": commit(gst.ROOT) or "",
+        "packages": json.dumps(_packages()),
+        "input_sha256": json.dumps(hashes, sort_keys=True),
+        "settings": json.dumps(dict(settings), sort_keys=True, default=str),
+    }
+
+
+# a job names some inputs in each file that it makes
+_sha256 = functools.cache(sha256)
+
+
+def refuse_other_study(config: Mapping[str, Any]) -> None:
+    """Raise an `InputError` if a folder has the results of another study.
+
+    A study may get another title; or its mesh another name, or its scans another folder.
+    """
+    results = Path(config["results"])
+    try:
+        written = read_provenance(results, "title", "inputs", parts=("config", "inputs"))
+    except (OSError, InputError):
+        return  # none, or half written: the study writes it anew
+    made = written["config"]
+    if not _is_same_study(made, config, written["inputs"].values()):
+        stone = made["inputs"]["mesh"] if made["inputs"] else "a synthetic stone"
+        raise InputError(
+            results,
+            f"holds the results of another study, '{made['title']}', of {stone}",
+            "Give `results` another name in the config; if it is the same study, keep its title, "
+            "and the name of its mesh or of its folder of scans.",
+        )
+
+
+def _is_same_study(
+    made: Mapping[str, Any], config: Mapping[str, Any], digests: Iterable[str]
+) -> bool:
+    """Whether the stone of a config is that of results; `digests` are those of their inputs."""
+    before, now = made["inputs"], config["inputs"]
+    if before == now:
+        return True
+    if before is None or now is None or made["title"] != config["title"]:
+        return False
+    if before["mesh"] == now["mesh"] or before.get("scan_folder") == (now["scan_folder"] or ""):
+        return True
+    return Path(now["mesh"]).is_file() and sha256(now["mesh"]) in digests
+
+
+def study_provenance(
+    config: Mapping[str, object],
+    inputs: Mapping[str, str],
+    commit: str | None,
+    program: str,
+    versions: Mapping[str, str],
+) -> dict[str, object]:
+    """The provenance of all results of a study; the same on every machine.
+
+    `config` is complete; `inputs` are the SHA-256 of measured files and tables by path; `commit`
+    and `program` (`program_hash`) are those of the program, `versions` those on which the steps
+    ran (`gst.run.chain.versions_of`).
+    """
+    packages = {name: version for name, version in versions.items() if name != "python"}
+    of_program = {"gstlib": gstlib.__version__, "commit": commit, "program": program}
+    software = of_program | {"python": versions.get("python"), "packages": packages}
+    return {"config": dict(config), "inputs": dict(inputs), "software": software}
+
+
+def software() -> dict[str, str]:
+    """Version of Python, and of every package that gstlib and its workflow require."""
+    return {"python": platform.python_version(), **_packages()}
+
+
+@functools.cache
+def _packages() -> dict[str, str]:
+    """Version of every package that gstlib and its workflow require."""
+    required = set()
+    for text in _requirements():
+        package = Requirement(text)
+        for extra in ("", *_EXTRAS):
+            if package.marker is None or package.marker.evaluate({"extra": extra}):
+                required.add(package.name)
+    names = sorted(required - {"gstlib"}, key=str.lower)
+    return {name: metadata.version(name) for name in names}
+
+
+def _requirements() -> list[str]:
+    """What gstlib requires, as its installation says; or, where it only lies, its project file."""
+    try:
+        return metadata.requires("gstlib") or []
+    except metadata.PackageNotFoundError:
+        project = tomllib.loads((gst.ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+        extras = project["optional-dependencies"]
+        return [*project["dependencies"], *(text for name in _EXTRAS for text in extras[name])]
+
+
+@functools.cache
+def commit(folder: str | Path) -> str | None:
+    """Commit checked out in `folder`, with "+" if its program was changed; None without git."""
+    # An installed gstlib may lie in a folder under somebody else's version control.
+    if not (Path(folder) / ".git").exists():
+        return None
+    # a config or a table that was changed is in the record itself
+    command = ["git", "status", "--porcelain=v2", "--branch", "--", *_PROGRAM]
+    try:
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    head, *lines = done.stdout.splitlines()
+    return head.split()[-1] + "+" * any(not line.startswith("#") for line in lines)
+
+
+@functools.cache
+def program_hash() -> str:
+    """Hash of the library and the workflow; the same for a clone and an installed gstlib."""
+    folders = _folder(gstlib), _folder(gst), gst.ROOT / "workflow"
+    return "".join(
+        _hash_of(
+            (file.relative_to(folder).as_posix(), file)
+            for file in sorted(folder.rglob("[!.]*.*"))
+            if not {"__pycache__", "shipped"} & {*file.relative_to(folder).parts}
+        )
+        for folder in folders
+    )
+
+
+@functools.cache
+def source_hash(script: str | Path) -> str:
+    """Hash of the code that `script` runs on: itself, and every module of ours that it imports.
+
+    A rule takes this hash as a parameter, so it runs again when that code has changed. What lies
+    beside a module under its name, such as ``page.css`` beside ``page.py``, belongs to it, but no
+    stub: what a name is offered as changes no result. To `gst.config.tables` belongs the schema.
+    """
+    return _hash_of([(Path(script).name, Path(script)), *_parts_of(Path(script))])
+
+
+@functools.cache
+def library_hash(script: str | Path) -> str:
+    """Hash of the modules of `gstlib` that a script imports, and of those that they import."""
+    return _hash_of(part for part in _parts_of(Path(script)) if part[0].startswith("gstlib"))
+
+
+def _parts_of(script: Path) -> list[tuple[str, Path]]:
+    """The files of every module of ours that a script imports, in a stable order, with names."""
+    modules: dict[str, Path] = {}
+    ahead = {*_imported(script, "")}
+    while ahead:
+        name = ahead.pop()
+        if name not in modules and name not in _RECORDING and (file := _source(name)):
+            modules[name] = file
+            is_package = file.name == "__init__.py"
+            ahead |= _imported(file, name if is_package else name.rpartition(".")[0])
+    parts = []
+    for name, file in sorted(modules.items()):
+        for part in sorted(file.parent.glob(f"{file.stem}.*")):
+            if part.suffix != ".pyi":
+                parts.append((f"{name} {part.name}", part))
+    if "gst.config.tables" in modules:
+        schema = gst.ROOT / "workflow/schemas/tables.yaml"
+        parts.append((schema.name, schema))
+    return parts
+
+
+@functools.cache
+def _imported(file: Path, package: str) -> set[str]:
+    """Names of our modules that a file of a package imports, anywhere in it; and their packages."""
+    names: list[str] = []
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            source = f"{'.' * node.level}{node.module or ''}"
+            source = importlib.util.resolve_name(source, package)
+            names += [f"{source}.{alias.name}" for alias in node.names]
+    ours = [name.split(".") for name in names if name.startswith("gst")]
+    return {".".join(parts[:end]) for parts in ours for end in range(1, len(parts) + 1)}
+
+
+def _source(name: str) -> Path | None:
+    """The file of a module of the project; None if `name` is something else."""
+    package, *inside = name.split(".")
+    place = _folder(gst if package == "gst" else gstlib).joinpath(*inside)
+    files = place / "__init__.py", place.with_suffix(".py")
+    return next(filter(Path.is_file, files), None)
+
+
+def _folder(package: ModuleType) -> Path:
+    return Path(str(package.__file__)).parent
+
+
+def _hash_of(files: Iterable[tuple[str, Path]]) -> str:
+    """Hash of files under these names."""
+    digest = hashlib.sha256()
+    for name, file in files:
+        digest.update(name.encode() + file.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,240 @@
+"""A study from its config to its page: what `gst study` does around Snakemake.
+
+Whose the files in the results are, and which run may write them, is known to `gst.run.owned`.
+"""
+
+import importlib.util
+import os
+import py_compile
+import shutil
+import signal
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import gst
+import gstlib
+from gst import ROOT
+from gst.config.reading import config_problems, read_config, refuse_config, refuse_study
+from gst.config.strict_yaml import read_yaml
+from gst.run.chain import break_in, check_links
+from gst.run.logs import PLAN
+from gst.run.owned import CLAIMS, RESULTS, claimed_by, locked, refuse_links, removable
+from gst.run.provenance import refuse_other_study
+from gstlib.errors import InputError
+from gstlib.io.files import check_writable, write_whole
+
+__all__ = ["former_layout", "lay_out", "remove_results", "run_study"]
+
+# Folders of the results with what one stage gives to the next, which no reader needs.
+BETWEEN = {
+    "change",
+    "coupling",
+    "gesture",
+    "macroscale",
+    "microscale",
+    "reference",
+    "specimen",
+    "surfaces",
+    "use",
+    "wear",
+}
+# By default glibc takes new pages from the kernel for each large array, which clears them first,
+# and returns them at once. Here arrays of up to 32 MB use freed memory again.
+_REUSE_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**30)}
+# Nothing in the working folder is a module or a profile unless the command line names it: a study
+# that somebody received must run no code of its own.
+_NO_OTHER_CODE = {"PYTHONSAFEPATH": "1", "SNAKEMAKE_PROFILE": "none"}
+# Bytecode that Python compares with the content of its source, and not with its date.
+_CHECKED = py_compile.PycInvalidationMode.CHECKED_HASH
+_PLANNING = {"-n", "--dry-run", "--dryrun"}
+_REFUSED = (
+    "--configfiles",  # gst reads CONFIG, too,
+    "--directory",  # and looks for the results here
+    "--snakefile",
+    "--no-hooks",  # which move a user's files aside
+    "--trust-io-cache",  # a pickle in the folder
+)
+_REFUSED_SHORT = "-C", "-d", "-s"
+
+
+def run_study(
+    config: Path, *, cores: str | None, profile: str, plan: bool, options: Sequence[str]
+) -> int:
+    """Run a study in the working folder, and say what to open; the exit code is Snakemake's.
+
+    `cores`, `profile` and `plan` are as on the command line; `options` are further ones of
+    Snakemake. Raises an `InputError` if the config cannot be used; there is no such profile, or no
+    Slurm for it; an option is refused; Snakemake is not installed; a run is, or may be, active in
+    this folder.
+    """
+    read = read_config(config)
+    refuse_study(read, str(config))
+    if refused := list(filter(_is_refused, options)):
+        problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
+        remedy = "Leave it out; give gst another CONFIG, or start it elsewhere."
+        raise InputError("gst study", problem, remedy)
+    if importlib.util.find_spec("snakemake") is None:
+        problem = "Snakemake, which runs the study, is not installed"
+        raise InputError("gst study", problem, "Install it: pip install 'gstlib[workflow]'")
+    folder = Path(profile) if os.sep in profile else ROOT / "profiles" / profile
+    if not folder.is_dir():
+        remedy = "Name default, slurm, or your own folder by its path, such as ./profiles/mine."
+        raise InputError("--profile", f"there is no folder {folder}", remedy)
+    settings = read_yaml(folder / "config.yaml")
+    if settings.get("executor") == "slurm" and shutil.which("sbatch") is None:
+        problem = "this profile hands jobs to Slurm, and there is no sbatch on this machine"
+        raise InputError(
+            folder, problem, "Start the study where Slurm is, or without --profile."
+        )
+    results = Path(read["results"])
+    refuse_other_study(read)
+    check_links(results)
+    if former := former_layout(results):
+        print(former, file=sys.stderr)
+    plan = plan or not _PLANNING.isdisjoint(options)
+    command: list[object] = ["--configfile", config, "--workflow-profile", folder]
+    command += ["--cores", cores] if cores else []
+    if plan:
+        code = _snakemake(*command, "--dry-run", *options, environment={PLAN: "1"})
+    else:
+        check_writable(".snakemake")
+        refuse_links(Path(".snakemake"))
+        with locked(results):
+            _check_bytecode()
+            mark = {RESULTS: str(results.resolve())}
+            code = _snakemake(*command, *options, environment=mark)
+    if code or plan:
+        return code
+    # the options asked for less, or the config was edited meanwhile
+    if broken := break_in(results, read_config(config)):
+        print(f"The study is not finished: {broken}.")
+        return 0
+    print(f"Done. Open {results / 'index.html'} in a browser.")
+    return 0
+
+
+def _is_refused(option: str) -> bool:
+    """Whether Snakemake takes an option for one that is refused; it may be cut, or joined."""
+    if option.startswith(_REFUSED_SHORT):
+        return True
+    name = option.partition("=")[0]
+    return len(name) > 3 and any(each.startswith(name) for each in _REFUSED)
+
+
+def _snakemake(*arguments: object, environment: dict[str, str]) -> int:
+    """Run Snakemake, and return its exit code; the lock is that of gst."""
+    snakefile = ROOT / "Snakefile"
+    command = [sys.executable, "-m", "gst.run.scheduler", "--nolock", "--snakefile", snakefile]
+    words = list(map(str, [*command, *arguments]))
+    around = _REUSE_MEMORY | os.environ | _NO_OTHER_CODE | environment
+    # an entry without a name is the working folder
+    named = filter(None, around.get("PYTHONPATH", "").split(os.pathsep))
+    around["PYTHONPATH"] = os.pathsep.join(map(os.path.abspath, named))
+    # in a group of its own: Ctrl-C would end the jobs in the middle of their imports, too
+    with subprocess.Popen(words, env=around, process_group=0) as process:
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) != signal.SIG_IGN:  # as nohup asks
+                signal.signal(number, lambda *_: process.terminate())
+        while process.returncode is None:
+            try:
+                process.wait()
+            except KeyboardInterrupt:
+                process.send_signal(signal.SIGINT)  # it ends its jobs itself
+    return process.returncode
+
+
+def _check_bytecode() -> None:
+    """Have Python compare our modules with their bytecode by content, as records do.
+
+    By date and size, it would run the bytecode of a module that was edited with both kept. Where
+    the program cannot be written, it is not edited either.
+    """
+    for package in (gst, gstlib):
+        for source in Path(str(package.__file__)).parent.rglob("*.py"):
+            stored = Path(importlib.util.cache_from_source(str(source)))
+            with suppress(OSError):
+                if int.from_bytes(stored.read_bytes()[4:8], "little") != 3:
+                    py_compile.compile(str(source), invalidation_mode=_CHECKED)
+
+
+def former_layout(results: Path) -> str | None:
+    """What to know of a folder with results of a former layout, until it has records of a run."""
+    old = sorted([*results.glob("logs/*.sha256"), *results.glob("surfaces/*_T*.h5")])
+    if not old or any(results.glob("logs/*.json")):
+        return None
+    return (
+        f"{results} holds results of a former layout, such as {old[0]}. They stay as they are, and "
+        "the study makes its own beside them; to keep the two apart, name another folder as "
+        "results."
+    )
+
+
+def remove_results(config: Path, *, intermediate: bool) -> None:
+    """Ask, and remove what records in the results name; a folder, too, that is empty then.
+
+    Or only the `intermediate` results, which its stages gave to each other; an `InputError` if the
+    study is not finished, or not that of this config.
+    """
+    read = read_config(config)
+    refuse_config(config_problems(read), str(config))
+    folder = Path(read["results"])
+    made = removable(folder)
+    if intermediate:
+        made = [file for file in made if file.relative_to(folder).parts[0] in BETWEEN]
+    if not made:
+        kind = "intermediate results" if intermediate else "results of a study"
+        print(f"{folder} contains no {kind}: no record names a file in it.")
+        return
+    if intermediate:
+        check_links(folder)
+        if broken := break_in(folder, read):
+            remedy = "Finish the study first: what would be removed is needed for it."
+            raise InputError(folder, broken, remedy)
+        print(
+            "These files are what one stage gave to the next. The page, tables, figures, records "
+            "and logs stay. Export and pack the study first: without these files it is no longer "
+            "finished, until a run makes them again."
+        )
+    places = Counter(str(file.relative_to(folder).parent) for file in made)
+    for name, number in places.items():
+        print(f"{number:6} files in {folder / name}")
+    size = sum(file.lstat().st_size for file in made) / 1e6
+    if input(f"Remove these {len(made)} files ({size:.1f} MB) from {folder}? [y/N] ") != "y":
+        return
+    emptied = {place for file in made for place in file.parents if folder in place.parents}
+    with locked(folder):
+        for file in made:
+            file.unlink(missing_ok=True)
+        for place in sorted(emptied, reverse=True):
+            _remove_empty(place)
+        # a run that was killed may have left files which no record names: it can still go on
+        if not any((folder / name).exists() for name in claimed_by(folder)):
+            (folder / CLAIMS).unlink(missing_ok=True)
+    _remove_empty(folder)
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):  # something else is in it, or it is a link
+        folder.rmdir()
+
+
+def lay_out(folder: Path, name: str) -> list[Path]:
+    """Copy a shipped config, the tables that it names and their description; the copies.
+
+    Raises an `InputError` if one of the files exists already, with other content.
+    """
+    config = read_config(ROOT / f"config/{name}.yaml")
+    tables = [config["patches"], config["published"]]
+    files = ["config/README.md", f"config/{name}.yaml", *filter(None, tables)]
+    copies = {folder / file: (ROOT / file).read_bytes() for file in files}
+    changed = [file for file in copies if file.exists() and file.read_bytes() != copies[file]]
+    if there := ", ".join(map(str, changed)):
+        remedy = "Name another folder, or remove them."
+        raise InputError(folder, f"already has {there} with other content", remedy)
+    for file, content in copies.items():
+        write_whole(file, content)
+    return list(copies)

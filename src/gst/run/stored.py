@@ -1,0 +1,58 @@
+"""What scripts read of what other jobs stored: one file, or one by one those of patches."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import pandas as pd
+import xarray as xr
+
+from gst.run.batches import files_of
+from gstlib.contact import Contact
+from gstlib.io.store import Stored, read_dataset
+from gstlib.io.tables import read_table
+
+__all__ = ["active_tool_of", "changes_of", "contact_of", "contacts_of", "dataset_of"]
+__all__ += ["face_of", "table_of"]
+
+# Of a height change, what wear is fitted to and scored by.
+_CHANGE = "change", "loss", "level_of_detection"
+
+
+def dataset_of(file: Path | list) -> xr.Dataset | None:
+    """The dataset in a file; None for ``[]``, a file that the study does not have."""
+    return read_dataset(file) if isinstance(file, Path) else None
+
+
+def face_of(file: Path) -> xr.Dataset:
+    """What is pressed: heights, the active tool over them, and the side of the square."""
+    return read_dataset(file, only=["height", "counterface", "size_mm"])
+
+
+def active_tool_of(file: Path | list) -> xr.DataArray | None:
+    """The heights of an active tool that is a mesh, likewise; None without one."""
+    mesh = dataset_of(file)
+    return None if mesh is None else mesh.face
+
+
+def table_of(file: Path | list) -> pd.DataFrame | None:
+    """The table in a file, likewise."""
+    return read_table(file) if isinstance(file, Path) else None
+
+
+def contact_of(file: Path) -> Contact:
+    """The contact in a file."""
+    return Contact.from_dataset(read_dataset(file))
+
+
+def contacts_of(
+    folders: Path | Iterable[Path], patches: Iterable[str]
+) -> Mapping[str, Contact]:
+    """The contacts of patches in the folders of their batches, each read when it is looked up."""
+    return Stored(files_of(folders, patches), then=Contact.from_dataset)
+
+
+def changes_of(
+    folders: Path | Iterable[Path], patches: Iterable[str]
+) -> Mapping[str, xr.Dataset]:
+    """The height changes of patches, likewise."""
+    return Stored(files_of(folders, patches), _CHANGE)

@@ -1,0 +1,469 @@
+"""A local page that takes a study from its files to its result: `gst place FOLDER`.
+
+The server listens on this machine alone. It answers whoever knows the token in the page's address,
+and asks for it under the server's own name, so that no other page in the same browser can. It reads
+the study's folder, its mesh and its scans, and takes no files. Everything that is done on the page
+is in the config and the patch table (`gst.setup.place_state`).
+
+Nothing is overwritten that a page has not seen. A request that changes files names the digest of
+the files that its page shows, and a folder has one server at a time. No file is written through a
+link.
+"""
+
+import fcntl
+import json
+import mimetypes
+import os
+import platform
+import re
+import secrets
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+import threading
+import traceback
+import webbrowser
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any, TextIO
+from urllib.parse import unquote
+
+import psutil
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import best_match
+
+from gst.config.reading import read_unfinished
+from gst.page.viewer import shipped, three_js
+from gst.run.chain import break_in
+from gst.setup.place_scans import find_places, has_stage, picture_of
+from gst.setup.place_state import (
+    SENT_ANSWERS,
+    SENT_FILE,
+    SENT_PLACES,
+    check_files,
+    digest_of,
+    save_answers,
+    save_file,
+    save_places,
+    state_of,
+    stone_of,
+)
+from gstlib.errors import GstError, InputError
+from gstlib.io.files import check_regular
+
+__all__ = ["PlaceServer", "serve"]
+
+# The files of the page, by the room in which they lie.
+_FILES = dict.fromkeys(("place.css", "place.html", "place.js", "square.js"), "gst.setup")
+_FILES |= dict.fromkeys(("page.css", "viewer.js"), "gst.page")
+_JSON = "application/json"
+# Bytes of what a page sends: ten thousand patches.
+_MOST_SENT = 2_000_000
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+# A result's page has its scripts and pictures in it, and asks for nothing. Results may come from
+# somebody else: the sandbox keeps their scripts away from this server's own pages.
+_POLICY_OF_RESULTS = (
+    "sandbox allow-scripts allow-downloads; default-src 'none'; "
+    "script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+# Logs and numbers of processes are kept beside Snakemake's own files.
+_LOGS = Path(".snakemake")
+_LOCK = _LOGS / "place.lock"
+# Requests that change the config or the patch table, and the header with the digest of both files.
+_CHANGES = {"answers", "file", "places", "start/fix"}
+_DIGEST = "Study-Digest"
+# The check says what has one cure, and a click confirms it.
+_COMMANDS = {
+    "check": ("check", "--fix"),
+    "fix": ("check", "--fix", "--yes"),
+    "study": ("study",),
+}
+# A line that begins what `gst` reports, with the lines behind it that are indented.
+_REPORT = re.compile(r"^(ERROR|WARNING|NOTE): ")
+
+
+class _RefusedError(Exception):
+    """A request that is not answered."""
+
+    def __init__(self, status: HTTPStatus, why: str):
+        super().__init__(why)
+        self.status = status
+
+
+class _Command:
+    """A command of `gst` in a process of its own, which outlives the page and the server.
+
+    What it says is in a file, its number in another, so that a later server finds both.
+    """
+
+    def __init__(self, name: str, config: Path):
+        self._config = config
+        self._words = ["-m", "gst", *_COMMANDS[name], str(config)]
+        self._log, self._number = (_LOGS / f"place_{name}.{kind}" for kind in ("log", "pid"))
+        self._own: subprocess.Popen | None = None
+
+    def start(self) -> None:
+        """Start it; nothing happens while it runs."""
+        if self.is_running():
+            return
+        _make_logs()
+        # a link in their place may lead anywhere: new files are made
+        for file in (self._log, self._number):
+            file.unlink(missing_ok=True)
+        # -P: not a folder `gst` in the study's own
+        with self._log.open("xb") as said:
+            self._own = subprocess.Popen(
+                [sys.executable, "-P", "-u", *self._words],
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # Ctrl-C ends the server alone
+            )
+        with self._number.open("x") as number:
+            print(self._own.pid, file=number)
+
+    def stop(self) -> None:
+        """Ask it to end; a study keeps the steps that are done."""
+        if (process := self._running()) is not None:
+            process.terminate()
+
+    def said(self) -> dict[str, Any]:
+        """What it said so far, by level, and how it is.
+
+        That is whether it is ``running``, its exit ``code`` if it is known, and whether the config
+        was ``changed`` since it said so.
+        """
+        is_running = self.is_running()
+        text, changed = "", False
+        if self._log.is_file():
+            text = self._log.read_text("utf-8", "replace")
+            changed = self._config.stat().st_mtime > self._log.stat().st_mtime
+        code = self._own.returncode if self._own is not None else None
+        state = {"running": is_running, "code": code, "changed": changed}
+        return {"records": _records(text)} | state
+
+    def is_running(self) -> bool:
+        return self._running() is not None
+
+    def _running(self) -> psutil.Process | None:
+        if self._own is not None and self._own.poll() is not None:
+            return None
+        try:
+            check_regular(self._number)
+            process = psutil.Process(int(self._number.read_text(encoding="utf-8")))
+            # numbers are given again
+            is_it = process.cmdline()[-len(self._words) :] == self._words
+            return process if is_it and process.cwd() == str(Path.cwd()) else None
+        except (InputError, OSError, ValueError, psutil.Error):
+            return None
+
+
+def _records(text: str) -> list[dict[str, str]]:
+    """What was said, in pieces of one level: error, warning, note or text."""
+    found: list[dict[str, str]] = []
+    for line in text.splitlines():
+        match = _REPORT.match(line)
+        level = match[1].lower() if match else "text"
+        if not match and found and (found[-1]["level"] == "text" or line[:1] == " "):
+            found[-1]["text"] += f"\n{line}"
+        elif line.strip():
+            found.append({"level": level, "text": line[match.end() if match else 0 :]})
+    return found
+
+
+def _make_logs() -> None:
+    if _LOGS.is_symlink():
+        problem = "is a link, and no file is written through a link"
+        raise InputError(_LOGS, problem, "Put a folder in its place.")
+    _LOGS.mkdir(exist_ok=True)
+
+
+def _locked() -> TextIO:
+    """The open lock of the working folder, which contains the host and the process of its server.
+
+    The operating system releases it when the process ends, even if it is killed. Raises an
+    `InputError` if another server has the lock, or a server on another host may still run.
+    """
+    is_free = True
+    try:
+        _make_logs()
+        number = os.open(_LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+        status = os.fstat(number)
+        if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+            os.close(number)
+            raise OSError(None, "it is not a file of its own")
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        is_free = False
+    except OSError as error:
+        problem = f"cannot be the lock of this folder: {error.strerror}"
+        remedy = "Remove it, or copy the study to a folder that you can write to and lock."
+        raise InputError(_LOCK, problem, remedy) from None
+    file = os.fdopen(number, "r+", errors="replace")
+    host, _, process = file.read(1000).strip().partition(" ")
+    if is_free and host in ("", platform.node()):
+        file.seek(0)
+        file.truncate()
+        print(platform.node(), os.getpid(), file=file, flush=True)
+        return file
+    file.close()
+    owner = f"process {process} on {host}"
+    if not is_free:
+        problem = f"is already open in another `gst place` ({owner})"
+        raise InputError(Path.cwd(), problem, "Use that page, or end that process first.")
+    problem = f"names a `gst place` that may still run ({owner})"
+    raise InputError(_LOCK, problem, "End it there. If it does not run, remove this file.")
+
+
+class PlaceServer(ThreadingHTTPServer):
+    """The server of a study in the working folder, on a free port of this machine.
+
+    Raises an `InputError` if the folder has another server.
+    """
+
+    # a page asks for many pictures at once; beyond the queue, connections are reset
+    request_queue_size = 128
+
+    daemon_threads = True
+
+    def __init__(self, config: Path):
+        self.lock = threading.Lock()
+        self._file = _locked()
+        self._redirect: tempfile.TemporaryDirectory | None = None
+        super().__init__(("127.0.0.1", 0), _Handler)
+        self.config = config
+        self.token = secrets.token_urlsafe(24)
+        self.host = f"127.0.0.1:{self.server_port}"
+        self.url = f"http://{self.host}/{self.token}/"
+        self.commands = {name: _Command(name, config) for name in _COMMANDS}
+
+    def server_close(self) -> None:
+        """Release the port and the folder."""
+        super().server_close()
+        self.remove_redirect()
+        # A save that is under way ends first, and none follows. A search only reads files.
+        self.lock.acquire(timeout=5)
+        self._file.truncate(0)
+        self._file.close()
+
+    def open_browser(self) -> None:
+        """Open the page in the browser, by a private file that redirects to it.
+
+        All users of a machine can read the arguments of its processes, but not this file. It is
+        removed once the page has been opened. It is in the study, because a browser from a sandbox
+        such as Snap cannot read the machine's temporary files.
+        """
+        self._redirect = tempfile.TemporaryDirectory(dir=_LOGS.resolve(), prefix="place-")
+        file = Path(self._redirect.name, "gst-place.html")
+        file.touch(mode=0o600)
+        file.write_text(f'<meta http-equiv="refresh" content="0; url={self.url}">', "utf-8")
+        webbrowser.open(file.as_uri())
+
+    def remove_redirect(self) -> None:
+        if self._redirect is not None:
+            self._redirect.cleanup()
+
+    def check_digest(self, digest: str | None) -> None:
+        """Refuse to change files that differ from those that a page shows."""
+        if digest != digest_of(self.config) or self.commands["fix"].is_running():
+            why = (
+                f"Another tab or program has changed {self.config} or its patch table, so nothing "
+                "was saved: note what you entered here, then reload the page."
+            )
+            raise _RefusedError(HTTPStatus.CONFLICT, why)
+        check_files(self.config)
+
+    def result(self) -> dict[str, Any]:
+        """Where the page of the result is, if it is there, and what is wrong with it."""
+        config = read_unfinished(self.config)
+        folder = Path(config["results"])
+        if not (folder / "index.html").is_file():
+            return {"page": None, "problem": "the study has not been run to its end"}
+        broken = break_in(folder, config)
+        return {"page": "results/index.html", "problem": broken}
+
+    def result_file(self, name: str) -> Path:
+        """A file of the results, which are in the study's folder."""
+        folder = Path(os.path.realpath(read_unfinished(self.config)["results"]))
+        file = Path(os.path.realpath(folder / name))
+        if not (file.is_relative_to(folder) and folder.is_relative_to(Path.cwd())):
+            raise _RefusedError(HTTPStatus.FORBIDDEN, "outside the study's results")
+        if not file.is_file():
+            raise _RefusedError(HTTPStatus.NOT_FOUND, "no such file")
+        return file
+
+
+_SENT = {"answers": SENT_ANSWERS, "file": SENT_FILE, "places": SENT_PLACES}
+# What is asked for by the first part of a path, and how it is answered: the server, the rest of the
+# path, and what was sent. Bytes are a picture, a path is a file, all else is JSON.
+_Answer = Callable[[PlaceServer, str, Any], Any]
+_ROUTES: dict[tuple[str, str], _Answer] = {
+    ("GET", "state"): lambda server, _rest, _sent: state_of(server.config),
+    ("GET", "stone"): lambda server, _rest, _sent: stone_of(server.config),
+    ("GET", "stage"): lambda server, _rest, _sent: {"all": has_stage(server.config)},
+    ("GET", "scan"): lambda server, rest, _sent: picture_of(server.config, _number(rest)),
+    ("GET", "said"): lambda server, rest, _sent: _command(server, rest).said(),
+    ("GET", "result"): lambda server, _rest, _sent: server.result(),
+    ("GET", "results"): lambda server, rest, _sent: server.result_file(rest),
+    ("POST", "find"): lambda server, _rest, _sent: find_places(server.config),
+    ("POST", "answers"): lambda server, _rest, sent: save_answers(server.config, sent),
+    ("POST", "file"): lambda server, _rest, sent: save_file(
+        server.config, sent["patch"], sent["column"], sent["name"]
+    ),
+    ("POST", "places"): lambda server, _rest, sent: save_places(
+        server.config, sent["square"], sent["patches"]
+    ),
+    ("POST", "start"): lambda server, rest, _sent: _command(server, rest).start(),
+    ("POST", "stop"): lambda server, rest, _sent: _command(server, rest).stop(),
+    ("POST", "end"): lambda _server, _rest, _sent: None,
+}
+
+
+def _number(text: str) -> int:
+    if not re.fullmatch(r"\d{1,5}", text):
+        raise _RefusedError(HTTPStatus.NOT_FOUND, "no such scan")
+    return int(text)
+
+
+def _command(server: PlaceServer, name: str) -> _Command:
+    if name not in server.commands:
+        raise _RefusedError(HTTPStatus.NOT_FOUND, "no such command")
+    return server.commands[name]
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: PlaceServer
+    timeout = 60
+
+    def log_message(self, *_: Any) -> None:
+        """Say nothing: the token is in every address."""
+
+    def _answer(self) -> None:
+        try:
+            name = self._asked_for()
+            if self.command == "GET" and (name or "place.html") in (*_FILES, "three.js"):
+                self.server.remove_redirect()  # a page has been opened
+                self._send_file(name or "place.html")
+                return
+            first, _, rest = name.partition("/")
+            answer = _ROUTES.get((self.command, first))
+            if answer is None:
+                raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
+            sent = self._sent(_SENT.get(first, {})) if self.command == "POST" else None
+            with self.server.lock:
+                if first in _CHANGES or name in _CHANGES:
+                    self.server.check_digest(self.headers.get(_DIGEST))
+                content = answer(self.server, rest, sent)
+            self._send_content(content)
+            if (self.command, first) == ("POST", "end"):  # its answer has been sent
+                self.server.shutdown()
+        except _RefusedError as refused:
+            self._send_error(str(refused), refused.status)
+        except ConnectionError:
+            pass  # the page was closed meanwhile
+        except (GstError, OSError) as error:
+            self._send_error(str(error), HTTPStatus.UNPROCESSABLE_ENTITY)
+        except Exception:  # a bug, or a config that no check has seen yet
+            traceback.print_exc()
+            said = "unexpected error: the terminal has more"
+            self._send_error(said, HTTPStatus.INTERNAL_SERVER_ERROR)
+
+    do_GET = do_POST = _answer
+
+    def _asked_for(self) -> str:
+        """The path behind the token; what comes from elsewhere is refused."""
+        origin = self.headers.get("Origin", f"http://{self.server.host}")
+        if self.headers.get("Host") != self.server.host:
+            raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for under a foreign name")
+        if origin != f"http://{self.server.host}":
+            raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for by a foreign page")
+        _, token, *rest = [*self.path.partition("?")[0].split("/", 2), ""][:3]
+        if not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for without the token")
+        name = unquote("".join(rest))
+        if not name.isprintable():  # such as a NUL, which no path can have
+            raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
+        return name
+
+    def _sent(self, schema: Mapping[str, Any]) -> Any:
+        """The JSON of a request."""
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or int(length) > _MOST_SENT:
+            raise _RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too long")
+        if self.headers.get("Content-Type") != _JSON:
+            raise _RefusedError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "not JSON")
+        try:
+            # neither NaN nor Infinity, which JSON does not have
+            sent = json.loads(self.rfile.read(int(length)), parse_constant=int)
+        except (ValueError, RecursionError):
+            raise _RefusedError(HTTPStatus.BAD_REQUEST, "not JSON") from None
+        if (error := best_match(Draft202012Validator(schema).iter_errors(sent))) is not None:
+            raise _RefusedError(HTTPStatus.BAD_REQUEST, error.message)
+        return sent
+
+    def _send_error(self, why: str, status: HTTPStatus) -> None:
+        self._send(json.dumps({"error": why}).encode(), _JSON, status)
+
+    def _send_file(self, name: str) -> None:
+        text = three_js() if name == "three.js" else shipped(name, _FILES[name])
+        kind = mimetypes.guess_type(name)[0] or "text/plain"
+        self._send(text.encode(), f"{kind}; charset=utf-8")
+
+    def _send_content(self, content: Any) -> None:
+        if isinstance(content, bytes):
+            self._send(content, "image/png", cache="private, max-age=86400")
+        elif isinstance(content, Path):
+            kind = mimetypes.guess_type(content.name)[0] or "application/octet-stream"
+            self._send(content.read_bytes(), kind, policy=_POLICY_OF_RESULTS)
+        else:
+            self._send(json.dumps(content).encode(), _JSON)
+
+    def _send(
+        self,
+        content: bytes,
+        kind: str,
+        status: HTTPStatus = HTTPStatus.OK,
+        *,
+        policy: str = _POLICY,
+        cache: str = "no-store",
+    ) -> None:
+        self.send_response(status)
+        headers = {
+            "Content-Type": kind,
+            "Content-Length": str(len(content)),
+            "Content-Security-Policy": policy,
+            "Cache-Control": cache,
+            "Referrer-Policy": "same-origin",
+            "X-Content-Type-Options": "nosniff",
+        }
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(content)
+
+
+def serve(config: Path, *, browser: bool) -> None:
+    """Serve the page of a study in the working folder until Ctrl-C, or until the page ends it."""
+    read_unfinished(config)  # in a sentence, before anything opens
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)  # as Ctrl-C does
+    with PlaceServer(config) as server:
+        print(f"{server.url}\nThis page is on this machine alone. Ctrl-C ends it.", flush=True)
+        if browser:
+            print("If the browser does not show it, open this address there.", flush=True)
+            server.open_browser()
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            print()
+        if server.commands["study"].said()["running"]:
+            print("The study still runs; open the page again to see it, or to stop it.")

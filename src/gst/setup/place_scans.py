@@ -1,0 +1,259 @@
+"""The scans on the page of `gst place`: their pictures, and where they lie on the stone."""
+
+import functools
+import io
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from gst.config.reading import read_unfinished
+from gst.config.todo import is_to_do
+from gst.setup.place_matching import (
+    Found,
+    corners_of,
+    described,
+    located,
+    on_square,
+    seen_in,
+    snapped,
+)
+from gst.setup.place_state import DECIMALS, known, mesh_of, rows_of, version_of
+from gst.setup.scan_folder import OVERVIEW, scans_in
+from gstlib.coupling.matching import Match
+from gstlib.errors import ConfigError, GstError, InputError, accepting, concerning
+from gstlib.io.scans import read_scan
+from gstlib.io.stage import stage_of
+from gstlib.preprocess.scans import crop_of, cut_patch, mould_of, prepare_scan
+from gstlib.surfaces.footprints import Place, places_of
+from gstlib.surfaces.frames import frame_from_points
+from gstlib.surfaces.grid import coarser, spacing_of
+
+__all__ = ["find_places", "has_stage", "picture_of"]
+
+# Points along the side of a picture, and the light on it, as `viewer.js` has it at first.
+_PICTURE_POINTS = 160
+_MATCHED_POINTS = 256  # along the side of an overview
+_AZIMUTH, _ALTITUDE = 315, 45
+# Share of unmeasured points up to which a scan can be shown.
+_MOSTLY_HOLES = 0.9
+
+
+def find_places(path: Path) -> dict[str, Any]:
+    """Where the scans lie on the stone by their heights, to be shown; nothing is written.
+
+    On an overview map in the scans' folder, or tied together by the stage; otherwise near the
+    places that the table has. The result has the ``square`` and the ``places`` that were found
+    (``patch, x_mm, y_mm, rotation_deg``); what was ``said`` of each patch, and of ``all``; and the
+    ``answers`` that follow from how the scans are laid.
+    """
+    config = read_unfinished(path)
+    rows, _ = rows_of(config)
+    scans = dict(zip(rows.patch, _scans_of(path, [*rows.index]), strict=True))
+    heights = {patch: scan.heights for patch, scan in scans.items()}
+    mesh, square = mesh_of(path), config["square"]
+    size_mm, laid = square["size_mm"], known(square["points_mm"])
+    overview = _overview_of(config, [*rows.t0, *rows.t1, *rows["repeat"]])
+    found = located(mesh, heights, overview=overview, stages=_stages([*scans.values()]))
+    said = {patch: described(match) for patch, match in found.scans.items()}
+    if found.placed:
+        matches = found.scans
+        frame, size_mm, places = on_square(
+            found, side_mm=config["scans"]["size_mm"], least_mm=size_mm
+        )
+        if laid is not None:
+            places = seen_in(frame_from_points(laid), found)
+            size_mm = square["size_mm"]
+        else:
+            laid = corners_of(frame, size_mm)
+    else:
+        hand = rows.dropna(subset=["x_mm", "y_mm"])
+        if laid is None or hand.empty:
+            raise ConfigError(
+                path, _nothing_found(found), "Lay the square, and the scans on it."
+            )
+        frame = frame_from_points(laid)
+        try:
+            matches = snapped(mesh, frame, size_mm, heights, places_of(hand))
+        except ValueError as error:
+            why = f"the mesh is too coarse: {error}"
+            return {"square": square, "places": [], "said": {}, "all": why, "answers": {}}
+        places = {patch: match.place for patch, match in matches.items() if match.found}
+        said = {patch: described(match) for patch, match in matches.items()}
+    answers, turn = _of_matches(config, matches, places)
+    return {
+        "square": {"points_mm": laid, "size_mm": size_mm},
+        "places": [{"patch": patch} | _shown(place, turn) for patch, place in places.items()],
+        "said": said,
+        "all": _how_many(len(places), len(rows), _uncertain(matches)),
+        "answers": answers,
+    }
+
+
+def _shown(place: Place, turn: float) -> dict[str, float]:
+    rotation_deg = (place.rotation_deg + turn + 180) % 360 - 180
+    turned = place._replace(rotation_deg=rotation_deg)
+    return {name: round(value, DECIMALS) for name, value in turned._asdict().items()}
+
+
+def _uncertain(matches: Mapping[str, Match]) -> list[str]:
+    return [patch for patch, match in matches.items() if match.is_uncertain]
+
+
+def _how_many(found: int, scans: int, uncertain: Sequence[str]) -> str:
+    """How many scans are found, which are not certain, and what to do next."""
+    doubt = (
+        f" {', '.join(uncertain)}: not certain, and not moved. Lay each nearer to its place by "
+        "eye, or add an overview map."
+    ) * bool(uncertain)
+    if not found and uncertain:
+        return f"No scan is found.{doubt}"
+    if not found:
+        return (
+            "No scan is found, and all stay where they were: does each lie within half a "
+            "millimetre of its place, and turned as on the stone, within 10°?"
+        )
+    rest = "" if found == scans else " The others stay where they were."
+    return f"{found} of {scans} are found; each says how well it fits.{rest}{doubt}"
+
+
+def _nothing_found(found: Found) -> str:
+    """Why no scan is found without places by hand."""
+    if found.on_stone is None:
+        return "has neither an overview map nor the stage's places, nor places by hand"
+    return f"has scans that are not found on the stone: {described(found.on_stone)}"
+
+
+def _of_matches(
+    config: Mapping, matches: Mapping[str, Match], places: Mapping[str, Place]
+) -> tuple[dict[str, Any], float]:
+    """How moulds are undone and how sure places are, by scans that were matched undone.
+
+    And by how much (degrees) each is turned besides.
+    """
+    if not places:
+        return {}, 0.0
+    mould, match = config["scans"]["mould"], matches[next(iter(places))]
+    errors_mm = [matches[patch].error_mm for patch in places]
+    error_um = math.ceil(1e3 * math.sqrt(np.mean(np.square(errors_mm))))
+    values: dict[str, Any] = {"uncertainty.placement_um": error_um}
+    if match.inverted:
+        values["scans.mould.invert"] = not mould["invert"]
+    if not match.mirrored:
+        return values, 0.0
+    # a map that is reversed along y is that reversed along x, and turned by 180 degrees
+    flip, turn = {None: ("x", 0.0), "x": (None, 0.0), "y": (None, 180.0)}[mould["flip"]]
+    upright = np.cos(np.radians([place.rotation_deg + turn for place in places.values()])).sum()
+    if flip == "x" and upright < 0:  # as it was scanned rather than upside down
+        flip, turn = "y", 180.0
+    values["scans.mould.flip"] = flip
+    return values, turn
+
+
+def _overview_of(config: Mapping, used: Sequence[str]) -> xr.DataArray | None:
+    """The largest map in the scans' folder that is no patch's and holds several."""
+    root, paths, _ = scans_in([Path(config["inputs"]["scan_folder"])])
+    scans, best = config["scans"], None
+    for path in paths:
+        if path.relative_to(root).as_posix() in used:
+            continue
+        try:
+            scan = read_scan(path, unit=scans["unit"], spacing_um=scans["spacing_um"])
+        except GstError:
+            continue
+        side = min(np.multiply(scan.shape, spacing_of(scan)))
+        if side > OVERVIEW * scans["size_mm"] and (best is None or side > best[0]):
+            best = side, scan
+    if best is None:
+        return None
+    mould = bool(scans["mould"]["invert"]), scans["mould"]["flip"]
+    return _undone(best[1], *mould)
+
+
+def _undone(scan: xr.DataArray, invert: bool, flip: str | None) -> xr.DataArray:
+    """Heights of the stone from those of a mould, on fewer points."""
+    scan = coarser(scan, max(1, min(scan.shape) // _MATCHED_POINTS))
+    return prepare_scan(
+        scan, mould_invert=invert, mould_flip=flip, maximum_unmeasured=_MOSTLY_HOLES
+    ).height
+
+
+class _Scan(NamedTuple):
+    """What the page needs of a scan."""
+
+    picture: bytes  # PNG, y up
+    stage_mm: tuple[float, float] | None
+    heights: xr.DataArray  # prepared, on the picture's points
+
+
+def picture_of(path: Path, number: int) -> bytes:
+    """The scan at T0 of a row of the patch table, as it lies on the square, shaded (PNG)."""
+    return _scans_of(path, [number])[0].picture
+
+
+def has_stage(path: Path) -> bool:
+    """Whether every scan has a place from the stage, each another."""
+    rows, has_scans = rows_of(read_unfinished(path))
+    return has_scans and _stages(_scans_of(path, [*rows.index])) is not None
+
+
+def _stages(scans: Sequence[_Scan]) -> list[tuple[float, float]] | None:
+    """The stage's places; None unless it has one for each of several scans, each another."""
+    found = [scan.stage_mm for scan in scans if scan.stage_mm is not None]
+    return found if 1 < len({*found}) == len(scans) else None
+
+
+def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
+    config = read_unfinished(path)
+    rows, _ = rows_of(config)
+    scans, found = config["scans"], []
+    given = (config["inputs"] or {}).get("scan_folder")
+    if given is None:
+        raise ConfigError(path, "names no scans", "Give inputs.scan_folder.")
+    folder = Path(given).resolve()
+    for number in numbers:
+        if number not in rows.index or not rows.t0[number]:
+            raise InputError(path, f"there is no scan {number}", "Load the page again.")
+        file = (folder / rows.t0[number]).resolve()
+        if not file.is_relative_to(folder):
+            raise InputError(file, f"lies outside {folder}", "Correct the patch table.")
+        row = rows.loc[number]
+        mould = mould_of(scans["mould"], row.flip)
+        settings = (scans["size_mm"], scans["unit"], scans["spacing_um"])
+        if left := [value for value in (*settings, mould["invert"]) if is_to_do(value)]:
+            raise ConfigError(path, f"has {left} in scans", "Give it first.")
+        mirrored = bool(mould["invert"]), mould["flip"]
+        with accepting(config["accept"]), concerning([row.patch]):
+            found.append(_scan(file, settings, mirrored, crop_of(row), version_of(file)))
+    return found
+
+
+@functools.lru_cache(maxsize=1000)
+def _scan(
+    file: Path,
+    settings: tuple[float, str | None, float | None],
+    mould: tuple[bool, str | None],
+    crop: tuple[float, float] | None,
+    _version: object,
+) -> _Scan:
+    from matplotlib.colors import LightSource
+    from matplotlib.image import imsave
+
+    size_mm, unit, spacing_um = settings
+    invert, flip = mould
+    raw = read_scan(file, unit=unit, spacing_um=spacing_um)
+    piece = cut_patch(raw, crop=crop, size_mm=size_mm, mould_flip=flip)
+    piece = coarser(piece, max(1, math.ceil(min(piece.shape) / _PICTURE_POINTS)))
+    prepared = prepare_scan(
+        piece, mould_invert=invert, mould_flip=flip, maximum_unmeasured=_MOSTLY_HOLES
+    )
+    step_y, step_x = spacing_of(piece)
+    light = LightSource(azdeg=_AZIMUTH, altdeg=_ALTITUDE)
+    # a picture begins with its top row
+    shade = light.hillshade(np.flipud(prepared.height.values), dx=step_x, dy=step_y)
+    content = io.BytesIO()
+    imsave(content, shade, cmap="gray", vmin=0, vmax=1, format="png")
+    return _Scan(content.getvalue(), stage_of(raw), prepared.height)

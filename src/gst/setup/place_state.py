@@ -1,0 +1,367 @@
+"""What the page of `gst place` shows and saves: its whole state is the config and the patch table.
+
+Both are read anew for every answer, and only the values that the page asks for are written. A copy
+of the table is kept beside it before rows or filled cells are removed.
+"""
+
+import functools
+import os
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from gst.check.fixing import keep_copy
+from gst.config.edited import Cells, save_text, text_of, with_cells, with_values
+from gst.config.patches import EPOCHS, cell_of, find_scans, no_patches
+from gst.config.reading import complete, read_unfinished, refuse_config, value_problems
+from gst.config.strict_yaml import parse_yaml
+from gst.config.tables import columns_of
+from gst.config.todo import TODO, is_to_do
+from gst.config.user_tables import read_rows
+from gst.page.viewer import coarsen, stone_data
+from gst.setup.scan_folder import scans_in
+from gstlib.errors import ConfigError, GstError, InputError
+from gstlib.io.files import sha256, write_whole
+from gstlib.io.meshes import read_mesh
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = [
+    "DECIMALS",
+    "SENT_ANSWERS",
+    "SENT_FILE",
+    "SENT_PLACES",
+    "check_files",
+    "digest_of",
+    "known",
+    "mesh_of",
+    "rows_of",
+]
+__all__ += ["save_answers", "save_file", "save_places", "state_of", "stone_of", "version_of"]
+
+# What the page may write into the config; `inputs.mesh`, for one, is not among it, for the page
+# shows files.
+_ANSWERS = (
+    "counterface.radius_mm",
+    "inputs.mesh_unit",
+    "load.at_mm",
+    "load.force_N",
+    "material.contact_modulus_MPa",
+    "material.poisson_1",
+    "material.poisson_2",
+    "material.young_1_MPa",
+    "material.young_2_MPa",
+    "scans.mould.flip",
+    "scans.mould.invert",
+    "scans.size_mm",
+    "scans.spacing_um",
+    "scans.unit",
+    "uncertainty.force_fraction",
+    "uncertainty.placement_um",
+    "uncertainty.radius_fraction",
+)
+# A table of places that the study proposes is a patch table, too.
+_RENAMED = {"place": "patch"}
+# Its name where a study begins without one, as `gst new` has it.
+_TABLE = "patches.csv"
+# Decimals of a place (mm) and of a turn (degrees).
+DECIMALS = 3
+# What the page sends, as JSON.
+SENT_ANSWERS: dict[str, Any] = {
+    "type": "object",
+    "propertyNames": {"enum": [*_ANSWERS]},
+    "additionalProperties": {
+        "type": ["number", "string", "boolean", "array", "null"],
+        "items": {"type": "number"},
+    },
+}
+SENT_FILE: dict[str, Any] = {
+    "type": "object",
+    "required": ["patch", "column", "name"],
+    "properties": {key: {"type": "string"} for key in ("patch", "column", "name")},
+}
+_LENGTH = {"type": ["number", "null"], "minimum": -1000, "maximum": 1000}
+_PLACE = {
+    "patch": {"type": "string", "pattern": "^[A-Za-z0-9][A-Za-z0-9-]*$"},
+    "x_mm": _LENGTH,
+    "y_mm": _LENGTH,
+    "rotation_deg": {"type": "number", "minimum": -180, "maximum": 180},
+    "wear_grade": {"type": ["integer", "null"], "minimum": 0, "maximum": 9},
+}
+_SQUARE = {"size_mm": {"type": "number"}, "points_mm": {"type": ["array", "null"]}}
+SENT_PLACES: dict[str, Any] = {
+    "type": "object",
+    "required": ["square", "patches"],
+    "properties": {
+        "square": {"type": "object", "required": [*_SQUARE], "properties": _SQUARE},
+        "patches": {
+            "type": "array",
+            "items": {"type": "object", "required": [*_PLACE], "properties": _PLACE},
+        },
+    },
+}
+
+
+def digest_of(path: Path) -> str:
+    """The SHA-256 of a config and of its patch table as they are on the disk, one behind the other.
+
+    A file that does not exist, or cannot be found for a damaged config, is left out.
+    """
+    return ":".join(sha256(file) for file in _files_of(path) if file.is_file())
+
+
+def check_files(path: Path) -> None:
+    """Raise an `InputError` if the config or its table is a link, or lies outside the study."""
+    for file in _files_of(path):
+        if file.is_symlink() or not file.resolve().is_relative_to(Path.cwd()):
+            problem = "is a link, or lies outside the folder of the study, and is not changed"
+            raise InputError(file, problem, "Put the file itself into the folder.")
+
+
+def _files_of(path: Path) -> list[Path]:
+    try:
+        table = read_unfinished(path)["patches"]
+    except (GstError, OSError):
+        return [path]
+    return [path, *([Path(table)] if table is not None else [])]
+
+
+def state_of(path: Path) -> dict[str, Any]:
+    """All that the page shows, ready for JSON; a value that is still to be given is null.
+
+    Raises a `ConfigError` if the config or its table cannot be read.
+    """
+    # first: if a file changes meanwhile, saves are refused
+    digest = digest_of(path)
+    config = read_unfinished(path)
+    rows, has_scans = rows_of(config)
+    columns = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
+    asked = [
+        {"patch": row.patch, "column": column, "likely": likely.removeprefix(TODO).strip()}
+        for row in rows.itertuples()
+        for column in EPOCHS
+        if is_to_do(likely := getattr(row, column))
+    ]
+    return {
+        "digest": digest,
+        "title": config["title"],
+        "mesh": config["inputs"] and Path(config["inputs"]["mesh"]).name,
+        "square": {
+            "points_mm": known(config["square"]["points_mm"]),
+            "size_mm": known(config["square"]["size_mm"]),
+        },
+        "patch_size_mm": known(config["scans"]["size_mm"]),
+        "has_scans": has_scans,
+        "patches": rows[columns].astype(object).where(rows.notna(), None).to_dict("records"),
+        "asked": asked,
+        "files": _scan_names(config) if asked else [],
+        "own_tool": "mesh" in (config["counterface"] or {}),
+        "answers": {key: _value(config, key) for key in _ANSWERS},
+    }
+
+
+def _scan_names(config: Mapping) -> list[str]:
+    """The names of all scans in their folder."""
+    root, paths, _ = scans_in([Path(config["inputs"]["scan_folder"])])
+    return [path.relative_to(root).as_posix() for path in paths]
+
+
+def known(value: Any) -> Any:
+    return None if is_to_do(value) else value
+
+
+def _value(config: Mapping, key: str) -> Any:
+    """The value at a key; None where a section is."""
+    value: Any = config
+    for name in key.split("."):
+        value = value.get(name) if isinstance(value, Mapping) else None
+    return value
+
+
+def rows_of(config: Mapping) -> tuple[pd.DataFrame, bool]:
+    """The rows of the patch table, whatever is still wrong with them, and if they have scans."""
+    if config["patches"] is None:
+        return no_patches(), False
+    ignored = columns_of("places")
+    table = read_rows(config["patches"], "patches", renamed=_RENAMED, ignored=ignored)
+    has_scans = not {"t0", "t1"}.isdisjoint(table.columns) or "wear_grade" not in table.columns
+    rows = table.rows.reset_index(drop=True)
+    if config["inputs"] is not None and has_scans:
+        # what no file fits, the check says
+        list(find_scans(rows, table.columns, config["inputs"]["scan_folder"]))
+    return rows, has_scans
+
+
+def save_answers(path: Path, values: Mapping[str, Any]) -> dict[str, str | None]:
+    """Write values into the config, each by its key; they fit `SENT_ANSWERS`.
+
+    Every save returns the ``digest`` of the files after it, and in ``kept`` the name of a copy of
+    the file of which a part was removed. It raises a `ConfigError` if a value cannot be
+    meant.
+    """
+    given = dict(values)
+    of_pressure = _value(read_unfinished(path), "load.pressure_MPa")
+    if "load.force_N" in given and of_pressure is not None:
+        given["load.pressure_MPa"] = None  # exactly one of them
+    kept = _save_config(path, given)
+    return {"digest": digest_of(path), "kept": kept}
+
+
+def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str | None]:
+    """Write which scan a patch has at an epoch, or "" for none; they fit `SENT_FILE`.
+
+    Raises a `ConfigError` if this is not asked for, or there is no such scan in the folder.
+    """
+    config = read_unfinished(path)
+    state = state_of(path)
+    is_asked = (patch, column) in [(row["patch"], row["column"]) for row in state["asked"]]
+    if not is_asked or name not in ["", *state["files"]]:
+        problem = f"{column} of patch {patch} is not asked for, or there is no scan {name}"
+        raise ConfigError(config["patches"], problem, "Load the page again.")
+    cells = {column: cell_of(name)}
+    kept = _write_cells(
+        Path(config["patches"]), lambda row: cells if row["patch"] == patch else {}
+    )
+    return {"digest": digest_of(path), "kept": kept}
+
+
+def save_places(
+    path: Path, square: Mapping[str, Any], rows: Sequence[Mapping]
+) -> dict[str, str | None]:
+    """Write the square and the patches' places, or the places of a tool without scans.
+
+    They fit `SENT_PLACES`; null is still to be given. Raises a `ConfigError` if a value cannot be
+    meant, or the table has become another.
+    """
+    config = read_unfinished(path)
+    former, has_scans = rows_of(config)
+    names = [row["patch"] for row in rows]
+    is_known = sorted(names) == sorted(former.patch)
+    if not is_known and (has_scans or len({*names}) < len(names)):
+        problem = f"the page has the patches {names}, the table {[*former.patch]}"
+        raise ConfigError(config["patches"], problem, "Load the page again.")
+    is_turned = bool(former.rotation_deg.any() or any(row["rotation_deg"] for row in rows))
+    table = [_cells(row, turn=is_turned, grade=not has_scans) for row in rows]
+    points = square["points_mm"]
+    values: dict[str, Any] = {"square.size_mm": square["size_mm"]}
+    values["square.points_mm"] = TODO if points is None else points
+    if not has_scans:
+        values["patches"] = str(config["patches"] or _TABLE) if rows else None
+    changed = {key: value for key, value in values.items() if value != _value(config, key)}
+    _checked(path, changed)  # before the table is written
+    if not rows:  # a config never names a table that is gone
+        _save_config(path, changed)
+    kept = _write_table(config["patches"], table)
+    if rows:
+        kept = _save_config(path, changed) or kept
+    return {"digest": digest_of(path), "kept": kept}
+
+
+def _save_config(path: Path, values: Mapping[str, Any]) -> str | None:
+    """Write values into the config; the name of a copy of it, if one of them was removed."""
+    config, text = read_unfinished(path), _checked(path, values)
+    is_less = any(
+        _is_filled(_value(config, key)) and not _is_filled(value)
+        for key, value in values.items()
+    )
+    kept = keep_copy(path) if is_less else None
+    save_text(path, text)
+    return None if kept is None else str(kept)
+
+
+def _cells(row: Mapping[str, Any], *, turn: bool, grade: bool) -> dict[str, str]:
+    """A row as text; null is still to be given, a grade unknown."""
+    numbers = ["x_mm", "y_mm", *["rotation_deg"] * turn, *["wear_grade"] * grade]
+    cells = {"patch": row["patch"]}
+    for column in numbers:
+        empty = "" if column == "wear_grade" else TODO
+        value = row[column]
+        cells[column] = empty if value is None else f"{round(value, DECIMALS) + 0:.10g}"
+    return cells
+
+
+def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> str | None:
+    """Write the table with these rows, or remove it if there are none.
+
+    Returns the name of the copy of the former table, if a part of it was removed.
+    """
+    file = Path(former or _TABLE)
+    if former is None and rows and os.path.lexists(file):
+        raise InputError(file, "exists, and the config does not name it", "Rename it.")
+    if former is None and rows:
+        lines = [";".join(rows[0]), *(";".join(row.values()) for row in rows)]
+        write_whole(file, "".join(f"{line}\n" for line in lines).encode())
+    elif rows:
+        left = {row["patch"]: row for row in rows}
+        # each row takes its own out, and those that the table lacks come at its end
+        return _write_cells(file, lambda row: left.pop(row["patch"], None), left.values())
+    elif former is not None and file.exists():
+        kept = keep_copy(file)
+        file.unlink()
+        return str(kept)
+    return None
+
+
+def _write_cells(
+    file: Path, cells: Cells, more: Collection[Mapping[str, str]] = ()
+) -> str | None:
+    """Write changed cells and further rows into a table.
+
+    Returns the name of the copy of the former table, if rows or filled cells were removed.
+    """
+    is_less = False
+
+    def changed(row: Mapping[str, str]) -> Mapping[str, object] | None:
+        nonlocal is_less
+        new = cells(row)
+        is_less |= new is None or any(
+            _is_filled(row.get(column)) and not _is_filled(value)
+            for column, value in new.items()
+        )
+        return new
+
+    text = with_cells(text_of(file), changed, more, _RENAMED)
+    kept = keep_copy(file) if is_less else None
+    save_text(file, text)
+    return None if kept is None else str(kept)
+
+
+def _is_filled(cell: object) -> bool:
+    return cell not in (None, "") and not is_to_do(cell)
+
+
+def _checked(path: Path, values: Mapping[str, Any]) -> str:
+    """The config's text with these values; a `ConfigError` if one of them cannot be meant."""
+    text = with_values(text_of(path), values)
+    config = complete(parse_yaml(text, path))
+    asked = [key for key, value in values.items() if not is_to_do(value)]
+    refuse_config(value_problems(config, asked), str(path))
+    return text
+
+
+def stone_of(path: Path) -> dict[str, Any]:
+    """The stone of a config, as `gst.page.viewer.stone_data` has it."""
+    return stone_data(coarsen(mesh_of(path)))
+
+
+def mesh_of(path: Path) -> "trimesh.Trimesh":
+    inputs = read_unfinished(path)["inputs"]
+    if inputs is None:
+        raise ConfigError(path, "names no mesh", "Give inputs.mesh, or begin with `gst new`.")
+    if is_to_do(inputs["mesh_unit"]):
+        raise ConfigError(path, "does not say the unit of the mesh", "Give it on this page.")
+    mesh = Path(inputs["mesh"])
+    return _read_once(mesh, inputs["mesh_unit"], version_of(mesh))
+
+
+@functools.lru_cache(maxsize=1)
+def _read_once(mesh: Path, unit: str | None, _version: object) -> "trimesh.Trimesh":
+    return read_mesh(mesh, unit=unit)
+
+
+def version_of(path: Path) -> object:
+    """What changes with a file; None while there is none."""
+    return (path.stat().st_mtime_ns, path.stat().st_size) if path.is_file() else None

@@ -1,0 +1,1 @@
+"""Results for others: compared, exported, packed; and one scan pressed alone."""
