@@ -63,7 +63,7 @@ from gstlib.coupling.pressures import couple_scales, covered_pressures
 from gstlib.errors import accepting, concerning
 from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.composite import compose_surface
-from gstlib.macroscale.equilibrium import solve_at_load, solve_square
+from gstlib.macroscale.equilibrium import solve_at_load
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.microscale.patches import LEVELLED, Microscale, solve_patch
 from gstlib.preprocess.scans import crop_of, prepare_patch
@@ -165,10 +165,10 @@ class Study:
 
     @cached_property
     def square_contact(self) -> Contact:
-        """Contact of the square alone, from `solve_square`."""
+        """Contact of the square alone, on its mean plane."""
         if self.config["coupling"] == LEVELLED:
             return self.contact
-        return solve_square(self.face, **self.settings["solve_square"])
+        return solve_at_load(self.face, **self.settings["solve_square"])
 
     @cached_property
     def pressures(self) -> pd.DataFrame:

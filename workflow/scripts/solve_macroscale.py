@@ -7,8 +7,9 @@ from gst.config.tables import write_table
 from gst.run.logs import run_script
 from gst.run.provenance import provenance
 from gst.run.stored import dataset_of, face_of
+from gstlib.contact import contact_path
 from gstlib.io.store import write_dataset
-from gstlib.macroscale.equilibrium import macroscale_table, solve_macroscale
+from gstlib.macroscale.equilibrium import face_under_load, macroscale_table
 from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.use.outcome import as_used
 
@@ -27,7 +28,8 @@ def main(
 ) -> None:
     whole, through = as_used(face_of(face), dataset_of(use), through)
     settings = {"force_N": force_N, "through": through, "modulus": modulus} | solving
-    solved = solve_macroscale(whole, source=face, **settings)
+    pressed = face_under_load(whole, force_N, through)
+    solved = contact_path(*pressed, source=face, modulus=modulus, every_step=True, **solving)
     stored, size_mm = solved.to_dataset(), float(whole.size_mm)
     write_dataset(contact, stored, provenance([face, *([use] if use else [])], settings))
     write_table(path, macroscale_table(stored))

@@ -5,15 +5,13 @@ from pathlib import Path
 from gst.run.logs import run_script
 from gst.run.provenance import provenance
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.macroscale.equilibrium import solve_square
+from gstlib.macroscale.equilibrium import solve_at_load
 
 
-def main(
-    face: Path, contact: Path, *, force_N: float, modulus: float, tolerance: float
-) -> None:
+def main(face: Path, contact: Path, **settings: float) -> None:
+    """`settings` are those of `solve_at_load`."""
     square = read_dataset(face, only=["height", "size_mm"])
-    settings = {"force_N": force_N, "modulus": modulus, "tolerance": tolerance}
-    solved = solve_square(square, source=face, **settings)
+    solved = solve_at_load(square, source=face, **settings)
     write_dataset(contact, solved.to_dataset(), provenance([face], settings))
 
 

@@ -170,11 +170,10 @@ class WornSquare(NamedTuple):
         layer, pressure, fitted = self.interlayer
         if fitted is None:
             return None
-        constants = {
-            name: ((), getattr(layer, name), {"units": units, "long_name": long_name})
-            for name, (units, long_name) in _OF_LAYER.items()
-        }
-        return fitted.assign(constants).assign(pressure=pressure)
+        constants = described(
+            xr.Dataset({name: getattr(layer, name) for name in _OF_LAYER}), _OF_LAYER
+        )
+        return fitted.assign(constants.data_vars).assign(pressure=pressure)
 
     def along(self, patch: str, ratio: float) -> xr.Dataset:
         """The path that a patch wears along, of whose steps its own loss knows nothing."""
@@ -321,14 +320,15 @@ def _pressed(
     """κ in each step, and the mean depths (body, step, area) over the areas of `means`."""
     target = float(contact.pressure.mean())
     share = ratio / (1 + ratio)
-    options: dict[str, Any] = {
-        "mean_pressure": target,
-        "mean_loss": kappa * target,
-        "steps": steps,
-        "third_body": ThirdBody(interlayer, share, target) if interlayer else None,
-        "keep_states": True,
-    }
-    path = wear_contact(contact, "macroscale", **options)
+    path = wear_contact(
+        contact,
+        "macroscale",
+        mean_pressure=target,
+        mean_loss=kappa * target,
+        steps=steps,
+        third_body=ThirdBody(interlayer, share, target) if interlayer else None,
+        keep_states=True,
+    )
     pressed = np.zeros((len(_BODIES), steps + 1, means.shape[0]))
     for body, states in enumerate(zip(*path.states, strict=True)):
         in_steps = [means @ state.pressure.ravel() for state in states]
@@ -476,13 +476,9 @@ def wear_patch(
     ndarray, shape (ny, nx)
         The depth lost, mm.
     """
-    kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
-    lost, options = driven(contact, worn, worn.along(patch, ratio), kappa)
-    if not lost > 0:
-        return np.zeros(contact.pressure.shape)
-    if pressure_cap is not None:
-        options = _bounded(options, ratio, pressure_cap, worn.law)
-    return wear_contact(contact, f"patch {patch}", **options).depth
+    return wear_elastic_and_capped(
+        contact, worn, patch, ratio=ratio, kappa=kappa, pressure_cap=pressure_cap
+    )[-1]
 
 
 def wear_elastic_and_capped(
@@ -490,23 +486,25 @@ def wear_elastic_and_capped(
     worn: WornSquare,
     patch: str,
     *,
-    pressure_cap: float,
     ratio: float = 0.0,
     kappa: float | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """The depths of `wear_patch` without the cap and with it, in one go."""
+    pressure_cap: float | None = None,
+) -> list[np.ndarray]:
+    """The depth of `wear_patch` without a cap and, if there is one, that with it."""
     kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
     lost, options = driven(contact, worn, worn.along(patch, ratio), kappa)
+    count = 1 if pressure_cap is None else 2
     if not lost > 0:
-        return (nothing := np.zeros(contact.pressure.shape)), nothing
-    source = f"patch {patch}"
-    elastic = wear_contact(contact, source, **options)
+        return count * [np.zeros(contact.pressure.shape)]
+    elastic = wear_contact(contact, f"patch {patch}", **options)
+    if pressure_cap is None:
+        return [elastic.depth]
     bounded = _bounded(options, ratio, pressure_cap, worn.law)
     # Where no pressure reaches the cap, each of its contacts is that without it.
     is_borne = math.isclose(bounded["mean_loss"], lost, rel_tol=1e-12)
     if is_borne and elastic.highest_pressure < pressure_cap:
-        return elastic.depth, elastic.depth
-    return elastic.depth, wear_contact(contact, source, **bounded).depth
+        return [elastic.depth, elastic.depth]
+    return [elastic.depth, wear_contact(contact, f"patch {patch}", **bounded).depth]
 
 
 def driven(

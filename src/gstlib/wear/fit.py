@@ -20,7 +20,6 @@ from gstlib.wear.archard import (
     WornSquare,
     layer_of,
     wear_elastic_and_capped,
-    wear_patch,
     wear_square,
 )
 from gstlib.wear.interlayer import fit_interlayer
@@ -173,7 +172,7 @@ def wear_map(
         ``interlayer``; and with a cap ``archard_capped``, the last of these where summits
         yield.
     """
-    found: dict[str, dict[str, float]] = {BARE: {}}
+    coefficients: dict[str, dict[str, float]] = {BARE: {}}
     if (fitted := worn.fitted_interlayer) is not None:
         ratio, kappa = fitted.ratio_of_all, fitted.kappa_of_all
         if patch in fitted.patch:
@@ -181,15 +180,12 @@ def wear_map(
                 fitted[name].sel(patch=patch)
                 for name in ("interlayer_ratio", "interlayer_kappa")
             )
-        found[INTERLAYER] = {"ratio": float(ratio), "kappa": float(kappa)}
-    *others, last = found
-    depth = {model: wear_patch(contact, worn, patch, **found[model]) for model in others}
-    if pressure_cap is None:
-        depth[last] = wear_patch(contact, worn, patch, **found[last])
-    else:
-        depth[last], depth[CAPPED] = wear_elastic_and_capped(
-            contact, worn, patch, pressure_cap=pressure_cap, **found[last]
-        )
+        coefficients[INTERLAYER] = {"ratio": float(ratio), "kappa": float(kappa)}
+    depth: dict[str, np.ndarray] = {}
+    for model, coefficient in coefficients.items():
+        cap = pressure_cap if model == list(coefficients)[-1] else None
+        maps = wear_elastic_and_capped(contact, worn, patch, pressure_cap=cap, **coefficient)
+        depth |= zip((model, CAPPED), maps, strict=False)
     described = {"units": "mm", "long_name": "predicted height loss"}
     return xr.Dataset(
         {"depth": (("model", "y", "x"), np.stack([*depth.values()]), described)},
