@@ -1,6 +1,7 @@
 """Lay the T0 scans on the mesh's surface, with detail like theirs between them."""
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -12,23 +13,10 @@ from gstlib.macroscale.composite import compose_surface
 
 
 def main(
-    face: Path,
-    t0: list[Path],
-    composite: Path,
-    *,
-    patches: dict[str, list],
-    patch_mm: float,
-    s_filter_um: float | None,
-    placement_um: float,
-    seed: int,
+    face: Path, t0: list[Path], composite: Path, *, patches: dict[str, list], **settings: Any
 ) -> None:
+    """`settings` are those of `compose_surface`."""
     files = files_of(t0, patches["patch"])
-    settings = {
-        "patch_mm": patch_mm,
-        "s_filter_um": s_filter_um,
-        "placement_um": placement_um,
-        "seed": seed,
-    }
     scans = Stored(files, ["height"])
     composed = compose_surface(read_dataset(face), pd.DataFrame(patches), scans, **settings)
     write_dataset(composite, composed, provenance([face, *files.values()], settings))

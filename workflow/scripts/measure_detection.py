@@ -17,11 +17,10 @@ def main(
     detection: Path,
     *,
     patches: list[str],
-    maximum_shift_mm: float,
-    minimum_points: int,
+    **settings: float,
 ) -> None:
+    """`settings` are those of `measure_detection`."""
     first, second = (files_of(folders, patches) for folders in (t0, repeats))
-    settings = {"maximum_shift_mm": maximum_shift_mm, "minimum_points": minimum_points}
     found = measure_detection(
         Stored(first, SCAN_FIELDS), Stored(second, SCAN_FIELDS), **settings
     )

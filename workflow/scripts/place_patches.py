@@ -1,6 +1,7 @@
 """Compare each patch with the macroscale surface under it; a place that is wrong is a fault."""
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -12,22 +13,12 @@ from gstlib.io.store import Stored, read_dataset
 
 
 def main(
-    face: Path,
-    t0: list[Path],
-    table: Path,
-    *,
-    patches: dict[str, list],
-    patch_mm: float,
-    placement_um: float,
-    invert: bool,
-    flip: str | None,
-    accept: list[str],
+    face: Path, t0: list[Path], table: Path, *, patches: dict[str, list], **settings: Any
 ) -> None:
+    """`settings` are those of `place_patches`."""
     scans = Stored(files_of(t0, patches["patch"]), ["height"])
     given = read_dataset(face, only=["height"]).height, pd.DataFrame(patches), scans
-    lying = {"patch_mm": patch_mm, "placement_um": placement_um}
-    mould = {"invert": invert, "flip": flip}
-    write_table(table, place_patches(*given, **lying, **mould, accept=accept))
+    write_table(table, place_patches(*given, **settings))
 
 
 if "snakemake" in globals():

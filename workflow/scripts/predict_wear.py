@@ -18,12 +18,14 @@ def main(
     depths: Path,
     *,
     patches: list[str],
-    pressure_cap: float | None,
+    **settings: float | None,
 ) -> None:
-    """The folder stays empty where wear is not predicted."""
+    """The folder stays empty where wear is not predicted.
+
+    `settings` are those of `predict_wear`.
+    """
     files = files_of(contacts, patches)
     worn = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
-    settings = {"pressure_cap": pressure_cap}
     depths.mkdir(exist_ok=True)
     for patch, found in predict_wear(contacts_of(contacts, patches), worn, **settings):
         made = provenance([square, *([fitted] if fitted else []), files[patch]], settings)

@@ -1,6 +1,7 @@
 """Press the face in some poses of the active tool, one after the other."""
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -22,16 +23,12 @@ def main(
     through: tuple[float, float],
     poses: dict,
     patches: dict,
-    contact_modulus_MPa: float,
-    tolerance: float,
-    patch_mm: float,
-    shown: list[int],
+    **settings: Any,
 ) -> None:
+    """`settings` are those of `press_poses`."""
     whole, through = as_used(face_of(face), dataset_of(use), through)
     tool = whole.counterface, active_tool_of(second), size_mm
     gesture = Gesture(*tool, through, pd.DataFrame(poses))
-    pressed = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}
-    settings = pressed | {"patch_mm": patch_mm, "shown": shown}
     found = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)
     made = provenance([face, *filter(None, (use, second))], settings)
     write_dataset(batch, found, made)

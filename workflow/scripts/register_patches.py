@@ -18,12 +18,11 @@ def main(
     registered: Path,
     *,
     patches: list[str],
-    maximum_shift_mm: float,
-    minimum_points: int,
+    **settings: float,
 ) -> None:
+    """`settings` are those of `register_patch`."""
     first, second = files_of(t0, patches), files_of(t1, patches)
     measured = Detection.of(read_attributes(detection)) if detection else None
-    settings = {"maximum_shift_mm": maximum_shift_mm, "minimum_points": minimum_points}
     for patch in patches:
         files = [first[patch], second[patch]]
         scans = [read_dataset(file, SCAN_FIELDS) for file in files]
