@@ -26,6 +26,7 @@ __all__ = [
     "Cone",
     "Ellipsoid",
     "GreenwoodWilliamson",
+    "Indenter",
     "RoundPunch",
     "Sphere",
     "Wave",
@@ -52,20 +53,22 @@ BUSH_SLOPE = math.sqrt(2 * math.pi)
 """The same by Bush, Gibson and Thomas, from the statistics of summits."""
 
 
+class Indenter:
+    """A body pressed on a flat by a `force` P (N), with a `contact_modulus` E* (MPa)."""
+
+    force: float
+    contact_modulus: float
+
+    def pressure(self, x, y):
+        """Pressure (MPa) at (x, y) (mm), zero out of contact; broadcasts."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class Sphere:
-    """Hertz: a sphere on a flat. Johnson, eqs. 4.22-4.24.
+class Sphere(Indenter):
+    """Hertz: a sphere of a `radius` R (mm) on a flat. Johnson, eqs. 4.22-4.24.
 
     Of two spheres, 1/R = 1/R₁ + 1/R₂.
-
-    Attributes
-    ----------
-    force : float
-        P (N).
-    radius : float
-        R (mm).
-    contact_modulus : float
-        E* (MPa).
     """
 
     force: float
@@ -93,7 +96,6 @@ class Sphere:
         return 2 * self.contact_modulus * self.contact_radius
 
     def pressure(self, x, y):
-        """Pressure at (x, y) (mm); broadcasts."""
         return self.peak_pressure * _root(1 - (x**2 + y**2) / self.contact_radius**2)
 
     def stick_radius(self, tangential_ratio: float) -> float:
@@ -105,17 +107,10 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Ellipsoid:
-    """Hertz: a body with two radii on a flat. Johnson, eqs. 4.25-4.26.
+class Ellipsoid(Indenter):
+    """Hertz: a body with the radii `radius_x` and `radius_y` (mm). Johnson, eqs. 4.25-4.26.
 
-    Attributes
-    ----------
-    force : float
-        P (N).
-    radius_x, radius_y : float
-        Of curvature along x and y (mm), not equal (that is a `Sphere`).
-    contact_modulus : float
-        E* (MPa).
+    The radii are those of curvature along x and y. Equal ones are a `Sphere`.
     """
 
     force: float
@@ -143,7 +138,6 @@ class Ellipsoid:
         return self.peak_pressure / self.contact_modulus * short * float(integral)
 
     def pressure(self, x, y):
-        """Pressure at (x, y) (mm); broadcasts."""
         a, b = self.semi_axes
         return self.peak_pressure * _root(1 - (x / a) ** 2 - (y / b) ** 2)
 
@@ -154,8 +148,8 @@ class Ellipsoid:
         for _ in range(60):
             e = 0.5 * (low + high)
             K, E = scipy.special.ellipk(e * e), scipy.special.ellipe(e * e)
-            found = (E / (1 - e * e) - K) / (K - E)
-            low, high = (e, high) if found < ratio else (low, e)
+            smaller = (E / (1 - e * e) - K) / (K - E) < ratio
+            low, high = (e, high) if smaller else (low, e)
         return e
 
     def _long_short(self) -> tuple[float, float]:
@@ -168,18 +162,8 @@ class Ellipsoid:
 
 
 @dataclass(frozen=True)
-class Cone:
-    """Sneddon: a cone on a flat.
-
-    Attributes
-    ----------
-    force : float
-        P (N).
-    half_angle : float
-        α, from the cone's axis (rad).
-    contact_modulus : float
-        E* (MPa).
-    """
+class Cone(Indenter):
+    """Sneddon: a cone whose sides have a `half_angle` α (rad) from its axis."""
 
     force: float
     half_angle: float
@@ -205,18 +189,8 @@ class Cone:
 
 
 @dataclass(frozen=True)
-class RoundPunch:
-    """A rigid flat punch of circular section. Johnson, eqs. 3.34-3.36 and 5.36.
-
-    Attributes
-    ----------
-    force : float
-        P (N).
-    radius : float
-        a (mm).
-    contact_modulus : float
-        E* (MPa).
-    """
+class RoundPunch(Indenter):
+    """A rigid flat punch, a circle of a `radius` a (mm). Johnson, eqs. 3.34-3.36 and 5.36."""
 
     force: float
     radius: float
@@ -246,14 +220,7 @@ class RoundPunch:
 class Wave:
     """Westergaard: Δ cos(2πx/λ) on a flat, without end. Johnson, sect. 13.2.
 
-    Attributes
-    ----------
-    amplitude : float
-        Δ (mm).
-    wavelength : float
-        λ (mm).
-    contact_modulus : float
-        E* (MPa).
+    The `amplitude` is Δ, the `wavelength` λ (mm).
     """
 
     amplitude: float
@@ -292,16 +259,8 @@ class Wave:
 class GreenwoodWilliamson:
     """Summits of one radius and of Gaussian heights, each pressed by itself as Hertz's sphere.
 
-    Attributes
-    ----------
-    density : float
-        η, summits on an area (1/mm²).
-    radius : float
-        R of their curvature (mm).
-    height : float
-        σ, standard deviation of their heights (mm).
-    contact_modulus : float
-        E* (MPa).
+    Their `density` is η (1/mm²), their `radius` R (mm), and the standard deviation of their
+    heights `height` σ (mm).
     """
 
     density: float
