@@ -1,7 +1,7 @@
 """Solve what the config asks for: a grinding force, a cap."""
 
-from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from gst.config.tables import write_table
 from gst.run.batches import files_of
@@ -9,24 +9,17 @@ from gst.run.logs import run_script
 from gstlib.contact import Contact
 from gstlib.io.store import Stored
 from gstlib.io.tables import studied_files
-from gstlib.microscale.slip_and_cap import case_table, patch_rows
+from gstlib.microscale.slip_and_cap import case_table
 
 
 def main(
-    contacts: list[Path],
-    pressures: Path,
-    table: Path,
-    *,
-    patches: list[str],
-    grinding: Mapping[str, float] | None,
-    pressure_cap: float | None,
+    contacts: list[Path], pressures: Path, table: Path, *, patches: list[str], **settings: Any
 ) -> None:
+    """`settings` are those of `case_table`."""
     files = files_of(contacts, patches)
     studied = studied_files(pressures, patches, [*files.values()])
-    rows = patch_rows(
-        Stored(studied, then=Contact.from_dataset), grinding=grinding, pressure_cap=pressure_cap
-    )
-    write_table(table, case_table(rows))
+    solved = Stored(studied, then=Contact.from_dataset)
+    write_table(table, case_table(solved, **settings))
 
 
 if "snakemake" in globals():

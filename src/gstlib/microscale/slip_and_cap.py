@@ -7,9 +7,8 @@ stored: `solve_slip` and `solve_capped` give them from a stored contact.
 
 import logging
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,7 +18,7 @@ from gstlib.bem.solver import solve_contact
 from gstlib.contact import Contact, log_state, solver_errors
 from gstlib.surfaces.grid import described
 
-__all__ = ["capped_rows", "case_table", "patch_rows", "slip_rows", "solve_capped", "solve_slip"]
+__all__ = ["capped_numbers", "case_table", "slip_numbers", "solve_capped", "solve_slip"]
 
 _log = logging.getLogger(__name__)
 
@@ -39,7 +38,19 @@ _log = logging.getLogger(__name__)
 
 # The cases, in the order of the table. The first is the study itself.
 _STUDY, _GRINDING, _CAP = "study", "grinding", "cap"
-_ALL = ""  # stands for a patch where a row is of all patches
+_UNITS = {
+    "friction": "1",
+    "tangential ratio": "1",
+    "mean traction": "MPa",
+    "slip share": "1",
+    "tangential displacement": "um",
+    "pressure cap": "MPa",
+    "displacement": "um",
+    "contact fraction": "1",
+    "peak pressure": "MPa",
+    "share at the cap": "1",
+    "deepest yield": "um",
+}
 # Unit and long name of what a case consists of.
 _VARIABLES = {
     "pressure": ("MPa", "contact pressure"),
@@ -53,16 +64,6 @@ _VARIABLES = {
     "slip": ("1", "in contact, slipping"),
     "tangential_displacement": ("mm", "relative tangential displacement of the far fields"),
 }
-
-
-class Row(NamedTuple):
-    """A row of ``cases.csv``."""
-
-    case: str
-    patch: str
-    quantity: str
-    unit: str
-    value: float
 
 
 def solve_slip(
@@ -121,13 +122,13 @@ def solve_slip(
     stick = reduced.contact & (pressure > 0)
     compliance_ratio = (2 - poisson) / (2 * (1 - poisson))
     descent = contact.displacement - reduced.displacement
-    found = {
+    fields = {
         "traction": friction * (pressure - reduced.pressure),
         "stick": stick,
         "slip": (pressure > 0) & ~stick,
         "tangential_displacement": friction * compliance_ratio * descent,
     }
-    return _on_grid_of(contact, found)
+    return _on_grid_of(contact, fields)
 
 
 def solve_capped(
@@ -156,39 +157,45 @@ def solve_capped(
             tolerance=contact.tolerance,
         )
     log_state(state)
-    names = "pressure", "gap", "displacement", "capped_fraction", "residual"
-    found = {name: getattr(state, name) for name in names}
-    return _on_grid_of(contact, found | {"pressure_cap": pressure_cap})
+    names = "pressure", "gap", "displacement", "capped_fraction", "residual", "pressure_cap"
+    return _on_grid_of(contact, {name: getattr(state, name) for name in names})
 
 
-def patch_rows(
+def case_table(
     contacts: Mapping[str, Contact],
     *,
     grinding: Mapping[str, float] | None,
     pressure_cap: float | None,
-) -> Iterator[Row]:
-    """The cases of the patches in the study, patch by patch.
+) -> pd.DataFrame:
+    """The table ``cases.csv``: the patches case by case, the study's own first.
 
     Parameters
     ----------
     contacts : mapping of str to Contact
-        By patch; each is looked up once.
+        Those of the patches in the study; each is looked up once.
     grinding : mapping, optional
         The arguments ``friction``, ``tangential_ratio`` and ``poisson`` of `solve_slip`; without
         it the case is left out.
     pressure_cap : float, optional
         That of `solve_capped`, likewise. A patch that bears more on average is left out, with a
         warning.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``case, patch, quantity, unit, value``; ``patch`` is empty where a row is of all patches.
     """
+    numbers: dict[tuple[str, str], dict[str, float]] = {}
     if grinding is not None:
-        yield Row(_GRINDING, _ALL, "friction", "1", float(grinding["friction"]))
-        yield Row(_GRINDING, _ALL, "tangential ratio", "1", float(grinding["tangential_ratio"]))
+        friction, ratio = grinding["friction"], grinding["tangential_ratio"]
+        numbers[_GRINDING, ""] = {"friction": float(friction), "tangential ratio": float(ratio)}
     if pressure_cap is not None:
-        yield Row(_CAP, _ALL, "pressure cap", "MPa", float(pressure_cap))
+        numbers[_CAP, ""] = {"pressure cap": float(pressure_cap)}
     for patch, contact in contacts.items():
         source = f"patch {patch}"
         if grinding is not None:
-            yield from slip_rows(patch, solve_slip(contact, source=source, **grinding))
+            slip = solve_slip(contact, source=source, **grinding)
+            numbers[_GRINDING, patch] = slip_numbers(slip)
         if pressure_cap is None:
             continue
         if (mean := float(contact.pressure.mean())) >= pressure_cap:
@@ -201,51 +208,56 @@ def patch_rows(
             )
             continue
         limited = solve_capped(contact, source=source, pressure_cap=pressure_cap)
-        yield from capped_rows(patch, contact, limited)
+        numbers[_STUDY, patch], numbers[_CAP, patch] = capped_numbers(contact, limited)
+    # stable: within a case the rows keep their order
+    cases = sorted(numbers, key=lambda row: (_STUDY, _GRINDING, _CAP).index(row[0]))
+    rows = [
+        (*case, quantity, _UNITS[quantity], value)
+        for case in cases
+        for quantity, value in numbers[case].items()
+    ]
+    return pd.DataFrame(rows, columns=["case", "patch", "quantity", "unit", "value"])
 
 
-def slip_rows(patch: str, slip: xr.Dataset) -> Iterator[Row]:
-    """One patch under a grinding force, from `solve_slip`.
+def slip_numbers(slip: xr.Dataset) -> dict[str, float]:
+    """One patch under a grinding force, from `solve_slip`, by quantity.
 
     The rest of the contact sticks. Without contact the share that slips is NaN.
     """
     sticking, slipping = int(slip.stick.sum()), int(slip.slip.sum())
-    share = slipping / (sticking + slipping) if sticking + slipping else math.nan
-    displacement = float(slip.tangential_displacement)
-    yield Row(_GRINDING, patch, "mean traction", "MPa", float(slip.traction.values.mean()))
-    yield Row(_GRINDING, patch, "slip share", "1", share)
-    yield Row(_GRINDING, patch, "tangential displacement", "um", displacement * 1e3)
+    return {
+        "mean traction": float(slip.traction.values.mean()),
+        "slip share": slipping / (sticking + slipping) if sticking + slipping else math.nan,
+        "tangential displacement": float(slip.tangential_displacement) * 1e3,
+    }
 
 
-def capped_rows(patch: str, contact: Contact, limited: xr.Dataset) -> Iterator[Row]:
+def capped_numbers(
+    contact: Contact, limited: xr.Dataset
+) -> tuple[dict[str, float], dict[str, float]]:
     """One patch without and with a cap on its pressure, from its contact and `solve_capped`.
 
     Without contact, the share at the cap is 0.
     """
-    elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
     at_cap = limited.pressure.values >= float(limited.pressure_cap)
-    deepest = float(np.max(-limited.gap.values[at_cap], initial=0.0))
-    yield Row(_STUDY, patch, "displacement", "um", float(contact.displacement) * 1e3)
-    yield Row(_STUDY, patch, "contact fraction", "1", float(elastic.mean()))
-    yield Row(_STUDY, patch, "peak pressure", "MPa", float(contact.pressure.max()))
-    yield Row(_CAP, patch, "displacement", "um", float(limited.displacement) * 1e3)
-    yield Row(_CAP, patch, "contact fraction", "1", float(plastic.mean()))
-    yield Row(_CAP, patch, "share at the cap", "1", float(limited.capped_fraction))
-    yield Row(_CAP, patch, "deepest yield", "um", deepest * 1e3)
+    elastic = {
+        "displacement": float(contact.displacement) * 1e3,
+        "contact fraction": float((contact.pressure.values > 0).mean()),
+        "peak pressure": float(contact.pressure.max()),
+    }
+    plastic = {
+        "displacement": float(limited.displacement) * 1e3,
+        "contact fraction": float((limited.pressure.values > 0).mean()),
+        "share at the cap": float(limited.capped_fraction),
+        "deepest yield": float(np.max(-limited.gap.values[at_cap], initial=0.0)) * 1e3,
+    }
+    return elastic, plastic
 
 
-def case_table(rows: Iterable[Row]) -> pd.DataFrame:
-    """The table ``cases.csv``: the rows case by case, the study's own first."""
-    cases = [_STUDY, _GRINDING, _CAP]
-    # stable: within a case the rows keep their order
-    ordered = sorted(rows, key=lambda row: cases.index(row.case))
-    return pd.DataFrame(ordered, columns=Row._fields)
-
-
-def _on_grid_of(contact: Contact, found: Mapping) -> xr.Dataset:
+def _on_grid_of(contact: Contact, fields: Mapping) -> xr.Dataset:
     """Fields (y, x) and numbers of a case, with their units."""
     variables = {
-        name: (("y", "x") if np.ndim(value) else (), value) for name, value in found.items()
+        name: (("y", "x") if np.ndim(value) else (), value) for name, value in fields.items()
     }
     on_grid = xr.Dataset(variables, {"y": contact.pressure.y, "x": contact.pressure.x})
     return described(on_grid, _VARIABLES)

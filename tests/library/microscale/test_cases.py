@@ -6,10 +6,9 @@ from contacts import interface, rough
 from gstlib.bem.closed_forms import Sphere
 from gstlib.contact import Load, contact_at_pressure
 from gstlib.microscale.slip_and_cap import (
-    capped_rows,
+    capped_numbers,
     case_table,
-    patch_rows,
-    slip_rows,
+    slip_numbers,
     solve_capped,
     solve_slip,
 )
@@ -29,12 +28,6 @@ def contact():
     return contact_at_pressure(FACES, LOAD, **SOURCE)
 
 
-def values(rows):
-    """The numbers of the rows of one patch, by case and quantity."""
-    table = case_table(rows)
-    return table.set_index(["case", "quantity"]).value
-
-
 # Slip, with Cattaneo and Mindlin's sphere as the closed form.
 
 RADIUS, SPACING, MODULUS, POISSON = 1.0, 0.004, 10000.0, GRINDING["poisson"]
@@ -51,7 +44,7 @@ def sphere():
 def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(sphere, ratio):
     friction = GRINDING["friction"]
     slip = solve_slip(sphere, **GRINDING | {"tangential_ratio": ratio})
-    found = values(slip_rows("7", slip))["grinding"]
+    found = slip_numbers(slip)
     force = 30.0 * sphere.pressure.size * SPACING**2
     exact = Sphere(force, RADIUS, MODULUS)
     radius, stick = exact.contact_radius, exact.stick_radius(ratio)
@@ -88,8 +81,7 @@ def test_coulomb_holds_and_everything_slips_at_the_end(contact):
 def test_a_cap_holds_and_its_rows_agree_with_the_fields(contact):
     hardness = 0.3 * float(contact.pressure.max())
     limited = solve_capped(contact, pressure_cap=hardness)
-    found = values(capped_rows("7", contact, limited))
-    cap, study = found["cap"], found["study"]
+    study, cap = capped_numbers(contact, limited)
     elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
     at_cap = limited.pressure.values == hardness
     assert limited.pressure.max() == hardness
@@ -105,8 +97,8 @@ def test_a_cap_holds_and_its_rows_agree_with_the_fields(contact):
 def test_a_patch_that_no_cap_lets_bear_its_load_is_left_out(contact, caplog):
     """Nothing else is lost: that its mean pressure is too high is known only when it is solved."""
     mean = float(contact.pressure.mean())
-    rows = [*patch_rows({"7": contact}, grinding=GRINDING, pressure_cap=mean)]
-    assert {row.case for row in rows if row.patch} == {"grinding"}
+    table = case_table({"7": contact}, grinding=GRINDING, pressure_cap=mean)
+    assert set(table.case[table.patch == "7"]) == {"grinding"}
     assert caplog.text.count("patch 7") == 1
 
 
@@ -135,7 +127,7 @@ def test_the_cases_asked_for_are_those_that_are_solved(contact):
         (None, PRESSURE_CAP, ["study", "cap"]),
         (GRINDING, PRESSURE_CAP, ["study", "grinding", "cap"]),
     ):
-        table = case_table(patch_rows(patches, grinding=grinding, pressure_cap=hardness))
+        table = case_table(patches, grinding=grinding, pressure_cap=hardness)
         assert list(table.columns) == ["case", "patch", "quantity", "unit", "value"]
         assert table.case.unique().tolist() == cases
         assert table.patch[table.patch != ""].unique().tolist() == ["7", "5"] * bool(cases)
