@@ -68,8 +68,8 @@ def contact_of(height, pressure, gap=None, displacement=0.0, slopes=(0.0, 0.0)):
     gap = 1e-3 * ~touching if gap is None else np.broadcast_to(gap, height.shape)
     mean = float(pressure.mean())
     return Contact(
-        interface(height, slopes=slopes),
-        Load(mean),
+        interface=interface(height, slopes=slopes),
+        load=Load(mean),
         modulus=1e4,
         tolerance=1e-9,
         pressure=height.copy(data=pressure),
@@ -78,4 +78,6 @@ def contact_of(height, pressure, gap=None, displacement=0.0, slopes=(0.0, 0.0)):
         mean_pressure=mean,
         contact_fraction=float(touching.mean()),
         residual=0.0,
+        iterations=0,
+        convolutions=0,
     )

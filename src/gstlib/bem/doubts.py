@@ -8,14 +8,14 @@ import numpy as np
 from .errors import ContactWarning
 from .roughness import slope_of
 
-__all__ = ["fitted_plane", "warn_of_doubts"]
+__all__ = ["FULL", "fitted_plane", "warn_of_doubts"]
 
 # The rim is suspect with more of the force than this, and than so many times its share of the area
 # (measured at 256²: of rough surfaces without waves as long as the grid, alone at a few per cent of
 # contact, 3 to 16 %; of pieces of larger ones, 11 to 37 %; of a flat punch, 21 %).
 _MUCH_ON_RIM, _TIMES_ITS_AREA = 0.15, 2.0
 # Above this contact fraction heights hardly matter; rough stones touch on a few per cent.
-_FULL = 0.95
+FULL = 0.95
 # Slopes of half-spaces are far below this.
 _STEEP = 1.0
 # So much of the heights' variance is that of a plane where a scan was not levelled.
@@ -38,7 +38,7 @@ def warn_of_doubts(state, problem):
             "the surface goes on: say periodic=True if it repeats itself, or lower the heights by "
             "the displacement of what presses around them"
         )
-    if state.contact_fraction > _FULL:
+    if state.contact_fraction > FULL:
         said.append(
             f"{state.contact_fraction:.0%} of the surface touches: are heights and spacing in mm, "
             "and the modulus in MPa?"

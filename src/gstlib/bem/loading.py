@@ -24,7 +24,7 @@ from .solver import ContactProblem
 from .state import ContactState
 from .window import Window, dot
 
-__all__ = ["LoadPath", "load_path"]
+__all__ = ["LoadPath", "curve_table", "load_path"]
 
 # Tolerance of states that are not kept: they give points of a curve, not a field (measured on 13
 # rough patches: all 1040 numbers agree with those at 1e-9 in five digits, the stiffness in four).
@@ -82,21 +82,12 @@ class LoadPath:
     states: tuple[ContactState, ...]
 
     def __repr__(self) -> str:
-        return f"LoadPath({self.displacement.size} states up to {self.final!r})"
+        return f"{type(self).__name__}({self.displacement.size} states up to {self.final!r})"
 
     def table(self) -> "pd.DataFrame":
         """A row for each state, units in the names of its columns."""
-        import pandas as pd  # here: solving needs it not
-
-        return pd.DataFrame(
-            {
-                "displacement_um": 1e3 * self.displacement,
-                "mean_pressure_MPa": self.mean_pressure,
-                "contact_fraction": self.contact_fraction,
-                "stiffness_MPa_per_um": 1e-3 * self.stiffness,
-                "residual": self.residual,
-            }
-        )
+        curve = self.displacement, self.mean_pressure, self.contact_fraction, self.stiffness
+        return curve_table(*curve).assign(residual=self.residual)
 
     def plot(
         self, y: str = "contact_fraction", x: str = "mean_pressure_MPa", axes: Any = None
@@ -186,6 +177,20 @@ def load_path(  # noqa: PLR0913
             name: np.array(values[::-1])
             for name, values in zip(_OF_STATE, zip(*curve, strict=True), strict=True)
         },
+    )
+
+
+def curve_table(displacement, mean_pressure, contact_fraction, stiffness) -> "pd.DataFrame":
+    """A load path, units in the names of its columns; all are of shape (steps,)."""
+    import pandas as pd  # here: solving needs it not
+
+    return pd.DataFrame(
+        {
+            "displacement_um": 1e3 * displacement,
+            "mean_pressure_MPa": mean_pressure,
+            "contact_fraction": contact_fraction,
+            "stiffness_MPa_per_um": 1e-3 * stiffness,
+        }
     )
 
 

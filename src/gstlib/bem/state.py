@@ -70,9 +70,9 @@ class ContactState:
     def __repr__(self) -> str:
         ny, nx = self.pressure.shape
         return (
-            f"ContactState({ny} × {nx} elements, {self.mean_pressure:.4g} MPa, displacement "
-            f"{self.displacement:.4g} mm, contact {self.contact_fraction:.3%}, residual "
-            f"{self.residual:.1e})"
+            f"{type(self).__name__}({ny} × {nx} elements, {self.mean_pressure:.4g} MPa, "
+            f"displacement {self.displacement:.4g} mm, contact {self.contact_fraction:.3%}, "
+            f"residual {self.residual:.1e})"
         )
 
     @property

@@ -9,13 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
+from gstlib.bem.doubts import FULL
 from gstlib.bem.errors import ContactError, ContactWarning, TippingError
-from gstlib.bem.loading import LoadPath, load_path
+from gstlib.bem.loading import load_path
 from gstlib.bem.solver import solve_contact
-from gstlib.bem.state import ContactState
-from gstlib.contact.dataset import FIELDS, NUMBERS
 from gstlib.contact.interface import Interface
 from gstlib.contact.load import Load, from_corner
 from gstlib.contact.state import Contact, ContactPath
@@ -24,10 +22,6 @@ from gstlib.errors import InputError
 __all__ = ["contact_at_pressure", "contact_path", "log_state", "solver_errors"]
 
 _log = logging.getLogger(__name__)
-
-# Contact fraction above which the inputs are suspect: rough stones touch on a few per cent, and in
-# nearly full contact the heights hardly matter.
-_FULL = 0.95
 
 
 def contact_path(
@@ -65,8 +59,9 @@ def contact_path(
     """
     if load.through is not None:
         # ASSUME: on the way to the target load a body has the tilt that it has in the end.
-        solved: dict[str, Any] = {"modulus": modulus, "tolerance": tolerance}
-        interface = contact_at_pressure(interface, load, source=source, **solved).interface
+        interface = contact_at_pressure(
+            interface, load, modulus=modulus, tolerance=tolerance, source=source
+        ).interface
     with solver_errors(source, load):
         path = load_path(
             *interface.for_solver,
@@ -77,13 +72,24 @@ def contact_path(
             tolerance=tolerance,
         )
     log_state(path.final)
-    _check_displacement(path, load, maximum_displacement_um, source)
-    _warn_if_full(path, source)
-    along: dict[str, Any] = {name: getattr(path, name) for name in (*NUMBERS, "stiffness")}
-    if every_step:
-        for name in FIELDS:
-            along[name] = np.stack([_finite(getattr(state, name)) for state in path.states])
-    return ContactPath(_contact(interface, load, modulus, tolerance, path.final), **along)
+    if (needed_um := path.final.displacement * 1e3) > maximum_displacement_um:
+        raise InputError(
+            source,
+            f"the target pressure of {load.mean_pressure:g} MPa cannot be reached within "
+            f"{maximum_displacement_um:g} µm of displacement: it takes {needed_um:.4g} µm",
+            "Lower the load or raise maximum_displacement_um in the config.",
+        )
+    if path.final.contact_fraction > FULL:
+        logging.getLogger("gstlib").warning(
+            "%s: %.0f %% of the surface touches, and rough stones touch on a few per cent: check "
+            "the unit of its heights, the target pressure and the elastic constants",
+            source,
+            100 * path.final.contact_fraction,
+        )
+    final = Contact.of_state(
+        path.final, interface, load=load, modulus=modulus, tolerance=tolerance
+    )
+    return ContactPath(**vars(path) | {"final": final})
 
 
 def contact_at_pressure(
@@ -116,50 +122,7 @@ def contact_at_pressure(
     log_state(state)
     if through is not None:
         interface = interface.tilted(state.tilt)
-    return _contact(interface, load, modulus, tolerance, state)
-
-
-def _check_displacement(
-    path: LoadPath, load: Load, maximum_um: float, source: str | Path
-) -> None:
-    """Refuse a load that takes more displacement than is allowed."""
-    needed_um = path.final.displacement * 1e3
-    if needed_um > maximum_um:
-        raise InputError(
-            source,
-            f"the target pressure of {load.mean_pressure:g} MPa cannot be reached within "
-            f"{maximum_um:g} µm of displacement: it takes {needed_um:.4g} µm",
-            "Lower the load or raise maximum_displacement_um in the config.",
-        )
-
-
-def _warn_if_full(path: LoadPath, source: str | Path) -> None:
-    """Warn where nearly the whole surface touches."""
-    touching = float(path.final.contact_fraction)
-    if touching > _FULL:
-        logging.getLogger("gstlib").warning(
-            "%s: %.0f %% of the surface touches, and rough stones touch on a few per cent: check "
-            "the unit of its heights, the target pressure and the elastic constants",
-            source,
-            100 * touching,
-        )
-
-
-def _contact(
-    interface: Interface, load: Load, modulus: float, tolerance: float, state: ContactState
-) -> Contact:
-    """What came of an interface under a load."""
-    pressure, gap = (
-        xr.DataArray(_finite(getattr(state, name)), interface.height.coords, ("y", "x"))
-        for name in FIELDS
-    )
-    numbers = (float(getattr(state, name)) for name in NUMBERS)
-    return Contact(interface, load, modulus, tolerance, pressure, gap, *numbers)
-
-
-def _finite(field: np.ndarray) -> np.ndarray:
-    """A field (ny, nx) of a contact, NaN in place of infinite where a face is missing."""
-    return np.where(np.isinf(field), np.nan, field)
+    return Contact.of_state(state, interface, load=load, modulus=modulus, tolerance=tolerance)
 
 
 @contextmanager

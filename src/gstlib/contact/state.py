@@ -1,5 +1,6 @@
-"""The state of two faces under a load, and along the path to it; as it is stored."""
+"""The solver's state of an interface under a load, and the path to it; as they are stored."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,17 +8,50 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem.plots import plot_curve, plot_field
-from gstlib.contact.dataset import FIELDS, NUMBERS, PATH, variables
+from gstlib.bem.fields import FIELDS
+from gstlib.bem.loading import LoadPath, curve_table
+from gstlib.bem.state import ContactState
 from gstlib.contact.interface import Interface
 from gstlib.contact.load import Load
 
 __all__ = ["Contact", "ContactPath", "load_path_table"]
 
+# Of the solver's state at one load, and along the path to it: what is stored under the same names.
+_FIELDS = "pressure", "gap"
+_NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
+_CURVE = "displacement", "mean_pressure", "contact_fraction", "stiffness"
+# Prefix of a variable along a load path, beside that of the state at its end.
+_PATH = "path_"
 
-@dataclass(frozen=True)
-class Contact:
-    """The state of an interface at one load.
+# Unit and long name of each variable.
+_VARIABLES = FIELDS | {
+    "height": ("mm", "height of the surface, level"),
+    "counterface": ("mm", "height of the face pressed on it, 0 of a flat"),
+    "slope_y": ("1", "slope along y of the plane that the surface lies on"),
+    "slope_x": ("1", "slope along x of the plane that the surface lies on"),
+    "surroundings": ("mm", "displacement by the macroscale pressures outside the patch"),
+    "placed": ("1", "whether it is pressed among its surroundings, or alone"),
+    "contact_modulus": ("MPa", "contact modulus"),
+    "target_pressure": ("MPa", "mean pressure asked for"),
+    "tolerance": ("1", "largest residual asked for"),
+    "through_y": ("mm", "y of the load point of a body free to tilt, NaN of one that is not"),
+    "through_x": ("mm", "x of the load point of a body free to tilt, NaN of one that is not"),
+    "displacement": ("mm", "far-field displacement from first touch"),
+    "mean_pressure": ("MPa", "mean pressure"),
+    "contact_fraction": ("1", "real over nominal contact area"),
+    "residual": ("1", "largest violation of contact conditions"),
+    "stiffness": ("MPa/mm", "contact stiffness"),
+    "interface_stiffness": ("MPa/mm", "contact stiffness without the cut-out's own compliance"),
+}
+# By the number of dimensions.
+_DIMS: tuple[tuple[str, ...], ...] = ((), ("step",), ("y", "x"), ("step", "y", "x"))
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Contact(ContactState):
+    """The solver's state of an interface at one load, with its fields on the interface's grid.
+
+    Of a contact that was stored, what is not stored is as in a state that took no work.
 
     Attributes
     ----------
@@ -29,106 +63,96 @@ class Contact:
     tolerance : float
         Largest residual asked for, as in `gstlib.bem.solve_contact`.
     pressure, gap : (y, x) xarray.DataArray
-        MPa and mm; NaN where a face is missing.
-    displacement : float
-        Far-field displacement from first touch, mm.
-    mean_pressure, contact_fraction, residual : float
-        MPa, and 1.
+        MPa and mm; the gap is NaN where a face is missing.
     """
 
     interface: Interface
     load: Load
     modulus: float
     tolerance: float
-    pressure: xr.DataArray
-    gap: xr.DataArray
-    displacement: float
-    mean_pressure: float
-    contact_fraction: float
-    residual: float
 
-    def plot(self, field: str = "pressure", axes: Any = None) -> Any:
-        """As `gstlib.bem.ContactState.plot`."""
-        touches = self.pressure > 0
-        shown = touches if field == "pressure" else ~touches
-        return plot_field(field, getattr(self, field), shown, axes)
+    @classmethod
+    def of_state(cls, state: ContactState, interface: Interface, **settings: Any) -> "Contact":
+        """What the solver gives of an interface; `settings` are the other attributes."""
+        fields = {
+            name: xr.DataArray(
+                _finite(getattr(state, name)), interface.height.coords, ("y", "x")
+            )
+            for name in _FIELDS
+        }
+        return cls(**vars(state) | fields, interface=interface, **settings)
 
     def to_dataset(self) -> xr.Dataset:
         """As it is stored, with units and long names."""
         height = self.interface.height
-        numbers = {name: getattr(self, name) for name in NUMBERS}
-        fields = {name: getattr(self, name).values for name in FIELDS}
+        numbers = {name: float(getattr(self, name)) for name in _NUMBERS}
+        fields = {name: getattr(self, name).values for name in _FIELDS}
         settings = {"contact_modulus": self.modulus, "tolerance": self.tolerance}
         parts = self.interface.parts | self.load.parts | settings | numbers | fields
-        return xr.Dataset(variables(parts), coords={"y": height.y, "x": height.x})
+        return xr.Dataset(_variables(parts), coords={"y": height.y, "x": height.x})
 
     @classmethod
     def from_dataset(cls, stored: xr.Dataset) -> "Contact":
         """From what `to_dataset` gives, or `ContactPath.to_dataset`."""
         return cls(
-            Interface.from_dataset(stored),
-            Load.from_dataset(stored),
-            float(stored.contact_modulus),
-            float(stored.tolerance),
-            stored.pressure,
-            stored.gap,
-            *(float(stored[name]) for name in NUMBERS),
+            **{name: stored[name] for name in _FIELDS},
+            **{name: float(stored[name]) for name in _NUMBERS},
+            iterations=0,
+            convolutions=0,
+            interface=Interface.from_dataset(stored),
+            load=Load.from_dataset(stored),
+            modulus=float(stored.contact_modulus),
+            tolerance=float(stored.tolerance),
         )
 
 
-@dataclass(frozen=True)
-class ContactPath:
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactPath(LoadPath):
     """A contact and the path to its load, in equal steps of displacement.
 
     Attributes
     ----------
     final : Contact
         At the end of the path.
-    displacement, mean_pressure, contact_fraction, residual : (step,) ndarray
-        As in `Contact`.
-    stiffness : (step,) ndarray
-        MPa/mm.
     interface_stiffness : (step,) ndarray or None
         MPa/mm, of the interface alone; known of a patch.
-    pressure, gap : (step, ny, nx) ndarray or None
-        MPa and mm, if every step is kept.
     """
 
     final: Contact
-    displacement: np.ndarray
-    mean_pressure: np.ndarray
-    contact_fraction: np.ndarray
-    residual: np.ndarray
-    stiffness: np.ndarray
     interface_stiffness: np.ndarray | None = None
-    pressure: np.ndarray | None = None
-    gap: np.ndarray | None = None
-
-    def plot(
-        self, y: str = "contact_fraction", x: str = "mean_pressure_MPa", axes: Any = None
-    ) -> Any:
-        """Draw a column of `load_path_table` over another, as `gstlib.bem.LoadPath.plot`."""
-        return plot_curve(load_path_table(self.to_dataset()), x, y, axes)
 
     def to_dataset(self) -> xr.Dataset:
         """As it is stored: the contact at the end, and what is along the path as ``path_…``."""
-        known = {}
-        for name in (*NUMBERS, "stiffness", "interface_stiffness", *FIELDS):
-            if (values := getattr(self, name)) is not None:
-                known[name] = values
+        along = {name: getattr(self, name) for name in (*_NUMBERS, "stiffness")}
+        if self.interface_stiffness is not None:
+            along["interface_stiffness"] = self.interface_stiffness
+        if self.states:
+            for name in _FIELDS:
+                along[name] = np.stack([_finite(getattr(state, name)) for state in self.states])
         steps = np.arange(1, len(self.displacement) + 1)
         stored = self.final.to_dataset().assign_coords(step=steps)
-        return stored.assign(variables(known, PATH))
+        return stored.assign(_variables(along, _PATH))
 
 
 def load_path_table(path: xr.Dataset) -> pd.DataFrame:
     """Load path of a contact as stored (`ContactPath.to_dataset`), one row per step."""
-    return pd.DataFrame(
-        {
-            "step": path.step.values,
-            "displacement_um": path.path_displacement.values * 1e3,
-            "mean_pressure_MPa": path.path_mean_pressure.values,
-            "contact_fraction": path.path_contact_fraction.values,
-            "stiffness_MPa_per_um": path.path_stiffness.values * 1e-3,
-        }
-    )
+    table = curve_table(*(path[_PATH + name].values for name in _CURVE))
+    table.insert(0, "step", path.step.values)
+    return table
+
+
+def _finite(field: np.ndarray) -> np.ndarray:
+    """A field (ny, nx) of a contact, NaN in place of infinite where a face is missing."""
+    return np.where(np.isinf(field), np.nan, field)
+
+
+def _variables(values: Mapping[str, Any], prefix: str = "") -> dict[str, tuple]:
+    """Variables with units and long names; their dimensions follow from how many they have."""
+    described = {}
+    for name, value in values.items():
+        units, long_name = _VARIABLES[name]
+        # Nothing is computed from the gap: half of its digits do.
+        value = np.float32(value) if name == "gap" else value
+        attrs = {"units": units, "long_name": long_name}
+        described[prefix + name] = _DIMS[np.ndim(value)], value, attrs
+    return described
