@@ -17,8 +17,8 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
-from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from gst.config.reading import complete, read_config_file, read_study
 from gstlib.errors import InputError
 from gstlib.io.tables import read_table, write_table
 from gstlib.specimen.generate import make_specimens
+from gstlib.specimen.law import wear_depth
 from gstlib.specimen.randomness import (
     ROLL_OFF_MM,
     SpecimenParameters,
@@ -106,7 +107,7 @@ def worn_at_random(stone: Stone) -> np.ndarray:
     # ASSUME: every shift is equally likely, so that on average over shifts the wear has no
     # covariance with any surface.
     generator = stream(stone.parameters.seed, "wear", "placement")
-    depth = stone.wear_depth("summits")
+    depth = stone.worn_by_rules()
     return np.roll(depth, generator.integers(0, len(depth), 2), axis=(0, 1))
 
 
@@ -114,7 +115,7 @@ def worn_in_waves(stone: Stone) -> np.ndarray:
     """Wear of one depth, that of summits, on ``wear_fraction`` in waves longer than a patch."""
     # ASSUME: wear that follows something other than heights, such as the hand's grip, varies over
     # lengths like the stone's. It has one depth, so it is detected wherever it lies.
-    p, depth = stone.parameters, stone.wear_depth("summits")
+    p, depth = stone.parameters, stone.worn_by_rules()
     field = self_affine_field(
         stream(p.seed, "wear", "waves"),
         len(depth),
@@ -127,7 +128,7 @@ def worn_in_waves(stone: Stone) -> np.ndarray:
 
 
 # How a stone can lose height: by the specimen's rule, with no relation to heights, and by law.
-WEARS = {name: methodcaller("wear_depth", name) for name in ("summits", *LAWS)}
+WEARS = {name: partial(wear_depth, placement=name) for name in ("summits", *LAWS)}
 WEARS |= {"random": worn_at_random, "waves": worn_in_waves}
 
 

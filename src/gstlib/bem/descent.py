@@ -31,10 +31,72 @@ _PATIENCE = 80
 _LARGE_ERROR = 0.3
 
 
-# The inner loop: its steps share nearly all of their state.
-def descend(  # noqa: C901, PLR0915
-    window, load, relief, pressure, field, tolerance, error, iterations
-):
+class _Response:
+    """The displacement (mm) of a pressure (MPa) on a window, followed change by change.
+
+    Changes are convolved approximately, so that errors scale with them. `pressure` differs from an
+    admissible one by the last cut, and `field` from its displacement by `error` at most.
+    """
+
+    def __init__(self, window, pressure, field, error):
+        self.window, self.pressure, self.field, self.error = window, pressure, field, error
+
+    def compute(self, pressure):
+        """The displacement of a pressure, approximately."""
+        self.pressure, self.field = pressure, self.window.displacement(pressure)
+        self.error = APPROXIMATION_ERROR * self.field.max()
+
+    def compute_exactly(self, pressure):
+        """The displacement of a pressure, in double precision."""
+        self.pressure, self.field = pressure, self.window.exact_displacement(pressure)
+        self.error = 0.0
+
+    def displacement(self, change):
+        """The displacement of a change, whose error adds to that of the field."""
+        field = self.window.displacement(change)
+        self.error += APPROXIMATION_ERROR * np.abs(field).max()
+        return field
+
+    def cut_to(self, pressure, exactly):
+        """Go to an admissible pressure, of which only the cut is convolved unless exactly."""
+        if exactly:
+            self.compute_exactly(pressure)
+        else:
+            self.field = self.field + self.displacement(pressure - self.pressure)
+            self.pressure = pressure
+
+    def add(self, change, field):
+        """Change the pressure by a change of this displacement."""
+        self.pressure, self.field = self.pressure + change, self.field + field
+
+
+class _Progress:
+    """Which iterations halved the residual, and how many cautious ones are still to come."""
+
+    def __init__(self, iterations):
+        self.halved, self.reached = iterations, math.inf
+        self.lowest_energy, self.cautious = math.inf, 0
+
+    def is_stalled(self, iterations):
+        """Whether the residual has not halved for long; cautious iterations follow then."""
+        if iterations - self.halved <= _PATIENCE or self.cautious:
+            return False
+        self.halved, self.cautious = iterations, _PATIENCE
+        return True
+
+    def reach(self, residual, iterations):
+        """Note a residual."""
+        if residual < 0.5 * self.reached:
+            self.halved, self.reached = iterations, residual
+
+    def compare(self, energy):
+        """Be cautious if the energy rose: bold steps alone may go round in circles."""
+        if energy >= self.lowest_energy:
+            self.cautious = _CAUTIOUS
+        self.lowest_energy = min(energy, self.lowest_energy)
+
+
+def descend(window, load, relief, pressure, field, tolerance, error, iterations):
     """Improve a pressure until the residual of the recurrence is below the tolerance.
 
     Each iteration adds a change whose displacement is computed approximately; errors thus scale
@@ -45,120 +107,111 @@ def descend(  # noqa: C901, PLR0915
     that to start from, and `field` its displacement (mm), known up to `error`, or None; where it is
     known, the pressure is admissible. `iterations` counts on. Returns pressure and iterations.
     """
+    response = _Response(window, pressure, field, error)
     if field is None:
-        pressure = load.scaled(pressure)
-        field = window.displacement(pressure)
-        error = APPROXIMATION_ERROR * field.max()
-    # `field` is the displacement of `convolved`, a pressure that differs from the admissible
-    # `pressure` by the last cut.
-    convolved = pressure
-    preconditioner = window.preconditioner
-    change = change_field = lift = None
-    step = 1.0
-    started, lowest_energy, cautious = False, math.inf, 0
-    halved, reached = iterations, math.inf
+        response.compute(pressure := load.scaled(pressure))
+    progress, last, step, started = _Progress(iterations), None, 1.0, False
     while iterations < MAX_ITERATIONS:
-        opening = field - relief
-        rigid = load.rigid(load.freedoms(pressure, opening))
-        penetration = rigid - opening
-        free = np.where(penetration > 0, pressure < load.pressure_cap, pressure > 0)
-        residual = penetration * free
-        violation = np.abs(residual).max()
-        stalled = iterations - halved > _PATIENCE and not cautious
-        if stalled:
-            halved, cautious, change = iterations, _PATIENCE, None
-        if stalled or error > _LARGE_ERROR * violation:
-            convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
-            lowest_energy = math.inf
+        rigid, penetration, free = _interpenetration(load, pressure, response.field - relief)
+        violation = np.abs(penetration * free).max()
+        stalled = progress.is_stalled(iterations)
+        if stalled or response.error > _LARGE_ERROR * violation:
+            response.compute_exactly(pressure)
+            last, progress.lowest_energy = None if stalled else last, math.inf
             continue
         iterations += 1
         relative = violation / load.deepest(rigid, relief)
         if relative <= tolerance:
             break
-        if relative < 0.5 * reached:
-            halved, reached = iterations, relative
+        progress.reach(relative, iterations)
 
-        preconditioner.fit(free)
-        direction = preconditioner(residual) * free
-        if dot(direction, residual) <= 0:
-            direction = preconditioner.short_range(residual) * free
-        if load.force is not None:
-            # Pressure that a uniform lift adds: the direction along which the load is kept.
-            lift = preconditioner.uniform
-            # Positive but for grids of a few elements; where it carries load it must be.
-            lift = np.maximum(lift, _LEAST_LIFT * lift.max()) * free
-            direction = load.balanced(direction, lift)
-        preconditioned = direction
         # Directions whose displacement is known already: the last change and, unless load or
         # limit hold it, the pressure itself, which sets the level of the whole.
-        scalable = load.force is None and 0 < convolved.max() < load.pressure_cap
-        level = [(convolved, field)] if scalable else []
-        known = level if change is None else [(change, change_field), *level]
-        if known:
-            weights = _energy_weights(known, [dot(direction, image) for _, image in known])
-            direction = preconditioned - _combination(weights, [v for v, _ in known]) * free
-            if load.force is not None:
-                direction = load.balanced(direction, lift)
-            if dot(direction, penetration) <= 0:
-                direction = preconditioned
+        scalable = load.force is None and 0 < response.pressure.max() < load.pressure_cap
+        level = [(response.pressure, response.field)] if scalable else []
+        known = level if last is None else [last, *level]
+        direction, lift = _direction(window.preconditioner, load, penetration, free, known)
         trial = load.admissible(pressure + step * direction, lift)
-        if cautious or dot(penetration, trial - pressure) <= 0:
+        if progress.cautious or dot(penetration, trial - pressure) <= 0:
             gradient = penetration * free / window.half_space.self_influence
             trial = load.admissible(pressure + gradient, free.astype(float))
 
-        change = trial - convolved
-        change_field = window.displacement(change)
-        error += APPROXIMATION_ERROR * np.abs(change_field).max()
-        curvature = dot(change, change_field)
-        if not curvature > 0:
+        change = trial - response.pressure
+        image = response.displacement(change)
+        if not dot(change, image) > 0:
             break  # stuck at rounding; the recomputed residual will show it
-        # The exact line search along the change alone...
-        scale = dot(penetration, change) / curvature
-        if cautious:
+        if progress.cautious:
             # Between one admissible pressure and another: admissible, and of less energy.
-            cautious -= 1
-            scale = min(scale, 1.0)
-            pressure = convolved = convolved + scale * change
-            field = field + scale * change_field
-            change = None
+            progress.cautious -= 1
+            scale = min(dot(penetration, change) / dot(change, image), 1.0)
+            response.add(scale * change, scale * image)
+            pressure, last = response.pressure, None
             continue
-        # ... and together with the level.
-        steps = [(change, change_field), *level]
-        weights = _energy_weights(steps, [dot(vector, penetration) for vector, _ in steps])
-        if weights[0] <= 0 or abs(weights[1:]).sum() > _LARGE_LEVEL:
-            weights = np.array([scale if scale > 0 else 1.0, *[0.0] * len(level)])
+        weights, last = _line_search(penetration, [(change, image), *level])
         step = min(max(weights[0] * step, _SHORTEST_STEP), _LONGEST_STEP)
-
-        change, change_field = (_combination(weights, c) for c in zip(*steps, strict=True))
-        convolved = convolved + change
-        field = field + change_field
+        response.add(*last)
         # What the trial cut stays at its bound.
         inside = (trial > 0) & (trial < load.pressure_cap)
         pressure = load.admissible(
-            np.where(inside, convolved, trial), None if lift is None else lift * inside
+            np.where(inside, response.pressure, trial), None if lift is None else lift * inside
         )
-        cut = pressure - convolved
-        if np.abs(cut).max() > _LARGE_CUT * np.abs(change).max():
+        if np.abs(pressure - response.pressure).max() > _LARGE_CUT * np.abs(last[0]).max():
             if not started:
                 # At the first, most often that of the start, much is still to change.
-                started, convolved, field = True, pressure, window.displacement(pressure)
-                error = APPROXIMATION_ERROR * field.max()
+                started = True
+                response.compute(pressure)
                 continue
             # The first change is large, and so is its error.
-            if math.isinf(lowest_energy):
-                convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
-            else:
-                cut_field = window.displacement(cut)
-                convolved, field = pressure, field + cut_field
-                error += APPROXIMATION_ERROR * np.abs(cut_field).max()
-            # Bold steps alone may go round in circles. An error stays as it is, but for what each
-            # step adds, so that energies can be compared until the field is computed again.
-            given = rigid if load.force is None else 0.0
-            energy = dot(pressure, 0.5 * field - relief - given)
-            if energy >= lowest_energy:
-                cautious = _CAUTIOUS
-            lowest_energy = min(energy, lowest_energy)
+            response.cut_to(pressure, exactly=math.isinf(progress.lowest_energy))
+            # An error stays as it is, but for what each step adds, so that energies can be
+            # compared until the field is computed again.
+            work = rigid if load.force is None else 0.0
+            progress.compare(dot(pressure, 0.5 * response.field - relief - work))
     return pressure, iterations
+
+
+def _interpenetration(load, pressure, opening):
+    """The rigid displacement, how deep the surfaces overlap (mm), and which elements are free."""
+    rigid = load.rigid(load.freedoms(pressure, opening))
+    penetration = rigid - opening
+    free = np.where(penetration > 0, pressure < load.pressure_cap, pressure > 0)
+    return rigid, penetration, free
+
+
+def _direction(preconditioner, load, penetration, free, known):
+    """The direction of the next trial, and the lift that keeps its load, None without a force.
+
+    It is conjugate to the `known` pairs of a direction and its displacement.
+    """
+    residual, lift = penetration * free, None
+    preconditioner.fit(free)
+    direction = preconditioner(residual) * free
+    if dot(direction, residual) <= 0:
+        direction = preconditioner.short_range(residual) * free
+    if load.force is not None:
+        # Pressure that a uniform lift adds: the direction along which the load is kept.
+        lift = preconditioner.uniform
+        # Positive but for grids of a few elements; where it carries load it must be.
+        lift = np.maximum(lift, _LEAST_LIFT * lift.max()) * free
+        direction = load.balanced(direction, lift)
+    if not known:
+        return direction, lift
+    weights = _energy_weights(known, [dot(direction, image) for _, image in known])
+    conjugate = direction - _combination(weights, [vector for vector, _ in known]) * free
+    if load.force is not None:
+        conjugate = load.balanced(conjugate, lift)
+    return (direction if dot(conjugate, penetration) <= 0 else conjugate), lift
+
+
+def _line_search(penetration, steps):
+    """Weights of a change and the level, pairs with their displacements, and what they come to."""
+    weights = _energy_weights(steps, [dot(vector, penetration) for vector, _ in steps])
+    if weights[0] <= 0 or abs(weights[1:]).sum() > _LARGE_LEVEL:
+        # The exact search along the change alone.
+        change, image = steps[0]
+        scale = dot(penetration, change) / dot(change, image)
+        weights = np.array([scale if scale > 0 else 1.0, *[0.0] * (len(steps) - 1)])
+    return weights, [_combination(weights, column) for column in zip(*steps, strict=True)]
 
 
 def _energy_weights(pairs, right):

@@ -11,7 +11,9 @@ __all__ = [
     "ConvergenceError",
     "TippingError",
     "checked_array",
+    "checked_cap",
     "checked_number",
+    "checked_steps",
     "checked_tolerance",
 ]
 
@@ -56,6 +58,17 @@ def checked_tolerance(tolerance: object) -> float:
     if not number < 1:
         raise ContactInputError(f"tolerance must be below 1, got {tolerance}")
     return number
+
+
+def checked_cap(pressure_cap: float, mean_pressure: float) -> float:
+    """A cap on the pressure (MPa), above the mean pressure; infinite for none."""
+    if pressure_cap != math.inf:
+        pressure_cap = checked_number("pressure_cap", pressure_cap, "MPa", positive=True)
+    if mean_pressure >= pressure_cap:
+        raise ContactInputError(
+            f"mean_pressure {mean_pressure:g} MPa is not below pressure_cap {pressure_cap:g} MPa"
+        )
+    return pressure_cap
 
 
 def checked_steps(steps: object) -> int:

@@ -35,6 +35,7 @@ from .errors import (
     ConvergenceError,
     TippingError,
     checked_array,
+    checked_cap,
     checked_number,
     checked_tolerance,
 )
@@ -224,9 +225,8 @@ class ContactProblem:
             raise ContactInputError(
                 "give exactly one of displacement (mm) and mean_pressure (MPa)"
             )
-        if pressure_cap != math.inf:
-            pressure_cap = checked_number("pressure_cap", pressure_cap, "MPa", positive=True)
         if mean_pressure is None:
+            pressure_cap = checked_cap(pressure_cap, 0.0)
             displacement = checked_number("displacement", displacement, "mm")
             if displacement and displacement >= self.full_displacement:
                 raise ContactInputError(
@@ -236,11 +236,7 @@ class ContactProblem:
                 )
             return Load(displacement, None, pressure_cap)
         mean_pressure = checked_number("mean_pressure", mean_pressure, "MPa")
-        if mean_pressure >= pressure_cap:
-            raise ContactInputError(
-                f"mean_pressure {mean_pressure:g} MPa is not below pressure_cap "
-                f"{pressure_cap:g} MPa"
-            )
+        pressure_cap = checked_cap(pressure_cap, mean_pressure)
         return Load(None, mean_pressure * self.relief.size, pressure_cap)
 
     def at_rest(self, force, through):

@@ -25,6 +25,7 @@ from .doubts import warn_of_doubts
 from .errors import (
     ContactInputError,
     checked_array,
+    checked_cap,
     checked_number,
     checked_steps,
     checked_tolerance,
@@ -122,8 +123,8 @@ class WearPath:
         return plot_field("depth", self.depth, self.depth > 0, axes)
 
 
-# Its options are keywords; it is the inner loop of wear, whose steps share their state.
-def wear_path(  # noqa: C901, PLR0913
+# Its options are keywords.
+def wear_path(  # noqa: PLR0913
     heights,
     spacing=None,
     contact_modulus=None,
@@ -194,28 +195,12 @@ def wear_path(  # noqa: C901, PLR0913
     heights, spacing, like = as_given(heights, spacing)
     heights = checked_array("heights", heights, holes=True)
     steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
-    share = third_body.share if third_body else 0.0
-    if not 0 <= share <= 1:
-        raise ContactInputError(f"share of the third body must lie in [0, 1], got {share}")
-    bodies: list[tuple] = [(1 - share, heights, mean_pressure, None)]
-    if third_body:
-        below = heights - np.asarray(rows_first(third_body.lowered))
-        bodies.append((share, below, third_body.mean_pressure, third_body.layer))
-    bodies = [
-        (part, surface, _in_steps(pressure, steps), layer)
-        for part, surface, pressure, layer in bodies
-        if part > 0
-    ]
-    total = sum(part * float(pressures.sum()) for part, _, pressures, _ in bodies)
+    bodies = _bodies(heights, mean_pressure, third_body, steps)
+    total = sum(body.share * float(body.pressures.sum()) for body in bodies)
     if not total > 0:
         raise ContactInputError("mean_pressure must be positive in one step at least (MPa)")
-    if pressure_cap != math.inf:
-        pressure_cap = checked_number("pressure_cap", pressure_cap, "MPa", positive=True)
-    hardest = max(float(pressures.max()) for _, _, pressures, _ in bodies)
-    if hardest >= pressure_cap:
-        raise ContactInputError(
-            f"mean_pressure {hardest:g} MPa is not below pressure_cap {pressure_cap:g} MPa"
-        )
+    highest_mean = max(float(body.pressures.max()) for body in bodies)
+    pressure_cap = checked_cap(pressure_cap, highest_mean)
     mean_loss = _checked_loss(mean_loss, wear_rate, sliding, total / steps)
     relief = float(np.ptp(heights[heights > -math.inf]))
     if mean_loss > relief:
@@ -223,49 +208,90 @@ def wear_path(  # noqa: C901, PLR0913
             f"mean_loss {mean_loss:g} mm is more than the relief of the surface, {relief:g} mm: "
             "nothing would be left of it"
         )
-    # The same sliding in each step, and so the same operators.
-    rates = [part * mean_loss / total for part, *_ in bodies]
-    problems = [
-        ContactProblem(
-            surface, spacing, contact_modulus, springs=rate, layer=layer, periodic=periodic
+    for body in bodies:
+        # The same sliding in each step, and so the same operators.
+        body.rate = body.share * mean_loss / total
+        body.problem = ContactProblem(
+            body.heights,
+            spacing,
+            contact_modulus,
+            springs=body.rate,
+            layer=body.layer,
+            periodic=periodic,
         )
-        for rate, (_, surface, _, layer) in zip(rates, bodies, strict=True)
-    ]
     depth, curve = np.zeros_like(heights), []
-    # The last pressure of each body, and its displacement.
-    starts: list[tuple] = [(None, None)] * len(bodies)
     states, depths, highest = [], [], 0.0
     for step in range(steps):
         reached = []
-        for body, (rate, (_, _, pressures, _)) in enumerate(zip(rates, bodies, strict=True)):
-            load = Load(force=pressures[step] * heights.size, pressure_cap=pressure_cap)
-            last, field = starts[body]
-            state = problems[body].solve(load, tolerance, last, field=field)
-            there, field = problems[body].relief > -math.inf, np.zeros_like(heights)
-            field[there] = state.gap[there] + problems[body].relief[there] + state.displacement
-            starts[body], loss = (state.pressure, field), rate * state.pressure
+        for body in bodies:
+            state = body.press(step, pressure_cap, tolerance)
+            loss = body.rate * state.pressure
             depth += loss
             highest = max(highest, float(state.pressure.max()))
-            lowered = [problem.lowered(loss) for problem in problems]
-            problems = [problem for problem, _ in lowered]
+            lowered = [other.lower(loss) for other in bodies]
             # Kp − w of the worn surface is (K + κI)p − w of that before: the gap is the same.
-            reached.append(_sunk(state, lowered[body][1]))
+            reached.append(_sunk(state, lowered[len(reached)]))
         if keep_states:
             states.append(tuple(state.like(like) for state in reached))
         if keep_depths:
             depths.append(like("depth", depth.copy()))
         curve.append([float(depth.mean())] + [getattr(reached[0], name) for name in _OF_STATE])
-    warn_of_doubts(reached[0], problems[0])
-    names = ("mean_loss", *_OF_STATE)
-    values = (np.array(column) for column in zip(*curve, strict=True))
+    warn_of_doubts(reached[0], bodies[0].problem)
     return WearPath(
         depth=like("depth", depth),
         highest_pressure=highest,
         final=reached[0].like(like),
         states=tuple(states),
         depths=tuple(depths),
-        **dict(zip(names, values, strict=True)),
+        **dict(
+            zip(("mean_loss", *_OF_STATE), map(np.array, zip(*curve, strict=True)), strict=True)
+        ),
     )
+
+
+class _Body:
+    """What presses the surface for a share of the wear: the bare stone or a third body.
+
+    Before the first step it is given its `rate`, wear coefficient × sliding of a step (mm/MPa), and
+    its `problem`, the contact with the surface as worn so far.
+    """
+
+    rate: float
+    problem: ContactProblem
+
+    def __init__(self, share, heights, pressures, layer=None):
+        self.share, self.heights, self.pressures, self.layer = share, heights, pressures, layer
+        self.last_pressure = self.field = None
+
+    def press(self, step, pressure_cap, tolerance):
+        """The contact of a step, from the last pressure and its displacement."""
+        load = Load(force=self.pressures[step] * self.heights.size, pressure_cap=pressure_cap)
+        state = self.problem.solve(load, tolerance, self.last_pressure, field=self.field)
+        relief, self.field = self.problem.relief, np.zeros_like(self.heights)
+        there = relief > -math.inf
+        self.field[there] = state.gap[there] + relief[there] + state.displacement
+        self.last_pressure = state.pressure
+        return state
+
+    def lower(self, loss):
+        """Take a loss (mm) off the surface; how far its summit sank (mm)."""
+        self.problem, sunk = self.problem.lowered(loss)
+        return sunk
+
+
+def _bodies(heights, mean_pressure, third_body, steps):
+    """The bodies that do a share of the wear, the bare stone first."""
+    share = third_body.share if third_body else 0.0
+    if not 0 <= share <= 1:
+        raise ContactInputError(f"share of the third body must lie in [0, 1], got {share}")
+    bodies = []
+    if share < 1:
+        bodies.append(_Body(1 - share, heights, _in_steps(mean_pressure, steps)))
+    if share > 0:
+        below = heights - np.asarray(rows_first(third_body.lowered))
+        pressures = _in_steps(third_body.mean_pressure, steps)
+        bodies.append(_Body(share, below, pressures, third_body.layer))
+    return bodies
 
 
 def _checked_loss(mean_loss, wear_rate, sliding, mean_pressure):

@@ -9,7 +9,7 @@ stiffness are 0, and shares of the contact are NaN.
 from .counterface import check_grid, turned_over
 from .interface import LEVEL, Interface
 from .load import Load, from_corner
-from .solve import contact_at_pressure, contact_path, log_state, solver_errors
+from .solve import contact_at_pressure, contact_path, solve_again
 from .state import Contact, ContactPath, load_path_table
 
 __all__ = [
@@ -23,7 +23,6 @@ __all__ = [
     "contact_path",
     "from_corner",
     "load_path_table",
-    "log_state",
-    "solver_errors",
+    "solve_again",
     "turned_over",
 ]

@@ -3,8 +3,7 @@
 import logging
 import math
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from gstlib.contact.load import Load, from_corner
 from gstlib.contact.state import Contact, ContactPath
 from gstlib.errors import InputError
 
-__all__ = ["contact_at_pressure", "contact_path", "log_state", "solver_errors"]
+__all__ = ["contact_at_pressure", "contact_path", "solve_again"]
 
 _log = logging.getLogger(__name__)
 
@@ -62,16 +61,17 @@ def contact_path(
         interface = contact_at_pressure(
             interface, load, modulus=modulus, tolerance=tolerance, source=source
         ).interface
-    with solver_errors(source, load):
-        path = load_path(
-            *interface.for_solver,
-            modulus,
-            target_pressure=load.mean_pressure,
-            steps=steps,
-            keep_states=every_step,
-            tolerance=tolerance,
-        )
-    log_state(path.final)
+    path = _run(
+        load_path,
+        interface,
+        load,
+        modulus,
+        source,
+        target_pressure=load.mean_pressure,
+        steps=steps,
+        keep_states=every_step,
+        tolerance=tolerance,
+    )
     if (needed_um := path.final.displacement * 1e3) > maximum_displacement_um:
         raise InputError(
             source,
@@ -109,25 +109,46 @@ def contact_at_pressure(
     this one, is where the solver starts.
     """
     through = None if load.through is None else from_corner(load.through, interface.height)
-    with solver_errors(source, load):
-        state = solve_contact(
-            *interface.for_solver,
-            modulus,
-            mean_pressure=load.mean_pressure,
-            through=through,
-            springs=springs,
-            tolerance=tolerance,
-            initial_pressure=initial_pressure,
-        )
-    log_state(state)
+    state = _run(
+        solve_contact,
+        interface,
+        load,
+        modulus,
+        source,
+        mean_pressure=load.mean_pressure,
+        through=through,
+        springs=springs,
+        tolerance=tolerance,
+        initial_pressure=initial_pressure,
+    )
     if through is not None:
         interface = interface.tilted(state.tilt)
     return Contact.of_state(state, interface, load=load, modulus=modulus, tolerance=tolerance)
 
 
-@contextmanager
-def solver_errors(source: str | Path, load: Load) -> Iterator[None]:
-    """Give an `InputError` in the study's words where a solver of `gstlib.bem` gives up.
+def solve_again(
+    contact: Contact,
+    source: str | Path,
+    solver: Callable[..., Any] = solve_contact,
+    **options: Any,
+) -> Any:
+    """What a solver of `gstlib.bem` gives of the interface of a contact, to its tolerance.
+
+    The body stays on its plane; `options` are the solver's. Errors are those of `contact_path`.
+    """
+    pressed = contact.interface, contact.load, contact.modulus
+    return _run(solver, *pressed, source, tolerance=contact.tolerance, **options)
+
+
+def _run(
+    solver: Callable[..., Any],
+    interface: Interface,
+    load: Load,
+    modulus: float,
+    source: str | Path,
+    **options: Any,
+) -> Any:
+    """What a solver gives, logged; an `InputError` in the study's words where it gives up.
 
     Its doubts are for users without a study: here a patch's surroundings are in its heights, a face
     ends where it ends, and `plausibility_warnings` says what is odd.
@@ -135,7 +156,7 @@ def solver_errors(source: str | Path, load: Load) -> Iterator[None]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ContactWarning)
-            yield
+            solved = solver(*interface.for_solver, modulus, **options)
     except TippingError as error:
         y, x = load.through or (math.nan, math.nan)
         raise InputError(
@@ -148,10 +169,7 @@ def solver_errors(source: str | Path, load: Load) -> Iterator[None]:
         raise InputError(
             source, f"its contact could not be solved: {error}", "Look at the surface's figure."
         ) from error
-
-
-def log_state(state: Any) -> None:
-    """Log what a solver found: a state, or the end of a path."""
+    state = getattr(solved, "final", solved)
     _log.info(
         "%g MPa: displacement %.4f µm, contact %.4g %%, residual %.1e, %d iterations",
         state.mean_pressure,
@@ -160,3 +178,4 @@ def log_state(state: Any) -> None:
         state.residual,
         state.iterations,
     )
+    return solved

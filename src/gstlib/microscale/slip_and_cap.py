@@ -14,8 +14,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem.solver import solve_contact
-from gstlib.contact import Contact, log_state, solver_errors
+from gstlib.contact import Contact, solve_again
 from gstlib.surfaces.grid import described
 
 __all__ = ["capped_numbers", "case_table", "slip_numbers", "solve_capped", "solve_slip"]
@@ -110,15 +109,12 @@ def solve_slip(
     The tangential over the normal compliance: K. L. Johnson, *Contact Mechanics* (1985), §7.2.
     """
     pressure, remaining = contact.pressure.values, 1 - tangential_ratio
-    with solver_errors(source, contact.load):
-        reduced = solve_contact(
-            *contact.interface.for_solver,
-            contact.modulus,
-            mean_pressure=remaining * contact.mean_pressure,
-            initial_pressure=remaining * pressure,
-            tolerance=contact.tolerance,
-        )
-    log_state(reduced)
+    reduced = solve_again(
+        contact,
+        source,
+        mean_pressure=remaining * contact.mean_pressure,
+        initial_pressure=remaining * pressure,
+    )
     stick = reduced.contact & (pressure > 0)
     compliance_ratio = (2 - poisson) / (2 * (1 - poisson))
     descent = contact.displacement - reduced.displacement
@@ -148,15 +144,8 @@ def solve_capped(
         depth of the yield; ``displacement`` mm, ``capped_fraction`` (of the contact), ``residual``
         and ``pressure_cap`` MPa.
     """
-    with solver_errors(source, contact.load):
-        state = solve_contact(
-            *contact.interface.for_solver,
-            contact.modulus,
-            mean_pressure=contact.load.mean_pressure,
-            pressure_cap=pressure_cap,
-            tolerance=contact.tolerance,
-        )
-    log_state(state)
+    mean_pressure = contact.load.mean_pressure
+    state = solve_again(contact, source, mean_pressure=mean_pressure, pressure_cap=pressure_cap)
     names = "pressure", "gap", "displacement", "capped_fraction", "residual", "pressure_cap"
     return _on_grid_of(contact, {name: getattr(state, name) for name in names})
 

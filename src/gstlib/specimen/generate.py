@@ -21,7 +21,7 @@ from gstlib.errors import ConfigError
 from gstlib.io.files import write_whole
 from gstlib.io.plu import write_plu
 from gstlib.io.store import write_dataset
-from gstlib.specimen.law import LAWS, load_point_of
+from gstlib.specimen.law import LAWS, load_point_of, wear_depth
 from gstlib.specimen.pebble import OUTER_SIZE_MM
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import (
@@ -156,7 +156,8 @@ def make_specimens(
     around : int
         Elements of the face on every side of the square.
     wear : mapping of str to callable
-        By the specimen's name, what gives the depth that a stone lost, as `Stone.wear_depth` does.
+        By the specimen's name, what gives the depth that a stone lost, as
+        `gstlib.specimen.law.wear_depth` does.
 
     Raises
     ------
@@ -240,7 +241,7 @@ def make_specimen(
 ) -> Specimen:
     """The specimen that the parameters ask for; arguments and errors are as in `make_specimens`."""
     name = parameters.wear_placement
-    wear = {name: lambda stone: stone.wear_depth(name)}
+    wear = {name: partial(wear_depth, placement=name)}
     return make_specimens(patches, parameters, square_mm=square_mm, wear=wear, **grids)[name]
 
 

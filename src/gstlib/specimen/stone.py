@@ -7,14 +7,12 @@ below the cut-off; it exists on the square and a margin, at the spacing of the s
 
 Use does three things. It flattens summits, more so where the macroscale surface is high, but partly
 at random. Chips break out, more of them in the same regions. Grit between the stones removes
-material anywhere, in valleys as on summits. Where these overlap, the deepest counts. Wear can
-instead follow a law: Archard's, with the bare stone or an interlayer.
+material anywhere, in valleys as on summits. Where these overlap, the deepest counts.
 """
 
 import numpy as np
 import scipy
 
-from gstlib.specimen.law import worn_by_law
 from gstlib.specimen.pebble import (
     OUTER_SIZE_MM,
     even_triangulation,
@@ -69,9 +67,6 @@ _CHIPS_PER_MM2, _CHIP_RADIUS_UM, _CHIP_DEPTH_FRACTION = 40.0, 15.0, 0.15
 _CHIP_SPREAD, _CHIP_LARGEST = 0.4, 3.0
 # Loss at any height: share of the area, greatest depth, length over which it varies.
 _VALLEY_FRACTION, _VALLEY_DEPTH_MM, _VALLEY_SIZE_MM = 0.02, 2e-3, 40e-3
-# Mean depth of wear by a law over that of wear on summits, if the square bears all the force.
-# It lies on fewer patches; with as much, T1 no longer looks like T0 on some of them.
-_LAW_FRACTION = 0.5
 
 
 class Stone:
@@ -232,12 +227,8 @@ class Stone:
         vertices[:, 2] += fade * noise
         return vertices, faces
 
-    def wear_depth(self, placement: str) -> np.ndarray:
-        """Depth of the material lost between T0 and T1, mm, float32, on the grid of `detail`.
-
-        `placement` is "summits", or a law: "archard" or "interlayer". Wear by a law has half the
-        mean depth of wear on summits, or less where the square bears a part of the force.
-        """
+    def worn_by_rules(self) -> np.ndarray:
+        """Depth of the material lost between T0 and T1, mm, float32, on the grid of `detail`."""
         p, points = self.parameters, len(self.grid)
         step = max(1, int(_CHANCE_LENGTH_UM / _POINTS_PER_LENGTH / p.scan_spacing_um))
         spacing = step * self.spacing
@@ -271,9 +262,6 @@ class Stone:
         np.maximum(depth, loss, out=depth)
 
         self._break_chips(depth, severity, step)
-        if placement != "summits":
-            mean_loss = _LAW_FRACTION * float(depth.mean())
-            depth = worn_by_law(self, mean_loss, with_interlayer=placement == "interlayer")
         return depth
 
     def _break_chips(self, depth: np.ndarray, severity: np.ndarray, step: int) -> None:

@@ -40,10 +40,9 @@ import scipy
 import xarray as xr
 
 from gstlib.bem.layer import Layer
-from gstlib.bem.solver import solve_contact
 from gstlib.bem.wear import ThirdBody, WearPath, wear_path
 from gstlib.conditions import ARCHARD, Law
-from gstlib.contact import Contact, log_state, solver_errors
+from gstlib.contact import Contact, solve_again
 from gstlib.coupling.embedding import surroundings
 from gstlib.coupling.pressures import covered, unseen
 from gstlib.errors import InputError
@@ -284,28 +283,14 @@ def wear_square(
 
 def wear_contact(contact: Contact, source: str, **options: Any) -> WearPath:
     """Wear the interface of a contact, with the `options` of `gstlib.bem.wear_path`."""
-    with solver_errors(source, contact.load):
-        path = wear_path(
-            *contact.interface.for_solver,
-            contact.modulus,
-            tolerance=contact.tolerance,
-            **options,
-        )
-    log_state(path.final)
+    path: WearPath = solve_again(contact, source, wear_path, **options)
     return path
 
 
 def _under_interlayer(contact: Contact, interlayer: Layer) -> xr.DataArray:
     """Pressure (y, x) on the square under an interlayer before use, MPa."""
-    with solver_errors("macroscale", contact.load):
-        state = solve_contact(
-            *contact.interface.for_solver,
-            contact.modulus,
-            mean_pressure=float(contact.pressure.mean()),
-            layer=interlayer,
-            tolerance=contact.tolerance,
-        )
-    log_state(state)
+    mean_pressure = float(contact.pressure.mean())
+    state = solve_again(contact, "macroscale", mean_pressure=mean_pressure, layer=interlayer)
     return contact.pressure.copy(data=state.pressure)
 
 

@@ -1,13 +1,14 @@
 """The tiny study's specimen, with five patches: one rotated, one at the edge."""
 
 import dataclasses
-from operator import methodcaller
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
 from gstlib.specimen.generate import make_specimen, make_specimens, write_specimen
+from gstlib.specimen.law import wear_depth
 from gstlib.specimen.randomness import SpecimenParameters
 
 CONFIG = Path(__file__).parents[3] / "config"
@@ -33,7 +34,7 @@ def make():
     """Specimens in memory, by where their wear lies."""
 
     def make(patches, parameters, square_mm=5.0):
-        wear = {name: methodcaller("wear_depth", name) for name in ("summits", "archard")}
+        wear = {name: partial(wear_depth, placement=name) for name in ("summits", "archard")}
         return make_specimens(patches, parameters, square_mm=square_mm, grid=50, wear=wear)
 
     return make
