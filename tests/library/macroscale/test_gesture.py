@@ -85,14 +85,6 @@ def test_batches_add_up_to_the_whole(pressed):
         np.testing.assert_allclose(found[name], whole[name], atol=1e-3 * scale, err_msg=name)
 
 
-def test_a_pose_of_twice_the_weight_is_one_that_comes_twice():
-    weighed, twice = stroke().iloc[[0, 3]].assign(weight=[1.0, 2.0]), stroke().iloc[[0, 3, 3]]
-    found, expected = (exposure([posed(poses)]) for poses in (weighed, twice))
-    for name in ("mean_pressure", "touched", "exposure"):
-        scale = float(abs(expected[name]).max())
-        np.testing.assert_allclose(found[name], expected[name], atol=1e-3 * scale, err_msg=name)
-
-
 def test_the_table_has_each_patch_over_the_poses():
     """By hand; the last pose has no weight, so that it is neither the lowest nor the highest."""
     found = xr.Dataset(

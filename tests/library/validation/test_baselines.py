@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.validation.baselines import BASELINES, ORACLE, Others, baseline_depths, volumes_cut
+from gstlib.validation.baselines import BASELINES, ORACLE, Others, baseline_depths
 
 RNG = np.random.default_rng(1)
 HEIGHTS = {patch: 1e-3 * RNG.standard_normal(5000) for patch in "abcd"}
@@ -70,10 +70,3 @@ def test_a_patch_that_bears_nothing_is_spared_by_those_that_know_pressures():
     found = depths(pressure_MPa=0.0, worn_fraction=0.0)
     silent = {name for name, depth in found.items() if not depth.any()}
     assert silent == {"none", "pressure_volume", "pressure_fraction", ORACLE}
-
-
-def test_volumes_that_a_flat_cuts_off_by_brute_force():
-    below = RNG.random(200)
-    places = np.array([0.0, 0.1, 0.5, 0.999, 2.0])
-    expected = [np.maximum(place - below, 0).mean() for place in places]
-    np.testing.assert_allclose(volumes_cut(below, places), expected)

@@ -57,15 +57,6 @@ def test_a_scan_reads_the_reference_where_it_lies():
         assert float(found.pressure[0]) == pytest.approx(5.0 / grid.size)
 
 
-def test_a_mean_of_single_precision_has_the_digits_of_double():
-    pressure = np.random.default_rng(0).lognormal(size=(SQUARE, SQUARE)).astype(np.float32)
-    assert abs(pressure.mean() / pressure.astype(float).mean() - 1) > 1e-9
-    single = square(pressure).astype(np.float32)
-    found = patches_of_reference(single, {"a": Place(1.0, 1.0, 0.0)}, scan(SQUARE))
-    expected = pytest.approx(pressure.astype(float).mean(), rel=1e-12)
-    assert float(found.pressure[0]) == expected
-
-
 def test_points_outside_the_square_are_not_in_contact():
     place = Place(0.1, 0.1, 0.0)
     found = patches_of_reference(square(np.ones((SQUARE, SQUARE))), {"a": place}, scan(32))
