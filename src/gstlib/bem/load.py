@@ -7,11 +7,11 @@ import numpy as np
 
 from .window import dot
 
-__all__ = ["Load"]
+__all__ = ["LoadControl"]
 
 
 @dataclass(frozen=True)
-class Load:
+class LoadControl:
     """Displacement or force control; the other is None.
 
     Attributes
@@ -28,11 +28,11 @@ class Load:
     force: float | None = None
     pressure_cap: float = math.inf
 
-    def coarser(self, relief: np.ndarray) -> "Load":
+    def coarser(self, relief: np.ndarray) -> "LoadControl":
         """The same load on elements twice as long, with their relief (mm)."""
         return self if self.force is None else replace(self, force=self.force / 4)
 
-    def at(self, elements: np.ndarray) -> "Load":
+    def at(self, elements: np.ndarray) -> "LoadControl":
         """The load as elements of these flat indices know it: the vectors below are theirs."""
         return self
 

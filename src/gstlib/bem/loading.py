@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 from .doubts import warn_of_doubts
 from .errors import ContactInputError, checked_number, checked_steps, checked_tolerance
 from .fields import as_given
-from .load import Load
+from .load import LoadControl
 from .plots import plot_curve
 from .solver import ContactProblem
 from .state import ContactState
@@ -146,7 +146,7 @@ def load_path(  # noqa: PLR0913
     pressures = _checked_loads(target_pressure, loads)
     steps = checked_steps(steps) if loads is None else len(pressures)
     tolerance = checked_tolerance(tolerance)
-    final = problem.solve(Load(force=pressures[-1] * problem.relief.size), tolerance)
+    final = problem.solve(LoadControl(force=pressures[-1] * problem.relief.size), tolerance)
     warn_of_doubts(final, problem)
     if not keep_states:
         tolerance = max(tolerance, _CURVE_TOLERANCE)
@@ -154,9 +154,9 @@ def load_path(  # noqa: PLR0913
     stiffness, curve, states = np.zeros(steps), [], []
     # What sets a state, and how fast it grows with the displacement.
     level, rate = final.displacement * np.arange(1, steps + 1) / steps, np.ones(steps)
-    targets = [Load(displacement) for displacement in level]
+    targets = [LoadControl(displacement) for displacement in level]
     if loads is not None:
-        targets = [Load(force=pressure * problem.relief.size) for pressure in pressures]
+        targets = [LoadControl(force=pressure * problem.relief.size) for pressure in pressures]
         level, rate = np.array(pressures), stiffness
     state, tangent = final, None
     for index in reversed(range(steps)):

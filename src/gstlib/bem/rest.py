@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 
 from .errors import ContactInputError, TippingError
-from .load import Load
+from .load import LoadControl
 from .window import dot
 
 __all__ = ["RestingLoad", "checked_point", "resting", "tilted_too_far", "tipping"]
@@ -55,7 +55,7 @@ _FAINT = 1e-3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class RestingLoad(Load):
+class RestingLoad(LoadControl):
     """A force through a point, on a body that is free to tilt.
 
     Its `freedoms` are (c, slope_y, slope_x): displacement at the point (mm) and change of height

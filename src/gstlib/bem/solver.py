@@ -41,7 +41,7 @@ from .errors import (
 )
 from .fields import as_given, rows_first
 from .halfspace import APPROXIMATION_ERROR, HalfSpace
-from .load import Load
+from .load import LoadControl
 from .rest import checked_point, resting, tilted_too_far, tipping
 from .state import ContactState
 from .window import Window
@@ -234,10 +234,10 @@ class ContactProblem:
                     f"in full contact, and {displacement:g} mm say no pressure: give "
                     "mean_pressure (MPa)"
                 )
-            return Load(displacement, None, pressure_cap)
+            return LoadControl(displacement, None, pressure_cap)
         mean_pressure = checked_number("mean_pressure", mean_pressure, "MPa")
         pressure_cap = checked_cap(pressure_cap, mean_pressure)
-        return Load(None, mean_pressure * self.relief.size, pressure_cap)
+        return LoadControl(None, mean_pressure * self.relief.size, pressure_cap)
 
     def at_rest(self, force, through):
         """The problem of the surface as it lies at rest if all is rigid, and its load.

@@ -32,7 +32,7 @@ from .errors import (
 )
 from .fields import as_given, rows_first
 from .layer import Layer
-from .load import Load
+from .load import LoadControl
 from .plots import plot_field
 from .solver import ContactProblem
 from .state import ContactState
@@ -265,7 +265,9 @@ class _Body:
 
     def press(self, step, pressure_cap, tolerance):
         """The contact of a step, from the last pressure and its displacement."""
-        load = Load(force=self.pressures[step] * self.heights.size, pressure_cap=pressure_cap)
+        load = LoadControl(
+            force=self.pressures[step] * self.heights.size, pressure_cap=pressure_cap
+        )
         state = self.problem.solve(load, tolerance, self.last_pressure, field=self.field)
         relief, self.field = self.problem.relief, np.zeros_like(self.heights)
         there = relief > -math.inf

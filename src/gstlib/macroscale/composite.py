@@ -15,7 +15,8 @@ prediction inside a patch needs most (docs/explanation/evidence.md).
 # independently from vertex to vertex.
 # ASSUME: where outlines overlap, the surface is the mean of their scans.
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 
 import numpy as np
 import pandas as pd
@@ -31,7 +32,7 @@ from gstlib.surfaces.footprints import (
     spline_of,
     square_of,
 )
-from gstlib.surfaces.grid import axis_coordinates, make_surface, spacing_of
+from gstlib.surfaces.grid import axis_coordinates, described, make_surface, spacing_of
 from gstlib.surfaces.leveling import Plane, fit_plane, remove_plane
 
 __all__ = ["compose", "compose_grid", "compose_surface", "draw_mesh_errors", "plane_under"]
@@ -43,6 +44,18 @@ _PLANE_POINTS = 24
 _PLANE_DRAWS = 50
 # Sides, in patches, of the field on which the tilt of detail is measured.
 _TILT_PATCHES = 24
+# Where patches lie, and on which planes: unit and long name of each number.
+_LYING = {
+    "x_mm": ("mm", "centre along x"),
+    "y_mm": ("mm", "centre along y"),
+    "rotation_deg": ("degree", "turn"),
+    "offset": ("mm", "height of the plane"),
+    "slope_y": ("1", "slope of the plane along y"),
+    "slope_x": ("1", "slope of the plane along x"),
+    "tilt_mrad": ("mrad", "tilt of the mesh's plane"),
+    "tilt_error_mrad": ("mrad", "standard error of the tilt along each axis"),
+    "known": ("1", "plane known better than by levelling"),
+}
 
 
 def plane_under(
@@ -129,42 +142,27 @@ def compose_surface(
     laid = zip(places.values(), planes, coarse, strict=True)
     level = compose_grid(face.height, laid, patch_mm, spectrum, seed)
     level.attrs = {"units": "mm", "long_name": "height of the composite surface"}
-    described = {"units": "mm", "long_name": "levelled scan on a coarse grid"}
+    of_scan = {"units": "mm", "long_name": "levelled scan on a coarse grid"}
     composite = xr.Dataset(
         {
             "height": level,
             "density": spectrum,
-            "scan": (("patch", "v", "u"), np.array(coarse), described),
+            "scan": (("patch", "v", "u"), np.array(coarse), of_scan),
             "counterface": face.counterface,
             "size_mm": face.size_mm,
             "patch_mm": ((), patch_mm, {"units": "mm", "long_name": "side of a patch"}),
         },
         coords={"patch": list(places)},
     )
-    tilts = {
-        "tilt_mrad": ("mrad", "tilt of the mesh's plane", tilt),
-        "tilt_error_mrad": ("mrad", "standard error of the tilt along each axis", error),
-        "known": ("1", "plane known better than by levelling", known),
-    }
-    numbers = _lying(list(places.values()), planes) | tilts
-    return composite.assign(
-        {
-            name: ("patch", values, {"units": units, "long_name": text})
-            for name, (units, text, values) in numbers.items()
-        }
+    table = pd.DataFrame(
+        [
+            asdict(plane) | place._asdict()
+            for place, plane in zip(places.values(), planes, strict=True)
+        ]
     )
-
-
-def _lying(places: Sequence[Place], planes: Sequence[Plane]) -> dict[str, tuple]:
-    """Where patches lie, and on which planes: unit, long name and values of each number."""
-    return {
-        "x_mm": ("mm", "centre along x", [place.x_mm for place in places]),
-        "y_mm": ("mm", "centre along y", [place.y_mm for place in places]),
-        "rotation_deg": ("degree", "turn", [place.rotation_deg for place in places]),
-        "offset": ("mm", "height of the plane", [plane.offset for plane in planes]),
-        "slope_y": ("1", "slope of the plane along y", [plane.slope_y for plane in planes]),
-        "slope_x": ("1", "slope of the plane along x", [plane.slope_x for plane in planes]),
-    }
+    table = table.assign(tilt_mrad=tilt, tilt_error_mrad=error, known=known)
+    lying = xr.Dataset({name: ("patch", table[name]) for name in _LYING})
+    return composite.assign(described(lying, _LYING).data_vars)
 
 
 def compose(

@@ -184,7 +184,7 @@ def press_poses(
 
     names = "pressure_sum", "highest_pressure", "touched_sum", "exposure"
     sums = {name: np.zeros(height.shape) for name in names}
-    by_pose: dict[str, list] = {name: [] for name in _BY_POSE}
+    by_pose: list[tuple] = []
     kept: dict[int, np.ndarray] = {}
     for pose, contact in zip(poses.itertuples(), contacts, strict=True):
         pressure = np.zeros(height.shape) if contact is None else contact.pressure.values
@@ -201,15 +201,17 @@ def press_poses(
             sums["highest_pressure"] = np.maximum(sums["highest_pressure"], pressure)
         if pose.Index in shown:
             kept[pose.Index] = pressure
-        by_pose["weight"].append(pose.weight)
-        by_pose["displacement"].append(np.nan if contact is None else contact.displacement)
-        by_pose["contact_fraction"].append(0.0 if contact is None else contact.contact_fraction)
-        by_pose["patch_pressure"].append(means @ pressure.ravel())
-        by_pose["patch_exposure"].append(pose.weight * (means @ work.ravel()))
+        state = (
+            (np.nan, 0.0)
+            if contact is None
+            else (contact.displacement, contact.contact_fraction)
+        )
+        of_patches = means @ pressure.ravel(), pose.weight * (means @ work.ravel())
+        by_pose.append((pose.weight, *state, *of_patches))
 
     shown_fields = np.array(list(kept.values())).reshape(-1, *height.shape)
     variables: dict[str, tuple] = {name: (("y", "x"), of) for name, of in sums.items()}
-    for name, values in by_pose.items():
+    for name, values in zip(_BY_POSE, zip(*by_pose, strict=True), strict=True):
         rows = np.array(values)
         variables[name] = (("pose", "patch")[: rows.ndim], rows)
     variables["pressure"] = (("shown", "y", "x"), shown_fields)

@@ -21,9 +21,9 @@ from gstlib.coupling.placement import ALL
 from gstlib.macroscale.composite import compose
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import Place, footprint_weights, places_of, spline_of
-from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.grid import described, make_surface, spacing_of
 from gstlib.surfaces.leveling import Plane, remove_plane
-from gstlib.validation.masks import mask_scores
+from gstlib.validation.masks import mask_counts, mask_scores
 
 __all__ = [
     "composite_heights",
@@ -42,6 +42,10 @@ __all__ = [
 # so near to the other side. 1e-9 takes 5 s more CPU than 1e-4. (Started at the pressure of the
 # draw before, a draw takes three times as long as from coarser grids.)
 _TOLERANCE = 1e-9
+_VARIABLES = {
+    "contact": ("1", "in contact in the single-scale contact"),
+    "pressure": ("MPa", "mean pressure in the single-scale contact"),
+}
 
 
 def composite_heights(
@@ -209,14 +213,12 @@ def patches_of_reference(
         )
         touching.append(values > 0)
         mean.append(values.mean(dtype=float))  # of numbers in single precision
-    there = "in the single-scale contact"
-    touch = {"units": "1", "long_name": f"in contact {there}"}
-    mean_pressure = {"units": "MPa", "long_name": f"mean pressure {there}"}
     variables = {
-        "contact": (("patch", "y", "x"), np.array(touching), touch),
-        "pressure": ("patch", np.array(mean), mean_pressure),
+        "contact": (("patch", "y", "x"), np.array(touching)),
+        "pressure": ("patch", np.array(mean)),
     }
-    return xr.Dataset(variables, coords={"patch": list(places), "y": scan.y, "x": scan.x})
+    on_scans = xr.Dataset(variables, coords={"patch": list(places), "y": scan.y, "x": scan.x})
+    return described(on_scans, _VARIABLES)
 
 
 def two_scales_table(
@@ -253,28 +255,26 @@ def two_scales_table(
                 mask.flat[order[: draw.sum()]] = True
             touching = np.broadcast_to(contact.pressure.values > 0, true.shape)
             for mask, found in zip((touching, highest), counts.values(), strict=True):
-                of = (mask & true).sum(), mask.sum(), true.sum(), true.size
-                found.append(np.array(of))
-            pressure = contact.mean_pressure
-            known.append((patch, pressure, float(at.pressure.mean())))
+                found.append(np.array(mask_counts(mask, true, np.ones_like(true))))
+            known.append((patch, contact.mean_pressure, float(at.pressure.mean())))
         known.append((ALL, np.nan, np.nan))
         for name, found in counts.items():
             pooled = [*found, np.sum(found, axis=0)]
             for (patch, pressure, true_pressure), each in zip(known, pooled, strict=True):
-                own = pressure if name == variant else np.nan
                 _, predicted, touching, points = each
                 scores = mask_scores(*each)
                 rows.append(
                     {
                         "patch": patch,
                         "variant": name,
-                        "pressure_MPa": own,
+                        "pressure_MPa": pressure if name == variant else np.nan,
                         "reference_pressure_MPa": true_pressure,
                         "contact_fraction": predicted / points,
                         "reference_contact_fraction": touching / points,
-                        "precision": float(scores["precision"]),
-                        "recall": float(scores["recall"]),
-                        "f1": float(scores["f1"]),
+                        **{
+                            score: float(scores[score])
+                            for score in ("precision", "recall", "f1")
+                        },
                     }
                 )
     return pd.DataFrame(rows)

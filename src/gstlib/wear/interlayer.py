@@ -12,6 +12,20 @@ from gstlib.wear.archard import WornSquare, driven, seen_depth, wear_contact
 
 __all__ = ["fit_interlayer", "interlayer_misfits"]
 
+_MISFITS = {
+    "visible": ("mm", "mean predicted depth above its median"),
+    "misfit": ("mm2", "sum of squared differences of loss"),
+    "product": ("mm2", "sum of products of these differences in two steps"),
+}
+_RATIO = "1", "coefficient of the interlayer over that of the bare stone"
+_FITTED = {
+    "misfit": _MISFITS["misfit"],
+    "interlayer_ratio": _RATIO,
+    "interlayer_kappa": ("mm/MPa", "κ of other patches, with the interlayer"),
+    "ratio_of_all": _RATIO,
+    "kappa_of_all": ("mm/MPa", "κ of all patches, with the interlayer"),
+}
+
 
 def interlayer_misfits(
     contact: Contact, change: xr.Dataset, worn: WornSquare, patch: str
@@ -45,14 +59,9 @@ def interlayer_misfits(
             found[:, *row, step] = seen.clip(0).mean(), error @ error, 0
             found[2, *row, step - 1] = before @ error
             before = error
-    named = {
-        "visible": ("mm", "mean predicted depth above its median"),
-        "misfit": ("mm2", "sum of squared differences of loss"),
-        "product": ("mm2", "sum of products of these differences in two steps"),
-    }
     dims = path.kappa.dims
-    fields = {name: (dims, values) for name, values in zip(named, found, strict=True)}
-    return described(xr.Dataset(fields, {"reach": path.reach, "ratio": path.ratio}), named)
+    fields = {name: (dims, values) for name, values in zip(_MISFITS, found, strict=True)}
+    return described(xr.Dataset(fields, {"reach": path.reach, "ratio": path.ratio}), _MISFITS)
 
 
 def fit_interlayer(
@@ -113,20 +122,14 @@ def fit_interlayer(
         ratios.append(float(worn.path.ratio[best]))
         kappas.append(kappa[best])
     best = int(all_misfits.sum(axis=1).argmin())
-    misfit_of = {"units": "mm2", "long_name": "sum of squared differences of loss"}
-    ratio_of = {
-        "units": "1",
-        "long_name": "coefficient of the interlayer over that of the bare stone",
-    }
-    kappa_of = {"units": "mm/MPa", "long_name": "κ of other patches, with the interlayer"}
-    of_all = "κ of all patches, with the interlayer"
-    return xr.Dataset(
+    fitted = xr.Dataset(
         {
-            "misfit": (("ratio", "patch"), all_misfits, misfit_of),
-            "interlayer_ratio": ("patch", ratios, ratio_of),
-            "interlayer_kappa": ("patch", kappas, kappa_of),
-            "ratio_of_all": ((), float(worn.path.ratio[best]), ratio_of),
-            "kappa_of_all": ((), float(kappas_of_all[best]), kappa_of | {"long_name": of_all}),
+            "misfit": (("ratio", "patch"), all_misfits),
+            "interlayer_ratio": ("patch", ratios),
+            "interlayer_kappa": ("patch", kappas),
+            "ratio_of_all": float(worn.path.ratio[best]),
+            "kappa_of_all": float(kappas_of_all[best]),
         },
         coords={"ratio": worn.path.ratio, "patch": list(by_patch)},
     )
+    return described(fitted, _FITTED)
