@@ -1,6 +1,5 @@
 """A surface in, a contact dataset out: a path, a pressure alone, and two rough faces."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
@@ -8,7 +7,6 @@ from contacts import around, interface, rough
 from gstlib.contact import Contact, Load, contact_at_pressure, contact_path, turned_over
 from gstlib.errors import InputError
 from gstlib.microscale.patches import with_interface_stiffness
-from matplotlib.figure import Figure
 
 LOAD = Load(50.0)
 SOURCE = {"modulus": 12820.0, "tolerance": 1e-9, "source": "surface.h5"}
@@ -37,13 +35,6 @@ def test_fields_units_and_settings_of_a_path(contact):
         assert (found.final.pressure == pressure[-1]).all()
         for name in ("displacement", "mean_pressure", "contact_fraction", "residual"):
             assert getattr(found.final, name) == getattr(every, name)[-1]
-
-
-def test_a_contact_and_a_path_are_drawn(contact):
-    pressure, curve = contact.final.plot(axes=Figure().subplots()), contact.plot("displacement_um")
-    np.testing.assert_array_equal(pressure.images[0].get_array().filled(0), contact.final.pressure)
-    np.testing.assert_allclose(curve.lines[0].get_ydata(), 1e3 * contact.displacement)
-    plt.close(curve.figure)
 
 
 def same(one, other):

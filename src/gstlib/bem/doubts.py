@@ -30,33 +30,33 @@ def warn_of_doubts(state, problem):
     flat = not relief.min(where=relief > -math.inf, initial=0.0)
     if flat or not state.mean_pressure:
         return
-    said = []
+    doubts = []
     rim = state.rim_fraction
     if rim > max(_MUCH_ON_RIM, _TIMES_ITS_AREA * state.rim_area):
-        said.append(
+        doubts.append(
             f"{rim:.0%} of the force acts on the outer three elements of the grid, too much where "
             "the surface goes on: say periodic=True if it repeats itself, or lower the heights by "
             "the displacement of what presses around them"
         )
     if state.contact_fraction > FULL:
-        said.append(
+        doubts.append(
             f"{state.contact_fraction:.0%} of the surface touches: are heights and spacing in mm, "
             "and the modulus in MPa?"
         )
     every = max(1, *(n // _SAMPLED for n in relief.shape))
     slope = slope_of(relief, problem.half_space.spacing, every)
     if slope > _STEEP:
-        said.append(
+        doubts.append(
             f"the r.m.s. slope is {slope:.2g}, and half-spaces stand for far less than 1: are "
             "heights and spacing in mm?"
         )
     _, share = fitted_plane(relief[::every, ::every], problem.half_space.spacing)
     if share > _TILTED and not any(state.tilt):
-        said.append(
+        doubts.append(
             "the heights are hardly more than an inclined plane, so that one side carries the "
             "force: level them, or let the body rest under a force `through` a point"
         )
-    for doubt in said:
+    for doubt in doubts:
         warnings.warn(doubt, ContactWarning, stacklevel=3)
 
 

@@ -248,10 +248,10 @@ def draw_mesh_errors(
     at = np.stack([y, x], axis=-1)
     linear = scipy.interpolate.LinearNDInterpolator(vertices, errors)
     nearest = scipy.interpolate.NearestNDInterpolator(vertices, errors)
-    found = linear(at)
-    outside = np.isnan(found[..., 0])
-    found[outside] = nearest(at[outside])
-    return np.moveaxis(found, -1, 0)
+    errors_there = linear(at)
+    outside = np.isnan(errors_there[..., 0])
+    errors_there[outside] = nearest(at[outside])
+    return np.moveaxis(errors_there, -1, 0)
 
 
 def _plane_errors(

@@ -241,28 +241,30 @@ def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:
         "touched": sum(part.touched_sum for part in parts) / total,
         "exposure": sum(part.exposure for part in parts),
     }
-    found = of_poses.assign({name: (("y", "x"), np.asarray(of)) for name, of in fields.items()})
-    found = found.assign_coords(y=parts[0].y, x=parts[0].x)
-    found["pressure"] = xr.concat([part.pressure for part in parts], "shown")
-    return described(found, _VARIABLES)
+    exposed = of_poses.assign(
+        {name: (("y", "x"), np.asarray(of)) for name, of in fields.items()}
+    )
+    exposed = exposed.assign_coords(y=parts[0].y, x=parts[0].x)
+    exposed["pressure"] = xr.concat([part.pressure for part in parts], "shown")
+    return described(exposed, _VARIABLES)
 
 
-def exposure_table(found: xr.Dataset, pressures: pd.DataFrame) -> pd.DataFrame:
+def exposure_table(exposed: xr.Dataset, pressures: pd.DataFrame) -> pd.DataFrame:
     """The table ``exposure.csv``: each patch over the gesture, beside its single pose.
 
-    `found` is from `exposure`; `pressures` has ``patch, pressure_MPa``. The result has ``patch,
+    `exposed` is from `exposure`; `pressures` has ``patch, pressure_MPa``. The result has ``patch,
     pressure_MPa`` (in the single pose), ``mean_pressure_MPa, lowest_pressure_MPa,
     highest_pressure_MPa, touched`` (share of the poses), ``exposure_N_per_mm``.
     """
-    weight, pressed = found.weight.values, found.patch_pressure.values
+    weight, pressed = exposed.weight.values, exposed.patch_pressure.values
     table = pd.DataFrame(
         {
-            "patch": found.patch.values,
+            "patch": exposed.patch.values,
             "mean_pressure_MPa": weight @ pressed / weight.sum(),
             "lowest_pressure_MPa": pressed[weight > 0].min(axis=0),
             "highest_pressure_MPa": pressed[weight > 0].max(axis=0),
             "touched": weight @ (pressed > 0) / weight.sum(),
-            "exposure_N_per_mm": found.patch_exposure.values.sum(axis=0),
+            "exposure_N_per_mm": exposed.patch_exposure.values.sum(axis=0),
         }
     )
     return pressures[["patch", "pressure_MPa"]].merge(table, on="patch")

@@ -32,12 +32,12 @@ _ROUNDING = 1e-9
 _LEAST_INSIDE = 0.5
 
 
-def propose_places(found: xr.Dataset, *, size_mm: float, patch_mm: float) -> pd.DataFrame:
+def propose_places(fields: xr.Dataset, *, size_mm: float, patch_mm: float) -> pd.DataFrame:
     """Places to scan in the square, with a warning where there are too few of a kind.
 
     Parameters
     ----------
-    found : xarray.Dataset
+    fields : xarray.Dataset
         ``exposure`` (N/mm) and ``touched`` (share of the poses) by element (y, x) of the face, from
         `gstlib.macroscale.gesture.exposure`.
     size_mm, patch_mm : float
@@ -50,7 +50,7 @@ def propose_places(found: xr.Dataset, *, size_mm: float, patch_mm: float) -> pd.
         place) and ``touched`` (its highest value in the place). E1 is the most exposed; C1 lies
         farthest from what is touched.
     """
-    candidates = _candidates(found, size_mm, patch_mm)
+    candidates = _candidates(fields, size_mm, patch_mm)
     left = {EXPOSED: candidates.exposure.copy(), CONTROL: candidates.away.copy()}
     rows = []
     for kind, count in COUNTS.items():
@@ -103,15 +103,15 @@ class _Candidates(NamedTuple):
         return np.maximum.outer(apart_y, apart_x) - patch_mm + _ROUNDING
 
 
-def _candidates(found: xr.Dataset, size_mm: float, patch_mm: float) -> _Candidates:
-    element, step_x = spacing_of(found)
+def _candidates(fields: xr.Dataset, size_mm: float, patch_mm: float) -> _Candidates:
+    element, step_x = spacing_of(fields)
     centres = _centres(element, size_mm, patch_mm)
-    share_y = _shares(found.y.values, element, centres, patch_mm)
-    share_x = _shares(found.x.values, step_x, centres, patch_mm)
-    exposure = share_y @ found.exposure.values @ share_x.T
+    share_y = _shares(fields.y.values, element, centres, patch_mm)
+    share_x = _shares(fields.x.values, step_x, centres, patch_mm)
+    exposure = share_y @ fields.exposure.values @ share_x.T
     within = share_y > 0, share_x > 0
-    touched = _highest(found.touched.values, *within)
-    untouched = found.touched.values == 0
+    touched = _highest(fields.touched.values, *within)
+    untouched = fields.touched.values == 0
     steps = scipy.ndimage.distance_transform_cdt(untouched, "chessboard")
     away = -element * _highest(-steps, *within)
     return _Candidates(centres, exposure, touched, np.where(touched > 0, 0.0, away))
@@ -174,14 +174,14 @@ class Concentration(NamedTuple):
 
 
 def concentration(
-    found: xr.Dataset, places: pd.DataFrame, *, size_mm: float, patch_mm: float
+    fields: xr.Dataset, places: pd.DataFrame, *, size_mm: float, patch_mm: float
 ) -> Concentration:
     """How the exposure is spread over face, square and places, from `propose_places`.
 
     Warns if most of it lies beside the square.
     """
-    inside = square_of(found.exposure, size_mm).values
-    in_square = float(inside.sum() / found.exposure.sum())
+    inside = square_of(fields.exposure, size_mm).values
+    in_square = float(inside.sum() / fields.exposure.sum())
     if in_square < _LEAST_INSIDE:
         _log.warning(
             "%.0f %% of the exposure lies outside the square, where no place is proposed: move "

@@ -108,18 +108,18 @@ def solve_patches(
             else:
                 over = xr.zeros_like(height) if pressed is None else pressed
                 interface = Interface(height, over)
-            given = interface, Load(float(of[_PRESSURES[variant]][patch]))
+            loaded = interface, Load(float(of[_PRESSURES[variant]][patch]))
             solved: dict[str, Any] = {
                 "modulus": settings.contact_modulus_MPa,
                 "tolerance": settings.tolerance,
                 "source": source,
             }
             if settings.steps is None or variant != variants[0]:
-                yield patch, variant, contact_at_pressure(*given, **solved)
+                yield patch, variant, contact_at_pressure(*loaded, **solved)
                 continue
             most_um = settings.maximum_displacement_um
             path = contact_path(
-                *given, steps=settings.steps, maximum_displacement_um=most_um, **solved
+                *loaded, steps=settings.steps, maximum_displacement_um=most_um, **solved
             )
             yield patch, variant, with_interface_stiffness(path)
 

@@ -231,9 +231,11 @@ def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
     first = int(np.searchsorted(stone.grid, 0.0))
     count = int(stone.square_mm / stone.spacing)
     part = slice(first, first + count)
-    found = make_surface(surface[part, part], stone.spacing, long_name="true height before use")
+    square = make_surface(
+        surface[part, part], stone.spacing, long_name="true height before use"
+    )
     along = stone.grid[part]
-    return found.assign_coords({axis: found[axis].copy(data=along) for axis in "yx"})
+    return square.assign_coords({axis: square[axis].copy(data=along) for axis in "yx"})
 
 
 def make_specimen(

@@ -92,8 +92,8 @@ def score_truth(
         name = f"{axis}_mm"
         off = truth[name].sel(epoch="T0") - stated[name]
         shift = float(off.mean()) * MM_TO_UM
-        found = together[f"shift_{axis}_um"]
-        add("placement", "", [(f"shared shift_{axis}", "um", shift, found)])
+        recovered = together[f"shift_{axis}_um"]
+        add("placement", "", [(f"shared shift_{axis}", "um", shift, recovered)])
     if two_scales is not None:
         of_patches = two_scales.drop_duplicates("patch").set_index("patch")
         known = of_patches.reference_pressure_MPa
@@ -146,16 +146,16 @@ def _level(heights: xr.DataArray) -> np.ndarray:
     return level.values * MM_TO_UM
 
 
-def _height_scores(epoch: str, true: np.ndarray, found: np.ndarray) -> Iterator[_Row]:
+def _height_scores(epoch: str, true: np.ndarray, recovered: np.ndarray) -> Iterator[_Row]:
     """Levelled heights (µm) against the true ones."""
-    yield f"{epoch}Sq", "um", true.std(), found.std()
-    yield f"{epoch}highest", "um", true.max(), found.max()
-    yield f"{epoch}height_rms_error", "um", 0, (found - true).std()
+    yield f"{epoch}Sq", "um", true.std(), recovered.std()
+    yield f"{epoch}highest", "um", true.max(), recovered.max()
+    yield f"{epoch}height_rms_error", "um", 0, (recovered - true).std()
 
 
-def _macroscale_scores(surface: xr.DataArray, found: xr.DataArray) -> Iterator[_Row]:
+def _macroscale_scores(surface: xr.DataArray, recovered: xr.DataArray) -> Iterator[_Row]:
     """The gridded mesh against the true macroscale surface."""
-    true, heights = _level(surface), _level(found)
+    true, heights = _level(surface), _level(recovered)
     yield from _height_scores("", true, heights)
     flat = heights.std() == 0 or true.std() == 0
     correlation = math.nan if flat else np.corrcoef(true.ravel(), heights.ravel())[0, 1]
@@ -165,12 +165,12 @@ def _macroscale_scores(surface: xr.DataArray, found: xr.DataArray) -> Iterator[_
 def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterator[_Row]:
     """A prepared scan: the tilt removed, the points filled, the outliers found."""
     outlier, unmeasured = at.outlier.values, at.unmeasured.values
-    found = scan["outlier"].values.astype(bool)
+    recovered = scan["outlier"].values.astype(bool)
     yield f"{epoch} tilt_x", "mrad", at.plane_x_mrad, scan.attrs["tilt_x_mrad"]
     yield f"{epoch} tilt_y", "mrad", at.plane_y_mrad, scan.attrs["tilt_y_mrad"]
     yield f"{epoch} filled", "1", unmeasured.sum(), scan["filled"].values.sum()
-    yield f"{epoch} outlier_precision", "1", 1, _mean(outlier[found])
-    yield f"{epoch} outlier_recall", "1", 1, _mean(found[outlier])
+    yield f"{epoch} outlier_precision", "1", 1, _mean(outlier[recovered])
+    yield f"{epoch} outlier_recall", "1", 1, _mean(recovered[outlier])
     scale_um = scan.attrs.get("outlier_scale_um", math.nan)
     if math.isnan(scale_um):  # the window rule has no scale of the surroundings
         return
@@ -178,7 +178,7 @@ def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterato
     heights, high = scan["measured"].values, np.zeros_like(outlier)
     least = _STANDS_OUT * scale_um / MM_TO_UM
     is_good = ~(outlier | unmeasured)
-    for row, column in np.argwhere(outlier & ~found):
+    for row, column in np.argwhere(outlier & ~recovered):
         rows, columns = (slice(max(i - _AROUND, 0), i + _AROUND + 1) for i in (row, column))
         good = heights[rows, columns][is_good[rows, columns]]
         stands_out = heights[row, column] - np.median(good) > least if good.size else True
@@ -197,14 +197,14 @@ def _use_scores(truth: Mapping[str, float], use: pd.DataFrame | None) -> Iterato
             yield name, "mm", truth[f"use_{true}_mm"], recovered[name]
 
 
-def _registration_scores(at: xr.Dataset, found: dict) -> Iterator[_Row]:
+def _registration_scores(at: xr.Dataset, recovered: dict) -> Iterator[_Row]:
     """The position found for T1, along the axes of the T0 scan."""
     t0, t1 = (Place.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     shift_y, shift_x = relocation(t0, t1)
     for axis, shift in (("x", shift_x), ("y", shift_y)):
-        yield f"shift_{axis}", "um", shift * MM_TO_UM, found[f"shift_{axis}_um"]
-    yield "rotation", "deg", t1.rotation_deg - t0.rotation_deg, found["rotation_deg"]
-    yield "overlap", "1", at.overlap, found["overlap"]
+        yield f"shift_{axis}", "um", shift * MM_TO_UM, recovered[f"shift_{axis}_um"]
+    yield "rotation", "deg", t1.rotation_deg - t0.rotation_deg, recovered["rotation_deg"]
+    yield "overlap", "1", at.overlap, recovered["overlap"]
 
 
 def _wear_scores(at: xr.Dataset, registered: xr.Dataset) -> Iterator[_Row]:

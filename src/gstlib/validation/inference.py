@@ -104,7 +104,7 @@ def exchange_p_value(gain: np.ndarray, generator: np.random.Generator) -> float:
     """
     if gain.size < 2 or not gain.any():
         return math.nan
-    found = scipy.stats.permutation_test(
+    test = scipy.stats.permutation_test(
         (gain, np.zeros_like(gain)),
         lambda a, b, axis: (a - b).mean(axis=axis),
         permutation_type="samples",
@@ -112,7 +112,7 @@ def exchange_p_value(gain: np.ndarray, generator: np.random.Generator) -> float:
         vectorized=True,
         rng=generator,
     )
-    return float(found.pvalue)
+    return float(test.pvalue)
 
 
 def rank_correlation(

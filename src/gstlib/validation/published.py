@@ -14,11 +14,11 @@ def figures_to_compare(
     `gstlib.coupling.pressures.couple_scales`. The patch is empty except for patch pressures.
     """
     final = macroscale.iloc[-1]
-    found = {
+    figures = {
         ("displacement", ""): float(final.displacement_um),
         ("mean pressure", ""): float(final.mean_pressure_MPa),
         ("contact fraction", ""): float(final.contact_fraction),
     }
     for row in pressures.itertuples():
-        found["patch pressure", str(row.patch)] = float(row.pressure_MPa)
-    return found
+        figures["patch pressure", str(row.patch)] = float(row.pressure_MPa)
+    return figures

@@ -164,36 +164,36 @@ def score_patch(
     return ScoredPatch(row, untested, list(models.values()), bands, places)
 
 
-def by_chance(found: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
+def by_chance(scored: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
     """MCC of each patch that can be tested, by patch: in place, then by chance.
 
     See `gstlib.validation.nulls.swapped_mcc`.
     """
     predicted = {}
-    for one in found:
+    for one in scored:
         marked, _, _ = one.places.masks()
         if marked.any():
             predicted[one.row["patch"]] = one.places
-    tested = [one.row["patch"] for one in found if not one.untested]
+    tested = [one.row["patch"] for one in scored if not one.untested]
     return {patch: swapped_mcc(patch, predicted) for patch in tested}
 
 
 def score_tables(
-    found: Sequence[ScoredPatch], in_statistics: Mapping[str, bool]
+    scored: Sequence[ScoredPatch], in_statistics: Mapping[str, bool]
 ) -> dict[str, pd.DataFrame]:
     """The tables ``patches``, ``wear`` and ``profile``; empty without patches.
 
     `in_statistics` says which patches enter the statistics.
     """
     patches = []
-    for one in found:
+    for one in scored:
         patch = one.row["patch"]
         first = {"patch": patch, "in_statistics": in_statistics[patch]}
         patches.append(first | one.row | {"untested": one.untested})
-    wear = pd.DataFrame([row for one in found for row in one.models])
+    wear = pd.DataFrame([row for one in scored for row in one.models])
     if INTERLAYER not in set(wear.get("model", [])):  # only that of an interlayer is compared
         wear = wear.drop(columns="out_of_contact_um", errors="ignore")
-    profile = pd.DataFrame([row for one in found for row in one.bands])
+    profile = pd.DataFrame([row for one in scored for row in one.bands])
     return {"patches": pd.DataFrame(patches), "wear": wear, "profile": profile}
 
 

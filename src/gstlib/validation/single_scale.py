@@ -150,7 +150,7 @@ def press_whole(
     its plane, and ``pressure`` MPa (y, x), in single precision.
     """
     pressed, pressure_MPa = placed_whole(heights, contact)
-    found = contact_at_pressure(
+    solved = contact_at_pressure(
         Interface.on_flat(pressed),
         Load(pressure_MPa),
         modulus=contact.modulus,
@@ -158,7 +158,7 @@ def press_whole(
         source=source,
     ).to_dataset()
     level = remove_plane(heights)[0].assign_attrs(heights.attrs)
-    return found.assign(height=level)[["height", "pressure"]].astype(np.float32)
+    return solved.assign(height=level)[["height", "pressure"]].astype(np.float32)
 
 
 def placed_whole(heights: xr.DataArray, contact: Contact) -> tuple[xr.DataArray, float]:
@@ -254,12 +254,12 @@ def two_scales_table(
             for mask, draw in zip(highest, true, strict=True):
                 mask.flat[order[: draw.sum()]] = True
             touching = np.broadcast_to(contact.pressure.values > 0, true.shape)
-            for mask, found in zip((touching, highest), counts.values(), strict=True):
-                found.append(np.array(mask_counts(mask, true, np.ones_like(true))))
+            for mask, counted in zip((touching, highest), counts.values(), strict=True):
+                counted.append(np.array(mask_counts(mask, true, np.ones_like(true))))
             known.append((patch, contact.mean_pressure, float(at.pressure.mean())))
         known.append((ALL, np.nan, np.nan))
-        for name, found in counts.items():
-            pooled = [*found, np.sum(found, axis=0)]
+        for name, counted in counts.items():
+            pooled = [*counted, np.sum(counted, axis=0)]
             for (patch, pressure, true_pressure), each in zip(known, pooled, strict=True):
                 _, predicted, touching, points = each
                 scores = mask_scores(*each)

@@ -188,8 +188,8 @@ def _depth_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
     errors = errors.loc[list(dict.fromkeys(scored.patch))]
     for model in _PREDICTIONS:
         if model in errors:
-            found = _relative_to_best(errors, model, draws)
-            yield model, "relative_to_best(map_error)", *found
+            relative = _relative_to_best(errors, model, draws)
+            yield model, "relative_to_best(map_error)", *relative
 
 
 def _relative_to_best(errors: pd.DataFrame, model: str, draws: Draws) -> tuple[Estimate, str]:

@@ -345,11 +345,11 @@ def _pressed_in_poses(
             tolerance=contact.tolerance,
             patch_mm=patch_mm,
         )
-        found = exposure([batch])
-        if not float(found.exposure.mean()) > 0:
+        exposed = exposure([batch])
+        if not float(exposed.exposure.mean()) > 0:
             raise InputError("gesture", "no pose presses the stone", "Correct its poses.")
-        lost = kappa / steps * target / float(found.exposure.mean())
-        depth = lost * found.exposure.values
+        lost = kappa / steps * target / float(exposed.exposure.mean())
+        depth = lost * exposed.exposure.values
         pressed[0, step + 1] = pressed[0, step] + means @ depth.ravel()
         height = height.copy(data=height.values - depth)
     return np.linspace(0, kappa, steps + 1), pressed

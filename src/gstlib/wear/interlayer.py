@@ -43,7 +43,7 @@ def interlayer_misfits(
     lost = -change.change.values[known]
     path, steps = worn.path.sel(patch=patch), worn.path.sizes["step"] - 1
     shape = path.kappa.shape[:2]
-    found = np.zeros((3, *shape, steps + 1))
+    misfits = np.zeros((3, *shape, steps + 1))
     for row in np.ndindex(shape):
         at = path.isel(reach=row[0], ratio=row[1])
         total, options = driven(contact, worn, at, float(at.kappa[-1]))
@@ -52,15 +52,15 @@ def interlayer_misfits(
             options["keep_depths"] = True
             depths = wear_contact(contact, f"patch {patch}", **options).depths
         before = -lost
-        found[1, *row, 0] = before @ before
+        misfits[1, *row, 0] = before @ before
         for step, depth in enumerate(depths, start=1):
             seen = seen_depth(depth[known])
             error = seen - lost
-            found[:, *row, step] = seen.clip(0).mean(), error @ error, 0
-            found[2, *row, step - 1] = before @ error
+            misfits[:, *row, step] = seen.clip(0).mean(), error @ error, 0
+            misfits[2, *row, step - 1] = before @ error
             before = error
     dims = path.kappa.dims
-    fields = {name: (dims, values) for name, values in zip(_MISFITS, found, strict=True)}
+    fields = {name: (dims, values) for name, values in zip(_MISFITS, misfits, strict=True)}
     return described(xr.Dataset(fields, {"reach": path.reach, "ratio": path.ratio}), _MISFITS)
 
 
@@ -91,7 +91,7 @@ def fit_interlayer(
         patch: interlayer_misfits(contacts[patch], changes[patch], worn, patch)
         for patch in worn.fitted_to
     }
-    found = xr.concat(by_patch.values(), pd.Index(by_patch, name="patch"))
+    misfits = xr.concat(by_patch.values(), pd.Index(by_patch, name="patch"))
     measured = worn.path.measured.sel(patch=list(by_patch)).values
 
     def misfit(of: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
@@ -99,7 +99,7 @@ def fit_interlayer(
         kappas, errors = [], []
         for ratio in worn.path.ratio.values:
             where = {"ratio": ratio, "reach": reach}
-            at, kappa = found.sel(where), worn.path.kappa.sel(where).values
+            at, kappa = misfits.sel(where), worn.path.kappa.sel(where).values
             visible = at.visible[of].sum("patch")
             place = np.interp(measured[of].sum(), visible, np.arange(kappa.size))
             low = min(int(place), kappa.size - 2)

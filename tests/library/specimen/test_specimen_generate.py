@@ -9,7 +9,7 @@ from gstlib.errors import ConfigError, InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
-from gstlib.specimen.scanning import place_scans, sample
+from gstlib.specimen.scanning import sample
 from gstlib.specimen.stone import Stone
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import make_surface, spacing_of
@@ -138,21 +138,6 @@ def test_t1_is_the_worn_stone(specimen, truth, parameters):
     left = as_on_stone(specimen.scans["13", "T1"], at) - level(fresh - lost)
     left = (left - np.nanmedian(left))[~(at.outlier | at.unmeasured).values]
     assert np.abs(left).max() * 1e3 < 6 * parameters.noise_um
-
-
-def test_scans_lie_about_their_nominal_places(truth, patches, parameters):
-    for axis in "xy":
-        np.testing.assert_array_equal(truth[f"nominal_{axis}_mm"], patches[f"{axis}_mm"])
-        error = truth[f"{axis}_mm"].sel(epoch="T0") - truth[f"nominal_{axis}_mm"]
-        assert 0 < np.abs(error).max() < 5e-3 * parameters.placement_error_um
-    turns = truth.rotation_deg - patches.rotation_deg.to_numpy()[:, None]
-    assert 0 < np.abs(turns).max() < 0.5
-    assert sorted(truth.overlap.values < 0.7) == [False] * 4 + [True]
-    nominal = Place(3.0, 2.0, 0.0)
-    for error, same in (("relocation", [False, True]), ("placement", [True, False])):
-        exact = dataclasses.replace(parameters, **{f"{error}_error_um": 0.0})
-        t0, t1 = place_scans("a", nominal, exact, square_mm=5.0, poor_overlap=False)
-        assert [t0[:2] == nominal[:2], t1[:2] == t0[:2]] == same
 
 
 def test_what_cannot_be_made_is_refused(make, patches, parameters):

@@ -6,7 +6,6 @@ import pytest
 import xarray as xr
 from gstlib.specimen.score import score_truth
 from gstlib.surfaces.grid import make_surface
-from scipy.ndimage import label
 
 
 @pytest.fixture
@@ -90,22 +89,6 @@ def test_every_perturbed_stage_shows(truth, results):
     assert errors(table, "T0 filled", "5") > 30
     assert errors(table, "T0 outlier_precision", "5") < -0.5
     assert errors(table, "loss_recall", "7") < -0.2
-
-
-def test_left_over_spikes_are_counted_once_each_where_they_stand_up(truth, results):
-    surface = results["scans"]["5", "T1"]
-    outlier = surface.outlier.values
-    surface["outlier"] = surface.outlier & False
-    down = np.arange(outlier.shape[1]) < 20
-    surface["measured"] = surface.measured - 0.06 * (surface.filled.copy(data=outlier) & down)
-    table = score_truth(truth, **results)
-    left = errors(table, "T1 leftover_spikes", "5")
-    assert left == label(outlier & ~down, np.ones((3, 3)))[1] > 10
-    assert errors(table, "T1 outlier_recall", "5") == -1
-    assert np.isnan(errors(table, "T1 outlier_precision", "5"))
-    surface.attrs["outlier_scale_um"] = np.nan  # of a rule that has none
-    table = score_truth(truth, **results)
-    assert not ((table.quantity == "T1 leftover_spikes") & (table.patch == "5")).any()
 
 
 def test_shallow_traces_are_neither_false_nor_missed_and_only_the_overlap_counts(truth, results):

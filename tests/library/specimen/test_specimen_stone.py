@@ -74,17 +74,6 @@ def test_means_over_the_face_are_those_of_the_true_surface_in_the_square(stone, 
     assert abs(np.nanmean(beyond)) < 1e-4
 
 
-def test_spectrum_goes_on_across_the_cut_off(stone, parameters):
-    """Densities just above and below the cut-off fit one power law."""
-    cut = 1 / parameters.cut_off_wavelength_mm
-    below, density_below = radial_density(stone.waviness, stone.waviness_spacing)
-    above, density_above = radial_density(stone.detail.astype(float), stone.spacing)
-    law = -2 - 2 * parameters.hurst_exponent
-    low, high = (below > 0.6 * cut) & (below < 0.9 * cut), (above > 1.2 * cut) & (above < 6 * cut)
-    constant = np.mean(density_above[high] / above[high] ** law)
-    assert constant / np.mean(density_below[low] / below[low] ** law) == pytest.approx(1, abs=0.25)
-
-
 def test_mesh_is_closed_and_looks_out_and_its_use_face_up(specimen):
     mesh = specimen.mesh
     assert mesh.is_watertight
