@@ -1,7 +1,6 @@
 """Two faces as they are pressed on each other."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -62,19 +61,6 @@ class Interface:
         plane = Plane(0.0, float(stored.slope_y), float(stored.slope_x))
         around = stored.surroundings.values if bool(stored.placed) else None
         return cls(stored.height, stored.counterface, plane, around)
-
-    @property
-    def parts(self) -> dict[str, Any]:
-        """What it consists of, by the names under which `from_dataset` reads it."""
-        alone = self.surroundings is None
-        return {
-            "height": self.height.values,
-            "counterface": self.counterface.values,
-            "surroundings": np.zeros(self.height.shape) if alone else self.surroundings,
-            "slope_y": self.plane.slope_y,
-            "slope_x": self.plane.slope_x,
-            "placed": not alone,
-        }
 
     @property
     def laid(self) -> xr.DataArray:

@@ -1,6 +1,5 @@
 """What presses two faces on each other: a mean pressure, and the point through which it acts."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -33,19 +32,6 @@ class Load(NamedTuple):
         """A force (N) on a surface."""
         area = surface.size * float(np.prod(spacing_of(surface)))
         return cls(force_N / area, through)
-
-    @classmethod
-    def from_dataset(cls, stored: xr.Dataset) -> "Load":
-        """From what `gstlib.contact.Contact.to_dataset` gives."""
-        through = float(stored.through_y), float(stored.through_x)
-        is_free = not math.isnan(through[0])
-        return cls(float(stored.target_pressure), through if is_free else None)
-
-    @property
-    def parts(self) -> dict[str, float]:
-        """What it consists of, by the names under which `from_dataset` reads it."""
-        y, x = self.through or (math.nan, math.nan)
-        return {"target_pressure": self.mean_pressure, "through_y": y, "through_x": x}
 
 
 def from_corner(place: tuple[float, float], surface: xr.DataArray) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """The solver's state of an interface under a load, and the path to it; as they are stored."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -84,23 +85,39 @@ class Contact(ContactState):
 
     def to_dataset(self) -> xr.Dataset:
         """As it is stored, with units and long names."""
-        height = self.interface.height
-        numbers = {name: float(getattr(self, name)) for name in _NUMBERS}
-        fields = {name: getattr(self, name).values for name in _FIELDS}
-        settings = {"contact_modulus": self.modulus, "tolerance": self.tolerance}
-        parts = self.interface.parts | self.load.parts | settings | numbers | fields
-        return xr.Dataset(_variables(parts), coords={"y": height.y, "x": height.x})
+        face, surroundings = self.interface, self.interface.surroundings
+        through_y, through_x = self.load.through or (math.nan, math.nan)
+        values = {
+            "height": face.height.values,
+            "counterface": face.counterface.values,
+            "surroundings": np.zeros(face.height.shape)
+            if surroundings is None
+            else surroundings,
+            "slope_y": face.plane.slope_y,
+            "slope_x": face.plane.slope_x,
+            "placed": surroundings is not None,
+            "target_pressure": self.load.mean_pressure,
+            "through_y": through_y,
+            "through_x": through_x,
+            "contact_modulus": self.modulus,
+            "tolerance": self.tolerance,
+            **{name: float(getattr(self, name)) for name in _NUMBERS},
+            **{name: getattr(self, name).values for name in _FIELDS},
+        }
+        return xr.Dataset(_variables(values), coords={"y": face.height.y, "x": face.height.x})
 
     @classmethod
     def from_dataset(cls, stored: xr.Dataset) -> "Contact":
         """From what `to_dataset` gives, or `ContactPath.to_dataset`."""
+        through = float(stored.through_y), float(stored.through_x)
+        is_free = not math.isnan(through[0])
         return cls(
             **{name: stored[name] for name in _FIELDS},
             **{name: float(stored[name]) for name in _NUMBERS},
             iterations=0,
             convolutions=0,
             interface=Interface.from_dataset(stored),
-            load=Load.from_dataset(stored),
+            load=Load(float(stored.target_pressure), through if is_free else None),
             modulus=float(stored.contact_modulus),
             tolerance=float(stored.tolerance),
         )

@@ -125,7 +125,7 @@ def test_a_force_near_the_border_of_a_large_grid(through):
     assert state.convolutions <= 30
 
 
-@pytest.mark.parametrize("count", [830, 1000, 1500, 2048])
+@pytest.mark.parametrize("count", [830, 1500])
 @pytest.mark.parametrize("form", ["square", "disc"])
 def test_a_point_is_inside_on_grids_of_any_size(count, form):
     """Its middle and places all over it are, its border too; 1e-5 elements beyond is not."""
