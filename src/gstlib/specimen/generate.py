@@ -34,7 +34,7 @@ from gstlib.specimen.scanning import (
 )
 from gstlib.specimen.stone import MARGIN_MM, Stone
 from gstlib.surfaces.footprints import Place
-from gstlib.surfaces.grid import axis_coordinates, make_surface, spacing_of
+from gstlib.surfaces.grid import axis_coordinates, described, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
 if TYPE_CHECKING:
@@ -52,8 +52,14 @@ _HEIGHT_STEP_MM = 2.0**-20
 # ASSUME: the generated active tool is as round as the default study's active tool.
 _ACTIVE_RADIUS_MM = 200.0
 
-# What is true of a patch: units and meaning.
+# What is true of the surface, and of each patch: units and meaning.
 _TRUTH = {
+    "macroscale_height": (
+        "mm",
+        "mean over each element of the surface without wavelengths below the cut-off, plane not "
+        "removed",
+    ),
+    "face_height": ("mm", "mean over each element of the face before use"),
     "x_mm": ("mm", "true centre of the scan along x"),
     "y_mm": ("mm", "true centre of the scan along y"),
     "rotation_deg": ("degree", "true turn of the scan, x towards y"),
@@ -292,39 +298,25 @@ def _truth(
     along_square = axis_coordinates(grid, spacing)
     along_face = axis_coordinates(grid + 2 * around, spacing) - around * spacing
     along_scan = axis_coordinates(p.scan_points, p.scan_spacing_mm)
-    meaning = (
-        "mean over each element of the surface without wavelengths below the cut-off, plane not "
-        "removed"
-    )
     variables: dict[str, tuple] = {
-        "macroscale_height": (
-            ("macroscale_y", "macroscale_x"),
-            stone.macroscale_means(grid),
-            {"units": "mm", "long_name": meaning},
-        ),
-        "face_height": (
-            ("face_y", "face_x"),
-            stone.face_means(grid, around),
-            {"units": "mm", "long_name": "mean over each element of the face before use"},
-        ),
+        "macroscale_height": (("macroscale_y", "macroscale_x"), stone.macroscale_means(grid)),
+        "face_height": (("face_y", "face_x"), stone.face_means(grid, around)),
     }
-    for name, (units, long_name) in _TRUTH.items():
+    for name in _TRUTH.keys() - variables.keys():
         values = np.stack([at.pop(name) for at in known])  # popped: the maps are large
-        dims = ("patch", *_DIMS[values.ndim - 1])
-        variables[name] = (dims, values, {"units": units, "long_name": long_name})
+        variables[name] = (("patch", *_DIMS[values.ndim - 1]), values)
+    of_axes = {"macroscale_": along_square, "face_": along_face, "": along_scan}
     coordinates = {
-        "patch": list(patches.patch),
-        "epoch": ["T0", "T1"],
-        "macroscale_y": ("macroscale_y", along_square, {"units": "mm"}),
-        "macroscale_x": ("macroscale_x", along_square, {"units": "mm"}),
-        "face_y": ("face_y", along_face, {"units": "mm"}),
-        "face_x": ("face_x", along_face, {"units": "mm"}),
-        "y": ("y", along_scan, {"units": "mm"}),
-        "x": ("x", along_scan, {"units": "mm"}),
+        f"{prefix}{axis}": (f"{prefix}{axis}", along, {"units": "mm"})
+        for prefix, along in of_axes.items()
+        for axis in "yx"
     }
-    return xr.Dataset(
-        variables, coordinates, {"wear_threshold_um": _WEAR_THRESHOLD_UM} | _use_of(stone)
+    truth = xr.Dataset(
+        {name: variables[name] for name in _TRUTH},
+        {"patch": list(patches.patch), "epoch": ["T0", "T1"]} | coordinates,
+        {"wear_threshold_um": _WEAR_THRESHOLD_UM} | _use_of(stone),
     )
+    return described(truth, _TRUTH)
 
 
 def _use_of(stone: Stone) -> dict[str, Any]:
