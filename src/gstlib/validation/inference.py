@@ -207,13 +207,9 @@ def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Spearman's correlation along the last axis; NaN where one of them is constant."""
-    a, b = _centred_ranks(x), _centred_ranks(y)
+    a, b = (
+        scipy.stats.rankdata(values, axis=-1) - (values.shape[-1] + 1) / 2 for values in (x, y)
+    )
     squares = (a * a).sum(axis=-1), (b * b).sum(axis=-1)
     product = (a * b).sum(axis=-1)
     return ratio(product, np.sqrt(squares[0] * squares[1]))
-
-
-def _centred_ranks(values: np.ndarray) -> np.ndarray:
-    """Ranks along the last axis, less their mean."""
-    ranks = scipy.stats.rankdata(values, axis=-1)
-    return ranks - (values.shape[-1] + 1) / 2

@@ -15,7 +15,7 @@ more often than its level says, so that only all patches together are tested.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -113,9 +113,7 @@ def score_patch(
     loss = change.loss.values.astype(bool) & valid
     laid = contact.interface.laid.values
     height = laid[valid]
-    own = {}
-    for depth in predicted.depth:
-        own[str(depth.model.values)] = seen_depth(depth.values[valid])
+    own = {str(map_.model.values): seen_depth(map_.values[valid]) for map_ in predicted.depth}
     depths = own | baseline_depths(
         height,
         level,
@@ -145,21 +143,25 @@ def score_patch(
             "out_of_contact_um": _rms_um(error[unworn]),
         }
     area_um2 = element_um3 * 1e-3 * np.count_nonzero(valid)
-    volume_um3, error_um = models[name]["predicted_volume_um3"], models[name]["map_error_um"]
+    volume_um3, no_loss_um = (
+        models[name]["predicted_volume_um3"],
+        models["none"]["map_error_um"],
+    )
     row: dict[str, Any] = {
         "patch": patch,
         "contact_fraction": float((contact.pressure.values > 0).mean()),
         "predicted_loss_um": volume_um3 / area_um2 if area_um2 else math.nan,
         "mcc": models[name]["mcc"],
         "attainable_mcc": models[name]["attainable_mcc"],
-        "map_error": _over(error_um, models["none"]["map_error_um"]),
+        "map_error": models[name]["map_error_um"] / no_loss_um if no_loss_um > 0 else math.nan,
         **{f"{model}_mcc": models[model]["mcc"] for model in (*BASELINES, ORACLE)},
     }
     mask = np.zeros(valid.shape, dtype=bool)
     mask[valid] = own[name] > level
     is_defined = math.isfinite(row["mcc"]) and bool((mask & valid).any())
     untested = "noise" if not above_noise else "" if is_defined else "undefined"
-    bands = _bands(patch, lost, loss, valid, height, own)
+    compared = {"measured": np.where(loss[valid], lost, 0.0), **own}
+    bands = [{"patch": patch} | band for band in _bands(compared, height)]
     places = Places.of(mask, loss, valid)
     return ScoredPatch(row, untested, list(models.values()), bands, places)
 
@@ -169,11 +171,7 @@ def by_chance(scored: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
 
     See `gstlib.validation.nulls.swapped_mcc`.
     """
-    predicted = {}
-    for one in scored:
-        marked, _, _ = one.places.masks()
-        if marked.any():
-            predicted[one.row["patch"]] = one.places
+    predicted = {one.row["patch"]: one.places for one in scored if one.places.masks()[0].any()}
     tested = [one.row["patch"] for one in scored if not one.untested]
     return {patch: swapped_mcc(patch, predicted) for patch in tested}
 
@@ -197,29 +195,15 @@ def score_tables(
     return {"patches": pd.DataFrame(patches), "wear": wear, "profile": profile}
 
 
-def _bands(
-    patch: str,
-    lost: np.ndarray,
-    loss: np.ndarray,
-    valid: np.ndarray,
-    height: np.ndarray,
-    own: Mapping[str, np.ndarray],
-) -> list[dict[str, Any]]:
-    """Mean loss, µm, of the bands of a patch's points by height."""
-    compared = {"measured": np.where(loss[valid], lost, 0.0), **own}
-    rows = []
+def _bands(depths: Mapping[str, np.ndarray], height: np.ndarray) -> Iterator[dict[str, Any]]:
+    """Mean loss, µm, by model, of the bands of a patch's points by height."""
     order = np.array_split(np.argsort(-height, kind="stable"), _BANDS)
     for band, points in enumerate(order, start=1):
-        for model, depth in compared.items():
+        for model, depth in depths.items():
             mean_um = 1e3 * float(depth.clip(0)[points].mean()) if points.size else math.nan
-            rows.append({"patch": patch, "band": band, "model": model, "loss_um": mean_um})
-    return rows
+            yield {"band": band, "model": model, "loss_um": mean_um}
 
 
 def _rms_um(depth: np.ndarray) -> float:
     """R.m.s. (µm) of depths in mm; NaN if there are none."""
     return 1e3 * float(np.sqrt(np.mean(depth**2))) if depth.size else math.nan
-
-
-def _over(part: float, whole: float) -> float:
-    return part / whole if whole > 0 else math.nan
