@@ -85,7 +85,7 @@ def rates(path):
 @pytest.mark.parametrize("layer", [None, Layer(300.0, 0.3, 0.2)])
 def test_a_patch_is_pressed_as_the_wear_of_the_others_says(square, pressures, layer):
     """And its own loss moves nothing of it, with an interlayer neither."""
-    options = {"patch_mm": 1.0, "steps": 4, "interlayer": layer}
+    options = {"patch_mm": 1.0, "steps": 8, "interlayer": layer}
     losses = dict.fromkeys("abcd", 0.4)
     stated = wear_square(square, pressures, losses, **options)
     first, *_, last = rates(of_all(stated))
