@@ -47,12 +47,13 @@ from age import record
 from power import specimen_config
 
 from gstlib.change.change import measure_detection, register_patch, wear_summary
-from gstlib.change.registration import register, robust_sigma
+from gstlib.change.registration import register
 from gstlib.change.selection import registration_table
 from gstlib.errors import InputError
 from gstlib.io.scans import read_scan
 from gstlib.io.tables import read_table, write_table
 from gstlib.preprocess.scans import prepare_scan
+from gstlib.surfaces.fitting import robust_sigma
 from gstlib.surfaces.footprints import Place, spline_of
 from gstlib.surfaces.grid import MM_TO_UM, axis_coordinates, make_surface, spacing_of
 

@@ -32,16 +32,9 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.change.registration import (
-    LEAST_POINTS,
-    Registration,
-    apply_registration,
-    least_squares,
-    register,
-    robust_sigma,
-)
+from gstlib.change.registration import LEAST_POINTS, Registration, apply_registration, register
 from gstlib.errors import InputError
-from gstlib.preprocess.outliers import MAD_TO_SIGMA
+from gstlib.surfaces.fitting import MAD_TO_SIGMA, least_squares, robust_sigma
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = [

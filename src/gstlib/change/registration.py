@@ -32,7 +32,7 @@ import scipy
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.preprocess.outliers import MAD_TO_SIGMA
+from gstlib.surfaces.fitting import least_squares, robust_sigma
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
@@ -43,9 +43,7 @@ __all__ = [
     "apply_registration",
     "is_one_way",
     "is_other",
-    "least_squares",
     "register",
-    "robust_sigma",
 ]
 
 # The search runs on grids on which reference and moving surface have at most so many elements a
@@ -215,17 +213,6 @@ def is_one_way(detail_correlation: float, slope_correlation: float) -> bool:
 def is_other(height_scale: float) -> bool:
     """Whether one of two surfaces is at least `OTHER_HEIGHTS` times as high as the other."""
     return max(height_scale, 1 / height_scale) > OTHER_HEIGHTS
-
-
-def least_squares(
-    design: np.ndarray, values: np.ndarray, weight: np.ndarray | float = 1.0
-) -> np.ndarray:
-    """Coefficients (m,) of the rows of `design` (m, n) that best give `values` (n,)."""
-    weighted = design * weight
-    # einsum, not a product of matrices: BLAS adds up in an order that changes from run to run
-    normal = np.einsum("ik,jk->ij", weighted, design)
-    right = np.einsum("ik,k->i", weighted, values)
-    return np.linalg.lstsq(normal, right, rcond=None)[0]
 
 
 def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:
@@ -575,8 +562,3 @@ def _pearson(a: np.ndarray, b: np.ndarray) -> float:
     squares = float(np.sum(a * a)), float(np.sum(b * b))
     scale = math.sqrt(squares[0] * squares[1])
     return float(np.sum(a * b)) / scale if scale > 0 else 0.0
-
-
-def robust_sigma(values: np.ndarray) -> float:
-    """Standard deviation of values, by their median absolute deviation."""
-    return MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))

@@ -14,7 +14,8 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from gstlib.coupling.sliding import Template, planes_over
+from gstlib.coupling.sliding import Template
+from gstlib.surfaces.fitting import planes_over, residuals
 from gstlib.surfaces.footprints import Place, spline_of
 from gstlib.surfaces.grid import spacing_of
 
@@ -84,14 +85,14 @@ class Fit:
                 np.column_stack([planes_over(v, u), heights])
                 for (v, u), heights in zip(self.points, self.heights, strict=True)
             )
-            return np.concatenate([*map(_less, columns, under(pose))])
+            return np.concatenate([*map(residuals, columns, under(pose))])
 
         count = 3 if is_turned else 2
         pose = np.array([start.y_mm, start.x_mm, math.radians(start.rotation_deg)])[:count]
         scale = (self.step, self.step, 0.01)[:count]
         fit = scipy.optimize.least_squares(residual, pose, x_scale=scale)
         planes = [planes_over(v, u) for v, u in self.points]
-        pairs = [[*map(_less, planes, of)] for of in (under(fit.x), self.heights)]
+        pairs = [[*map(residuals, planes, of)] for of in (under(fit.x), self.heights)]
         seen, own = map(np.concatenate, pairs)
         common, squares = float(seen @ own), float(own @ own)
         return Refined(
@@ -157,12 +158,6 @@ def part_around(surface: xr.DataArray, place: Place, half: float) -> xr.DataArra
     """The part of a surface around a place."""
     y, x = (slice(at - half, at + half) for at in place[:2])
     return surface.sel(y=y, x=x)
-
-
-def _less(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values less what combinations of columns can give."""
-    rest: np.ndarray = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
-    return rest
 
 
 def _correlation(one: np.ndarray, other: np.ndarray) -> float:

@@ -26,6 +26,7 @@ from gstlib.coupling.sliding import (
     slid,
     to_search,
 )
+from gstlib.surfaces.fitting import vertex
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import spacing_of
 
@@ -279,6 +280,4 @@ def _top(number: int, sums: Sequence[float]) -> float:
     """The turn (degrees) at which sums over the turns by hand are highest, by a parabola."""
     if not 0 < number < len(sums) - 1:
         return float(_BY_HAND[number])
-    before, top, after = sums[number - 1 : number + 2]
-    bend = before - 2 * top + after
-    return float(_BY_HAND[number] + _STEP * (before - after) / (2 * bend or 1))
+    return float(_BY_HAND[number] + vertex(*sums[number - 1 : number + 2], _STEP))

@@ -24,6 +24,7 @@ import scipy
 import xarray as xr
 
 from gstlib.errors import FaultError, raise_unless_accepted
+from gstlib.surfaces.fitting import planes_over, vertex
 from gstlib.surfaces.footprints import moved, on_patch, places_of, spline_of
 
 __all__ = [
@@ -580,8 +581,7 @@ def oriented(heights: np.ndarray, name: str) -> np.ndarray:
 def _flat(heights: np.ndarray) -> np.ndarray:
     """Heights (..., points, points) less their planes, as vectors of the length of their r.m.s."""
     y, x = np.indices(2 * (_POINTS,))
-    powers = np.stack([np.ones_like(x), y, x], axis=-1)
-    planes, _ = np.linalg.qr(powers.reshape(-1, 3))
+    planes, _ = np.linalg.qr(planes_over(y, x).reshape(-1, 3))
     flat = heights.reshape(*heights.shape[:-2], -1) / _POINTS
     return flat - flat @ planes @ planes.T
 
@@ -612,10 +612,7 @@ def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
         return np.full(2, np.nan)
     shift = []
     for at, along in ((row, values[:, column]), (column, values[row])):
-        before, top, after = along[at - 1 : at + 2]
-        bend = before - 2 * top + after
-        step = steps[1] - steps[0]
-        shift.append(steps[at] + step * (before - after) / (2 * bend or 1))
+        shift.append(steps[at] + vertex(*along[at - 1 : at + 2], steps[1] - steps[0]))
     return np.array(shift)
 
 

@@ -16,6 +16,7 @@ import scipy
 import xarray as xr
 
 from gstlib.preprocess.scans import interpolate_holes
+from gstlib.surfaces.fitting import planes_over
 from gstlib.surfaces.footprints import rotated
 from gstlib.surfaces.grid import coarser, spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -30,7 +31,7 @@ __all__ = [
     "middles",
     "peaks_of",
 ]
-__all__ += ["planes_over", "slid", "to_search"]
+__all__ += ["slid", "to_search"]
 
 # Fewest elements of the surface along a scan's side: fewer show no waves. More than the most tell
 # nothing in a search.
@@ -258,8 +259,3 @@ class Image:
         flat = heights - window.planes @ (window.planes.T @ heights)
         (products,) = self._sums([self.heights], flat, window.covered)
         return Held(products, float(flat @ flat), window.squares)
-
-
-def planes_over(v: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Rows of which combinations are planes over points (v, u)."""
-    return np.stack([np.ones_like(v), v, u], axis=1)

@@ -23,7 +23,7 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.surfaces.filtering import s_filtered
+from gstlib.surfaces.filtering import radial_frequency, s_filtered
 from gstlib.surfaces.footprints import (
     Place,
     half_extent,
@@ -288,7 +288,7 @@ def _density(heights: np.ndarray, side_mm: float) -> tuple[np.ndarray, np.ndarra
     window = taper[:, None] * taper / (taper**2).mean()
     waves = scipy.fft.rfft2((heights - heights.mean()) * window)
     power = np.abs(waves) ** 2
-    ring = np.rint(_frequency((count, count), step) * side_mm).astype(int)
+    ring = np.rint(radial_frequency((count, count), step) * side_mm).astype(int)
     within = (ring > 0) & (ring <= count // 2)
     # A term of the half plane stands for its conjugate too, but not where it lies on the edge.
     stands_for = np.full(power.shape, 2.0)
@@ -309,7 +309,7 @@ def _random_field(
     """A periodic Gaussian field (ny, nx), mm, of a power spectral density."""
     fast = [scipy.fft.next_fast_len(count, real=True) for count in shape]
     spectrum = scipy.fft.rfft2(generator.standard_normal(fast))
-    at = _frequency(fast, spacing)
+    at = radial_frequency(fast, spacing)
     at[0, 0] = np.inf  # no mean
     known = density.frequency.values
     powers = np.maximum(density.values, np.finfo(float).tiny)
@@ -317,11 +317,3 @@ def _random_field(
     spectrum *= np.where(at <= known[-1], np.exp(amplitude), 0) / spacing
     field = scipy.fft.irfft2(spectrum, fast, overwrite_x=True)
     return field[: shape[0], : shape[1]]
-
-
-def _frequency(shape: Iterable[int], spacing: float) -> np.ndarray:
-    """Spatial frequency of every term of a real two-dimensional transform."""
-    ny, nx = shape
-    along_y = scipy.fft.fftfreq(ny, spacing)
-    along_x = scipy.fft.rfftfreq(nx, spacing)
-    return np.hypot(along_y[:, None], along_x)

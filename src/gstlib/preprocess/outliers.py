@@ -20,16 +20,15 @@ import scipy
 import xarray as xr
 from numpy.lib.stride_tricks import sliding_window_view
 
+from gstlib.surfaces.fitting import MAD_TO_SIGMA
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["MAD_TO_SIGMA", "median_outliers", "window_outliers"]
+__all__ = ["median_outliers", "window_outliers"]
 
 # An r.m.s. below this share of the largest height is rounding of the running sums, not roughness.
 _ROUNDING = 1e-7
 # Deviations below this share of the largest measured height are rounding in double precision.
 _DOUBLE_ROUNDING = 1e-12
-# Standard deviation of normal noise over its median absolute deviation.
-MAD_TO_SIGMA = 1.4826
 
 
 def window_outliers(

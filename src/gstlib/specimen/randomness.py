@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from gstlib.errors import ConfigError
+from gstlib.surfaces.filtering import radial_frequency
 
 __all__ = ["SpecimenParameters", "self_affine_field", "smooth_field", "stream"]
 
@@ -146,7 +147,7 @@ def self_affine_field(
     """
     # white noise of unit variance has the density spacing²
     spectrum = scipy.fft.rfft2(_white_noise(generator, count))
-    frequency = _radial_frequency(count, spacing)
+    frequency = radial_frequency((count, count), spacing)
     outside = frequency <= 1 / longest
     if shortest > 0:
         outside |= frequency > 1 / shortest
@@ -161,17 +162,11 @@ def smooth_field(
 ) -> np.ndarray:
     """A periodic Gaussian field (count, count), mean 0, variance 1, correlated over `length`."""
     spectrum = scipy.fft.rfft2(_white_noise(generator, count))
-    spectrum *= np.exp(-((np.pi * length / 2 * _radial_frequency(count, spacing)) ** 2))
+    spectrum *= np.exp(-((np.pi * length / 2 * radial_frequency((count, count), spacing)) ** 2))
     field = scipy.fft.irfft2(spectrum, s=(count, count), overwrite_x=True)
     field -= field.mean()
     deviation = field.std()
     return (field / deviation if deviation > 0 else field).astype(np.float32)
-
-
-def _radial_frequency(count: int, spacing: float) -> np.ndarray:
-    """Spatial frequency of every term of a real two-dimensional FFT."""
-    along_y, along_x = scipy.fft.fftfreq(count, spacing), scipy.fft.rfftfreq(count, spacing)
-    return np.hypot(along_y[:, None], along_x[None, :])
 
 
 def _white_noise(generator: np.random.Generator, count: int) -> np.ndarray:

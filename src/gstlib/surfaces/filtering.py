@@ -8,7 +8,7 @@ import xarray as xr
 
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["low_pass", "s_filtered"]
+__all__ = ["low_pass", "radial_frequency", "s_filtered"]
 
 
 def s_filtered(height: xr.DataArray, nesting_um: float | None) -> xr.DataArray:
@@ -56,3 +56,12 @@ def low_pass(heights: np.ndarray, spacing: Sequence[float], nesting: float) -> n
         low[1:-1] += scipy.fft.idst(weight[:, None] * waves, type=1, axis=0)
         heights = np.moveaxis(low, 0, axis)
     return heights
+
+
+def radial_frequency(shape: Sequence[int], spacing: float) -> np.ndarray:
+    """Spatial frequency (ny, nx // 2 + 1) of every term of a real two-dimensional transform."""
+    along_y, along_x = (
+        scipy.fft.fftfreq(shape[0], spacing),
+        scipy.fft.rfftfreq(shape[1], spacing),
+    )
+    return np.hypot(along_y[:, None], along_x)
