@@ -32,10 +32,16 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.change.registration import LEAST_POINTS, Registration, apply_registration, register
+from gstlib.change.registration import (
+    LEAST_POINTS,
+    Registration,
+    apply_registration,
+    is_other,
+    register,
+)
 from gstlib.errors import InputError
 from gstlib.surfaces.fitting import MAD_TO_SIGMA, least_squares, robust_sigma
-from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.grid import described, spacing_of
 
 __all__ = [
     "SCAN_FIELDS",
@@ -94,6 +100,14 @@ _CLUSTER = 4.0
 _DEEP = 3.0
 # Other software lays T1 on T0 to whole points: a smaller shift is one of none.
 _CO_LOCATED = 0.5
+# Units and meanings of the maps of a change.
+_FIELDS = {
+    "t1": ("mm", "height at T1 on the grid of T0"),
+    "change": ("mm", "height change from T0 to T1"),
+    "level_of_detection": ("mm", "height change that noise exceeds on one point in twenty"),
+    "loss": ("1", "height loss beyond the level of detection"),
+    "gain": ("1", "height gain beyond the level of detection"),
+}
 # How much more the unchanged part of a patch may scatter than repeats do before a warning.
 _ODD_SCATTER = 2.0
 
@@ -201,10 +215,10 @@ def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
         return "it was not found on t0"
     if not change.attrs["known_fraction"]:
         return "hardly any point has a height of its own in both scans"
-    scale = registration.height_scale
-    if max(scale, 1 / scale) > _ODD_HEIGHTS:
-        return f"its dales are {scale:.3g} times as deep as those of t0"
-    lost, gained = (wear_summary(change)[f"{of}_fraction"] for of in ("loss", "gain"))
+    if is_other(registration.height_scale, _ODD_HEIGHTS):
+        return f"its dales are {registration.height_scale:.3g} times as deep as those of t0"
+    summary = wear_summary(change)
+    lost, gained = summary["loss_fraction"], summary["gain_fraction"]
     if abs(lost - gained) > max(_CHANGED, min(lost, gained)):
         return (
             f"{100 * lost:.2g} % of it lost height and {100 * gained:.2g} % gained, so the surface "
@@ -302,14 +316,13 @@ def _report(
     change: xr.Dataset,
 ) -> None:
     """Log what is odd about a patch whose T1 was found on its T0."""
-    scale = registration.height_scale
-    if max(scale, 1 / scale) > _ODD_HEIGHTS:
+    if is_other(registration.height_scale, _ODD_HEIGHTS):
         _log.warning(
             "patch %s: its dales at T1 are %.3g times as deep as at T0. If that is not wear all "
             "over the patch, the heights of one scan are calibrated otherwise: measured wear is "
             "then wrong",
             patch,
-            scale,
+            registration.height_scale,
         )
     shift = registration.shift_y_mm, registration.shift_x_mm
     off = np.abs(np.divide(shift, spacing_of(before.height))).max()
@@ -416,20 +429,10 @@ def height_change(
         typical = np.median(limit[inside])
         cluster = max(minimum_points, math.ceil(_CLUSTER * alike_mm2 / cell_mm2))
     change = np.where(inside, difference - datum, np.nan)
-
-    def variable(values: np.ndarray, units: str, long_name: str) -> tuple:
-        return ("y", "x"), values, {"units": units, "long_name": long_name}
-
-    limit_name = "height change that noise exceeds on one point in twenty"
     loss, gain = (_spots(sign * change / limit, minimum_points, cluster) for sign in (-1, 1))
-    return xr.Dataset(
-        {
-            "t1": variable(after - datum, "mm", "height at T1 on the grid of T0"),
-            "change": variable(change, "mm", "height change from T0 to T1"),
-            "level_of_detection": variable(limit.astype(np.float32), "mm", limit_name),
-            "loss": variable(loss, "1", "height loss beyond the level of detection"),
-            "gain": variable(gain, "1", "height gain beyond the level of detection"),
-        },
+    fields = after - datum, change, limit.astype(np.float32), loss, gain
+    maps = xr.Dataset(
+        {name: (("y", "x"), values) for name, values in zip(_FIELDS, fields, strict=True)},
         coords={axis: t0[axis] for axis in ("y", "x")},
         attrs={
             "level_of_detection_um": float(typical * 1e3),
@@ -441,6 +444,7 @@ def height_change(
             "cluster_points": int(cluster),
         },
     )
+    return described(maps, _FIELDS)
 
 
 def wear_summary(registered: xr.Dataset) -> dict[str, float]:
@@ -514,8 +518,8 @@ def _alike_points(error: np.ndarray) -> float:
         for count, far in zip(error.shape, reach, strict=True)
     ]
     products, pairs = (
-        scipy.fft.irfft2(np.abs(scipy.fft.rfft2(of, size)) ** 2, size)
-        for of in (centred, kept.astype(float))
+        scipy.fft.irfft2(np.abs(scipy.fft.rfft2(field, size)) ** 2, size)
+        for field in (centred, kept.astype(float))
     )
     lags = np.ix_(*(np.arange(-far, far + 1) for far in reach))
     covariance = products[lags] / np.maximum(pairs[lags], 1.0)
@@ -547,10 +551,10 @@ def _variance_by_slope(
         points = pd.DataFrame({"slope": steepness[kept], "change": np.abs(change[kept])})
         groups = points.groupby(group[kept])
         is_large = groups.size() >= _GROUP_SIZE / 2
-        found = groups.agg({"slope": "mean", "change": "median"})[is_large]
-        slopes = found.slope.values
-        variances = (MAD_TO_SIGMA * found.change.values) ** 2
-        if len(found) < _LEAST_GROUPS or not variances.any():
+        typical = groups.agg({"slope": "mean", "change": "median"})[is_large]
+        slopes = typical.slope.values
+        variances = (MAD_TO_SIGMA * typical.change.values) ** 2
+        if len(typical) < _LEAST_GROUPS or not variances.any():
             break
         scale = float(slopes.max()) or 1.0
         # the error of a variance is proportional to it; the fitted variance is used, because the

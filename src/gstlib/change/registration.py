@@ -116,13 +116,12 @@ class Registration:
 
     def as_attrs(self) -> dict[str, float]:
         """Attributes for a file: lengths in µm, `found` as 1 or 0."""
-        attrs: dict[str, float] = {}
-        for name, value in asdict(self).items():
-            if name.endswith("_mm"):
-                attrs[name.replace("_mm", "_um")] = value * 1e3
-            elif name != "found":
-                attrs[name] = value
-        return attrs | {"registration_found": int(self.found)}
+        attrs = asdict(self)
+        attrs["registration_found"] = int(attrs.pop("found"))
+        return {
+            name.replace("_mm", "_um"): value * 1e3 if name.endswith("_mm") else value
+            for name, value in attrs.items()
+        }
 
 
 def register(
@@ -210,21 +209,14 @@ def is_one_way(detail_correlation: float, slope_correlation: float) -> bool:
     return detail_correlation >= _LEAST_CORRELATION and slope_correlation < _LEAST_ALONG
 
 
-def is_other(height_scale: float) -> bool:
-    """Whether one of two surfaces is at least `OTHER_HEIGHTS` times as high as the other."""
-    return max(height_scale, 1 / height_scale) > OTHER_HEIGHTS
+def is_other(height_scale: float, times: float = OTHER_HEIGHTS) -> bool:
+    """Whether one of two surfaces is more than so many times as high as the other."""
+    return max(height_scale, 1 / height_scale) > times
 
 
 def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:
     """First coordinates (y, x) of the moving grid minus those of the reference, mm."""
-    offset = [float(moving[axis][0]) - float(reference[axis][0]) for axis in "yx"]
-    return np.array(offset)
-
-
-def _thinned(heights: np.ndarray, factor: int) -> np.ndarray:
-    """Heights without noise, on every `factor`-th element."""
-    fine = scipy.ndimage.gaussian_filter(heights, max(_NOISE_ELEMENTS, factor / 2))
-    return fine[::factor, ::factor]
+    return np.array([float(moving[axis][0]) - float(reference[axis][0]) for axis in "yx"])
 
 
 def _detail(heights: np.ndarray, longest: float) -> np.ndarray:
@@ -279,7 +271,10 @@ class _Details(NamedTuple):
     @classmethod
     def of(cls, h0: np.ndarray, h1: np.ndarray, aspect: float, factor: int) -> Self:
         longest = math.ceil(max(h0.shape) / factor) * _LONGEST_FRACTION
-        thinned = [_thinned(h, factor) for h in (h0, h1)]
+        smooth = (
+            scipy.ndimage.gaussian_filter(h, max(_NOISE_ELEMENTS, factor / 2)) for h in (h0, h1)
+        )
+        thinned = [h[::factor, ::factor] for h in smooth]
         a, b = (_detail(h, longest) for h in thinned)
         return cls(a, b, [_slopes(h) for h in thinned], aspect, longest)
 
@@ -300,7 +295,9 @@ class _Details(NamedTuple):
         if not one.size:
             return math.nan
         low = one <= np.median(one)
-        first, second = _depth_of_dales(one, low), _depth_of_dales(other, low)
+        first, second = (
+            float(np.mean((heights[low] - np.median(heights)) ** 2)) for heights in (one, other)
+        )
         return math.sqrt(second / first) if first > 0 else math.nan
 
     def search(self, least_overlap: float) -> _Match:
@@ -547,12 +544,6 @@ def _biweights(left: np.ndarray) -> np.ndarray | float:
     """Tukey's weights of residuals."""
     bound = _BIWEIGHT * robust_sigma(left)
     return np.clip(1 - (left / bound) ** 2, 0, None) ** 2 if bound > 0 else 1.0
-
-
-def _depth_of_dales(heights: np.ndarray, low: np.ndarray) -> float:
-    """Mean square depth of the `low` points below the median."""
-    depth = heights[low] - np.median(heights)
-    return float(np.mean(depth**2))
 
 
 def _pearson(a: np.ndarray, b: np.ndarray) -> float:

@@ -23,12 +23,8 @@ _REGISTRATION += ["detail_correlation", "slope_correlation", "height_scale", "re
 _REGISTRATION += ["change_sigma_um", "lateral_sigma_um", "level_of_detection_um"]
 _REGISTRATION += ["cluster_points", "detection"]
 _REGISTRATION += ["known_fraction", "loss_fraction", "gain_fraction", "loss_volume_um3"]
-_REGISTRATION += [
-    "mean_depth_where_worn_um",
-    "mean_wear_depth_um",
-    "noise_fraction",
-    "above_noise",
-]
+_REGISTRATION += ["mean_depth_where_worn_um", "mean_wear_depth_um", "noise_fraction"]
+_REGISTRATION += ["above_noise"]
 # Wear takes height. Of synthetic specimens, whose T0 and T1 are right, no patch gained on a larger
 # share of its points than it lost on; exchanged, four of five gain by these on more.
 _GAIN_OVER_LOSS = 1.2
@@ -48,12 +44,11 @@ def registration_table(
     """
     rows = []
     for patch, change in changes.items():
-        of = wear_summary(change)
-        said = {"found": bool(change.attrs["registration_found"])}
-        said["above_noise"] = (
-            not of["noise_fraction"] > max_noise_fraction and change.attrs["known_fraction"] > 0
-        )
-        rows.append({**change.attrs, **of, "patch": patch, **said})
+        row = {**change.attrs, **wear_summary(change), "patch": patch}
+        row["found"] = bool(row["registration_found"])
+        is_noise = row["noise_fraction"] > max_noise_fraction
+        row["above_noise"] = not is_noise and row["known_fraction"] > 0
+        rows.append(row)
     # what is excluded, and why, follows from the rest
     table = pd.DataFrame(rows, columns=_REGISTRATION)
     # the pressures have a table of their own: here all pass
@@ -157,26 +152,26 @@ def select_patches(
     `registration_table`) lacks have no T1: their pressure alone decides. The result is `pressures`
     with ``in_study`` and ``reason``, empty where a patch is in.
     """
-    known = registration.set_index("patch").to_dict("index")
+    matches = registration.set_index("patch").to_dict("index")
     least_MPa = selection["minimum_pressure_MPa"]
     by = ", by the wear of the others" * ("leave_one_out_MPa" in pressures)
     reasons = []
     for patch, pressure_MPa in zip(pressures.patch, unseen(pressures), strict=True):
-        found = []
+        faults = []
         if not pressure_MPa > 0:
-            found.append("no macroscale contact")
+            faults.append("no macroscale contact")
         elif pressure_MPa < least_MPa:
-            found.append(f"pressure {pressure_MPa:.3g} below {least_MPa:g} MPa{by}")
-        match = known.get(patch, {"found": True})
+            faults.append(f"pressure {pressure_MPa:.3g} below {least_MPa:g} MPa{by}")
+        match = matches.get(patch, {"found": True})
         values = {"overlap": match.get("overlap")}
         if match["found"]:  # of the detail: the long waves of a stone match wherever T1 is laid
             values["correlation"] = match.get("detail_correlation")
         else:
             one_way = is_one_way(match["detail_correlation"], match["slope_correlation"])
             why = ": its striae match, but nothing shows where along them" if one_way else ""
-            found.append(f"T1 was not found on T0{why}")
+            faults.append(f"T1 was not found on T0{why}")
         for name, value in values.items():
             if value is not None and value < (least := selection[f"minimum_{name}"]):
-                found.append(f"T0/T1 {name} {value:.2f} below {least:.2f}")
-        reasons.append("; ".join(found))
+                faults.append(f"T0/T1 {name} {value:.2f} below {least:.2f}")
+        reasons.append("; ".join(faults))
     return pressures.assign(in_study=[not text for text in reasons], reason=reasons)

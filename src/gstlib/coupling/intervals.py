@@ -208,9 +208,11 @@ def pressure_intervals(
         if through is None:
             point, radius_mm, height = None, macroscale.radius_mm, remove_plane(height)[0]
         elif (use := uses[draw]) is not None:
-            # the wear knows F R / E* alone
+            # the wear knows F R / E* alone, and may give no radius
             stiffer = float(moduli[draw] / modulus * force_N / forces_N[draw])
-            point, radius_mm = _centre_of(use, macroscale.radius_mm, stiffer)
+            point, radius_mm = (float(use.y_mm), float(use.x_mm)), macroscale.radius_mm
+            if not np.isnan(use.radius_mm):
+                radius_mm = float(use.radius_mm) * stiffer
         else:
             # first, so that the point is the same with an active tool and without
             point, radius_mm = _stated_use(macroscale, mesh, through, errors, pose)
@@ -281,18 +283,6 @@ def _likely_uses(
         return [None] * draws
     chosen = generator.choice(use.sizes["draw"], draws, p=use.weight.values)
     return [use.isel(draw=one) for one in chosen]
-
-
-def _centre_of(
-    use: xr.Dataset, radius_mm: float | None, stiffer: float
-) -> tuple[tuple[float, float], float | None]:
-    """Load point (y, x), mm, and radius of one use, of which the wear gives a radius or none.
-
-    `stiffer` is how much higher E* / F is than that for which the radius was inferred.
-    """
-    if not np.isnan(use.radius_mm):
-        radius_mm = float(use.radius_mm) * stiffer
-    return (float(use.y_mm), float(use.x_mm)), radius_mm
 
 
 def _over_strikes(pressures: pd.DataFrame, use: xr.Dataset | None) -> np.ndarray:

@@ -90,9 +90,10 @@ def match_near(
         for one, peaks in zip(held, near, strict=True)
     ]
     off = _common_turn(lying)
+    starts = [[fit.place for fit in former.fits] for former in lying]
     lying = [
-        one.lying([_turned(fit.place, off) for fit in former.fits])
-        for one, former in zip(held, lying, strict=True)
+        one.lying([place._replace(rotation_deg=place.rotation_deg + off) for place in former])
+        for one, former in zip(held, starts, strict=True)
     ]
     shared = _Shared.of([each for each in lying if each.fits])
     return [
@@ -230,10 +231,6 @@ def _apart(one: Place, other: Place) -> float:
     return math.dist(one[:2], other[:2])
 
 
-def _turned(place: Place, by: float) -> Place:
-    return place._replace(rotation_deg=place.rotation_deg + by)
-
-
 def _error_of_turn(lying: Sequence[_Lying], variance: float) -> float:
     """That of the common turn (radians): as the fits say, or as their own turns scatter."""
     turns, weights = np.transpose(
@@ -259,15 +256,15 @@ def _near(search: xr.DataArray, template: Template, place: Place) -> dict[_Pose,
     step = spacing_of(search)[0]
     part = part_around(search, place, template.count(step) * step / 2 + REACH + step)
     image, turns = Image.of(part), place.rotation_deg + _BY_HAND
-    found = {}
+    by_pose = {}
     for number, (pose, held) in enumerate(slid(image, [template], step, turns)):
         peaks = peaks_of(correlation_of(held, np.zeros((1, 2), int)))
         peaks[:, 1:] = middles(peaks[:, 1:], part, [template])
         peaks = peaks[np.hypot(*(peaks[:, 1:] - place[:2]).T) <= REACH]
         for sign in (1.0, -1.0):
             own = peaks[sign * peaks[:, 0] > 0] * [sign, 1, 1]
-            found[pose[0], sign, number % 2, number // 4] = own[np.argsort(-own[:, 0])]
-    return found
+            by_pose[pose[0], sign, number % 2, number // 4] = own[np.argsort(-own[:, 0])]
+    return by_pose
 
 
 def _common(peaks: Sequence[np.ndarray]) -> float:
@@ -280,4 +277,4 @@ def _top(number: int, sums: Sequence[float]) -> float:
     """The turn (degrees) at which sums over the turns by hand are highest, by a parabola."""
     if not 0 < number < len(sums) - 1:
         return float(_BY_HAND[number])
-    return float(_BY_HAND[number] + vertex(*sums[number - 1 : number + 2], _STEP))
+    return float(_BY_HAND[number] + vertex(sums[number - 1 : number + 2], _STEP))

@@ -612,7 +612,7 @@ def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
         return np.full(2, np.nan)
     shift = []
     for at, along in ((row, values[:, column]), (column, values[row])):
-        shift.append(steps[at] + vertex(*along[at - 1 : at + 2], steps[1] - steps[0]))
+        shift.append(steps[at] + vertex(along[at - 1 : at + 2], steps[1] - steps[0]))
     return np.array(shift)
 
 

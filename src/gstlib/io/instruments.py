@@ -175,12 +175,9 @@ def _refuse_many_points(path: Path, points: tuple[int, int]) -> None:
 def _instrument(info: Any) -> dict[str, str]:
     """What the file says about the instrument and the time."""
     instrument = info.get("instrument") or {}
-    known = {
-        "instrument": instrument.get("name"),
-        "vendor": instrument.get("vendor"),
-        "acquired": info.get("acquisition_time"),
-    }
-    return {name: str(value) for name, value in known.items() if value is not None}
+    attrs = {"instrument": instrument.get("name"), "vendor": instrument.get("vendor")}
+    attrs["acquired"] = info.get("acquisition_time")
+    return {name: str(value) for name, value in attrs.items() if value is not None}
 
 
 def _stage(known_as: str, header: Any) -> dict[str, str]:
@@ -269,10 +266,10 @@ def _check_sur(
     if behind and not behind.startswith(_SUR_MARKS):
         raise _odd_end(path, len(behind))
     if heights.size and lowest < highest:  # some programs may state neither
-        found = int(heights.min()), int(heights.max())
-        if found[0] < lowest - _SUR_BELOW or found[1] > highest + _SUR_ABOVE:
+        low, high = int(heights.min()), int(heights.max())
+        if low < lowest - _SUR_BELOW or high > highest + _SUR_ABOVE:
             problem = (
-                f"holds heights from {found[0]} to {found[1]}, but states {lowest} to {highest} "
+                f"holds heights from {low} to {high}, but states {lowest} to {highest} "
                 "(steps of the file): it is damaged"
             )
             raise InputError(path, problem, _COPY_AGAIN)

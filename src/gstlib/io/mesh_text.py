@@ -85,7 +85,10 @@ def plain_off(path: Path, content: bytes) -> PlainText:
     vertices, faces = int(header[1]), int(header[2])
     rows = text[header.end() :].splitlines()
     _check_rows(path, len(rows), vertices + faces)
-    return PlainText(text, _triangles(rows[vertices:]), is_ended)
+    # a face begins with the count of its corners
+    corners = [row.split(b" ", 1)[0] for row in rows[vertices:]]
+    triangles = sum(int(count) - 2 for count in corners if count.isdigit())
+    return PlainText(text, triangles, is_ended)
 
 
 def plain_ply(path: Path, content: bytes) -> PlainText:
@@ -174,12 +177,6 @@ def _corners(path: Path, row: bytes, is_list: Sequence[bool]) -> int:
         problem = f"has a row that its header does not describe: {cells[:9]}"
         raise InputError(path, problem, EXPORT_AGAIN)
     return longest
-
-
-def _triangles(rows: Sequence[bytes]) -> int:
-    """How many triangles the faces of an OFF make, whose rows begin with the count of corners."""
-    counts = [row.split(b" ", 1)[0] for row in rows]
-    return sum(int(count) - 2 for count in counts if count.isdigit())
 
 
 def _check_rows(path: Path, count: int, stated: int) -> None:

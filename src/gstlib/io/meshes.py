@@ -50,14 +50,9 @@ _READ = (".stl", ".ply", ".obj", ".off", ".glb", ".3mf")
 _NOT_READ = (".gltf", ".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", ".nxz", ".ctm")
 # The units that files state, in any case; 3MF allows the first six.
 _STATED = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "foot": "ft"}
-_STATED |= {
-    "meter": "m",
-    "metre": "m",
-    "millimetre": "mm",
-    "centimetre": "cm",
-    "micrometer": "um",
-}
-_STATED |= {"mm": "mm", "cm": "cm", "um": "um", "m": "m", "inche": "in", "feet": "ft"}
+_STATED |= {"meter": "m", "metre": "m", "millimetre": "mm", "centimetre": "cm"}
+_STATED |= {"micrometer": "um", "inche": "in", "feet": "ft"}
+_STATED |= {unit: unit for unit in ("mm", "cm", "um", "m")}
 # Length of each unit in mm.
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4, "ft": 304.8}
 # Nobody exports stones in feet, but a 3MF may say so.
@@ -131,7 +126,9 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
         raise InputError(path, f"unknown mesh unit {unit!r}", f"Use one of {list(UNITS)}.")
     content = _read_content(path)
     parts, stated, is_ended = _load(path, content)
-    vertices, faces = _joined(parts)
+    before = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    vertices = np.concatenate([part.vertices for part in parts])
+    faces = np.concatenate([part.faces + n for part, n in zip(parts, before, strict=False)])
     _mind_cut_end(path, vertices, faces, is_ended=is_ended)
     unit = _unit_to_read_in(path, unit, stated)
     step_mm = max(part.step for part in parts) * UNITS[unit]
@@ -191,13 +188,6 @@ def _check_parts(path: Path, content: io.BytesIO) -> bytes:
     return content.getvalue()
 
 
-def _joined(parts: Sequence[_Part]) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (n, 3) and triangles (m, 3) of all parts."""
-    before = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    faces = [part.faces + count for part, count in zip(parts, before, strict=False)]
-    return np.concatenate([part.vertices for part in parts]), np.concatenate(faces)
-
-
 def _check_faces(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
     """Refuse faces of vertices that are not there, or are no places."""
     if faces.min() < 0 or faces.max() >= len(vertices):
@@ -209,9 +199,9 @@ def _check_faces(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
         )
 
 
-def _unit_to_read_in(path: Path, given: str | None, stated: str | None) -> str:
-    """The unit that the user gave or the file states, if they do not contradict each other."""
-    unit = given or stated or "mm"
+def _unit_to_read_in(path: Path, wanted: str | None, stated: str | None) -> str:
+    """The unit that the user wants or the file states, if they do not contradict each other."""
+    unit = wanted or stated or "mm"
     if stated not in (None, unit):
         if path.suffix.lower() == ".3mf":
             problem = f"states its unit, {stated}, and is to be read in {unit}"

@@ -136,18 +136,16 @@ def is_scan(path: str | Path) -> bool:
 
 def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:
     """The file states neither its unit nor, perhaps, the spacing of its points."""
-    lacks, keys = [], []
+    keys = {}
     if unit:
-        lacks.append("its unit of length")
-        keys.append(f"scans.unit in the config to one of {list(SCAN_UNITS)}")
+        keys["its unit of length"] = f"scans.unit in the config to one of {list(SCAN_UNITS)}"
     if spacing:
-        lacks.append("the spacing of its points")
-        keys.append("scans.spacing_um in the config to their distance in µm")
+        keys["the spacing of its points"] = "scans.spacing_um in the config to that in µm"
     return InputError(
         path,
-        f"the file does not state {' or '.join(lacks)}",
-        f"Set {', and '.join(keys)}; or export the scan in a format that states them (.plu, .plux, "
-        ".sur, .x3p, .al3d, ...).",
+        f"the file does not state {' or '.join(keys)}",
+        f"Set {', and '.join(keys.values())}; or export the scan in a format that states them "
+        "(.plu, .plux, .sur, .x3p, .al3d, ...).",
     )
 
 

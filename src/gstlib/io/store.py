@@ -85,16 +85,14 @@ def _storage(values: np.ndarray) -> dict[str, object]:
     if not values.size or not values.shape or values.dtype.kind == "O":
         return {}
     stored: dict[str, object] = {"fletcher32": True, "chunks": values.shape}
-    if values.size >= _COMPRESS_FROM and _repeats(values):
+    flat = values.reshape(-1)
+    if (
+        flat.size >= _COMPRESS_FROM
+        and 2 * np.count_nonzero(flat[1:] == flat[:-1]) >= flat.size - 1
+    ):
         # Level 1 writes twice as fast as 4, and packs zeros as well.
         stored["compression"] = 1
     return stored
-
-
-def _repeats(values: np.ndarray) -> bool:
-    """Whether at least half of the values, as they follow each other, are as the one before."""
-    flat = values.reshape(-1)
-    return bool(2 * np.count_nonzero(flat[1:] == flat[:-1]) >= flat.size - 1)
 
 
 def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Dataset:
@@ -116,13 +114,13 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
             for name in file:
                 if name in dims and name not in fields:
                     fields[name], dims_of[name] = file[name], [name]
-            found = {
+            variables = {
                 name: _variable(field, dims_of[name])
                 for name, field in fields.items()
                 if not field.attrs.get("NAME", b"").startswith(_NO_COORDINATES.encode())
             }
-            coords = {name: found.pop(name) for name in list(found) if name in dims}
-            return xr.Dataset(found, coords, _attributes(file))
+            coords = {name: variables.pop(name) for name in list(variables) if name in dims}
+            return xr.Dataset(variables, coords, _attributes(file))
     except (InputError, MemoryError):  # the latter is not the file's fault
         raise
     except Exception as error:  # a damaged file makes HDF5 fail in any of its own ways

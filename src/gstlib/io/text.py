@@ -316,10 +316,10 @@ def _refuse_other_spacing(path: Path, step: float, given: float | None) -> None:
 
 def _refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) -> None:
     """Refuse heights so steep that their unit is not that of the coordinates."""
-    known = np.where(np.isfinite(heights), heights, np.nan)
-    slopes = [np.abs(np.diff(known, axis=n)) / step for n, step in enumerate(steps)]
-    slopes = [each[np.isfinite(each)] for each in slopes]
-    steepness = min((float(np.median(each)) for each in slopes if each.size), default=0.0)
+    finite = np.where(np.isfinite(heights), heights, np.nan)
+    slopes = [np.abs(np.diff(finite, axis=n)) / step for n, step in enumerate(steps)]
+    medians = [float(np.nanmedian(s)) for s in slopes if np.isfinite(s).any()]
+    steepness = min(medians, default=0.0)
     if steepness > _STEEPEST:
         raise InputError(
             path,

@@ -183,15 +183,15 @@ def interpolate_holes(heights: np.ndarray, holes: np.ndarray) -> np.ndarray:
     result = heights.copy()
     around = scipy.ndimage.binary_dilation(holes, np.ones((3, 3)))
     fence = np.argwhere(around & ~holes)
-    known = heights[tuple(fence.T)]
+    fence_heights = heights[tuple(fence.T)]
     try:
-        linear = scipy.interpolate.LinearNDInterpolator(fence, known)
+        linear = scipy.interpolate.LinearNDInterpolator(fence, fence_heights)
         result[holes] = linear(np.argwhere(holes))
     except (scipy.spatial.QhullError, ValueError):  # no points, or all on one line
         result[holes] = np.nan
     rest = np.isnan(result)
     if rest.any():
-        nearest = scipy.interpolate.NearestNDInterpolator(fence, known)
+        nearest = scipy.interpolate.NearestNDInterpolator(fence, fence_heights)
         result[rest] = nearest(np.argwhere(rest))
     return result
 
@@ -236,11 +236,11 @@ def cut_patch(
     """
     if epoch == "T0":
         return cut_scan(raw, crop, size_mm)
-    found, middles = whole_scan(raw, size_mm), crop or (0.0, 0.0)
+    whole, middles = whole_scan(raw, size_mm), crop or (0.0, 0.0)
     for axis, middle, step in zip("yx", middles, spacing_of(raw), strict=True):
         beyond = (raw.sizes[axis] * step - size_mm) / 2
         if crop or beyond > 0.01 * size_mm:
             start = beyond + (-middle if axis == mould_flip else middle)
-            at = found[axis].copy(data=found[axis].values - start)
-            found = found.assign_coords({axis: at})
-    return found
+            moved = whole[axis].copy(data=whole[axis].values - start)
+            whole = whole.assign_coords({axis: moved})
+    return whole

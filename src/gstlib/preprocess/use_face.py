@@ -132,9 +132,11 @@ def find_use_face(
     folded, bare = highest - lowest > _SAME_HEIGHT, np.isnan(highest)
     _check_folds(folded, highest - lowest, layout, source)
     own, through = crop.faces[is_own], (highest - below)[layout.in_square & ~np.isnan(below)]
+    triangles = crop.points[own]
+    edges = triangles - np.roll(triangles, 1, axis=1)
     return UseFace(
         cloud=crop.points[np.unique(own)],
-        edge=_mean_edge(crop.points[own]),
+        edge=float(np.linalg.norm(edges, axis=2).mean()),
         ends=(folded | bare) & ~layout.in_square,
         bare=bare & layout.in_square,
         thickness=float(np.percentile(through, _THIN_PERCENTILE)) if len(through) else np.nan,
@@ -254,12 +256,6 @@ def _heights_met(
     np.fmax.at(below, element[under], height[under])
     shape = layout.in_square.shape
     return lowest.reshape(shape), highest.reshape(shape), below.reshape(shape)
-
-
-def _mean_edge(triangles: np.ndarray) -> float:
-    """Mean length of the edges of triangles (m, 3, 3)."""
-    edges = triangles - np.roll(triangles, 1, axis=1)
-    return float(np.linalg.norm(edges, axis=2).mean())
 
 
 def _missed(mesh: "trimesh.Trimesh", frame: Frame, layout: Layout, source: str) -> InputError:

@@ -1,5 +1,7 @@
 """Fits that several stages share: planes, least squares, a robust spread, the top of a parabola."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 __all__ = [
@@ -48,11 +50,12 @@ def robust_sigma(values: np.ndarray) -> float:
     return MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))
 
 
-def vertex(before: float, top: float, after: float, step: float) -> float:
+def vertex(values: Sequence[float] | np.ndarray, step: float) -> float:
     """How far the vertex of a parabola through three values, a `step` apart, is from the second.
 
-    >>> vertex(0.0, 3.0, 4.0, step=2.0)
+    >>> vertex([0.0, 3.0, 4.0], step=2.0)
     2.0
     """
+    before, top, after = values
     bend = before - 2 * top + after
     return step * (before - after) / (2 * bend or 1)

@@ -214,11 +214,11 @@ def moved(
     `face` is any field on it; `size_mm` is the side of a patch.
     """
     half = half_extent(size_mm, patches.rotation_deg.to_numpy())
-    found = {}
+    places = {}
     for name, by, axis, step in zip(
         ("y_mm", "x_mm"), shift_mm, "yx", spacing_of(face), strict=True
     ):
         along = face[axis].values
         first, last = along[0] - step / 2 + half, along[-1] + step / 2 - half
-        found[name] = np.clip(patches[name].to_numpy() + by, first, last)
-    return patches.assign(**found)
+        places[name] = np.clip(patches[name].to_numpy() + by, first, last)
+    return patches.assign(**places)

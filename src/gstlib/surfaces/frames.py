@@ -196,9 +196,9 @@ def on_mesh(field: xr.DataArray, mesh: "trimesh.Trimesh", frame: Frame) -> np.nd
     dy, dx = spacing_of(field)
     row = _nearest(y, field.y.values, dy)
     column = _nearest(x, field.x.values, dx)
-    found = np.zeros(len(places))
-    found[is_over] = np.nan_to_num(field.values[row, column])
-    return found
+    at_vertices = np.zeros(len(places))
+    at_vertices[is_over] = np.nan_to_num(field.values[row, column])
+    return at_vertices
 
 
 def _nearest(places: np.ndarray, centres: np.ndarray, step: float) -> np.ndarray:

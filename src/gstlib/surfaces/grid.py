@@ -87,9 +87,9 @@ def coarser(surface: xr.DataArray, times: int) -> xr.DataArray:
     return means.assign_attrs(surface.attrs)
 
 
-def described(found: xr.Dataset, meanings: Mapping[str, tuple[str, str]]) -> xr.Dataset:
+def described(dataset: xr.Dataset, meanings: Mapping[str, tuple[str, str]]) -> xr.Dataset:
     """A dataset with the unit and the long name of every variable, from `meanings` by name."""
-    for name in found.data_vars:
+    for name in dataset.data_vars:
         units, long_name = meanings[str(name)]
-        found[name].attrs = {"units": units, "long_name": long_name}
-    return found
+        dataset[name].attrs = {"units": units, "long_name": long_name}
+    return dataset
