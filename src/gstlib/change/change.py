@@ -6,16 +6,8 @@ with each other. A change counts where it exceeds the level of detection, as in 
 repeat surveys (Brasington et al. 2003, Geomorphology 53:299; Wheaton et al. 2010, Earth Surf.
 Process. Landf. 35:136), and where enough adjacent points do.
 
-The error of a point comes from both heights and, on a slope, from its position: its variance is
-fitted to the unchanged part as a + b s², where s is the slope (as Hugonnet et al. 2022, IEEE J.
-Sel. Top. Appl. Earth Obs. 15:6456, do for repeat surveys); √b is the lateral distance by which the
-two measurements miss each other. Points whose height was not measured at both epochs (filled holes,
-outliers) are unknown: no change is stated there.
-
-Neighbouring points err alike, because instruments scan lines, filter and drift. Noise therefore
-exceeds the level of detection in spots, the larger the farther errors correlate. A spot counts if
-it is larger than noise makes it (the cluster extent of neuroimaging: Forman et al. 1995, Magnetic
-Resonance in Medicine 33:636).
+Points whose height was not measured at both epochs (filled holes, outliers) are unknown: no change
+is stated there.
 
 A patch that was scanned twice without use between shows the same error with no wear in it. If there
 are such repeats, they give a, b and the extent of correlation for all patches, and no patch scores
@@ -25,22 +17,15 @@ its own.
 import logging
 import math
 from collections.abc import Mapping
-from typing import NamedTuple, Self
 
 import numpy as np
-import pandas as pd
-import scipy
 import xarray as xr
 
-from gstlib.change.registration import (
-    LEAST_POINTS,
-    Registration,
-    apply_registration,
-    is_other,
-    register,
-)
+from gstlib.change import noise
+from gstlib.change.noise import Detection
+from gstlib.change.registration import Registration, apply_registration, is_other, register
+from gstlib.change.search import LEAST_POINTS
 from gstlib.errors import InputError
-from gstlib.surfaces.fitting import MAD_TO_SIGMA, least_squares, robust_sigma
 from gstlib.surfaces.grid import described, spacing_of
 
 __all__ = [
@@ -58,26 +43,7 @@ _log = logging.getLogger(__name__)
 # What registration and change need of a prepared scan.
 SCAN_FIELDS = ["height", "filled", "outlier"]
 
-# ASSUME: LoD95 = 1.96 standard deviations of the height difference on the unchanged part at the
-# slope of the point. It includes the noise of both scans and the residue of the registration; about
-# 2.5 % of unchanged points exceed it on either side.
-_LEVEL_OF_DETECTION = 1.96
-# ASSUME: two measurements differ no finer than instruments store heights: in single precision, 1e-7
-# of their variation. Smaller differences are rounding, and would give traces of a scan given twice.
-_RESOLUTION = 1e-7
 _TINY = np.finfo(float).tiny
-# Points farther than this from the plane, in standard deviations, are left out of the fit.
-_TRIM = 3.0
-# The trimmed set settles in a few rounds, or soon alternates; this bound is only a safeguard.
-_ROUNDS = 50
-# The variance is fitted to this many groups of points of similar slope, this many times.
-_SLOPE_GROUPS, _SLOPE_ROUNDS = 20, 3
-# A group's variance is accurate to about a tenth; fewer groups than this cannot be fitted.
-_GROUP_SIZE, _LEAST_GROUPS = 250, 4
-# In the weights, fitted variances are at least this share of the largest one.
-_SMALLEST = 1e-6
-# Slopes are taken from heights smoothed over this many points: a single point's slope is noise.
-_SLOPE_SMOOTHING = 1.0
 # How much deeper, or shallower, the dales of T1 may be than those of T0 before a warning. Wear of a
 # quarter of a patch makes them a tenth shallower (synthetic specimen).
 _ODD_HEIGHTS = 1.25
@@ -85,19 +51,6 @@ _ODD_HEIGHTS = 1.25
 # height differ by more than 0.5 % and by more than the smaller of the two. Noise marks as much up
 # as down.
 _CHANGED = 0.005
-# ASSUME: errors of two points are alike if they correlate by more than a half. Without a repeat,
-# all that the unchanged part shows is taken for error, also wear below the level of detection.
-_ALIKE = 0.5
-# Farthest points whose errors are compared, as a share of the field.
-_REACH = 1 / 8
-# Spots count that have at least so many times the neighbours that err alike. Spots of Gaussian
-# noise beyond 1.96 sigma have 0.3 times as many on average, and their sizes are exponential
-# (Friston et al. 1994, Human Brain Mapping 1:210): noise then marks 1e-6 of the area. Real errors
-# have longer tails, and mark more (`benchmarks/measured_surfaces.py`).
-_CLUSTER = 4.0
-# A smaller spot counts, too, if most of its points exceed the limit so many times: smooth errors
-# exceed it over large spots, and by little.
-_DEEP = 3.0
 # Other software lays T1 on T0 to whole points: a smaller shift is one of none.
 _CO_LOCATED = 0.5
 # Units and meanings of the maps of a change.
@@ -110,34 +63,6 @@ _FIELDS = {
 }
 # How much more the unchanged part of a patch may scatter than repeats do before a warning.
 _ODD_SCATTER = 2.0
-
-
-class Detection(NamedTuple):
-    """The error of a height change as repeated scans show it: at slope s its variance is a + b s².
-
-    Attributes
-    ----------
-    level_mm2 : float
-        a: the variance on level ground, mm².
-    lateral_mm2 : float
-        b: its growth with the squared slope, mm².
-    alike_mm2 : float
-        The area around a point on which errors correlate with its error by more than a half, mm².
-    limit : float
-        How many standard deviations one error in twenty exceeds: 1.96 if they are normal.
-    """
-
-    level_mm2: float
-    lateral_mm2: float
-    alike_mm2: float
-    limit: float
-
-    @classmethod
-    def of(cls, attrs: Mapping) -> Self | None:
-        """From the attributes of a file; None if they lack it, because no repeat served."""
-        if not attrs.keys() >= set(cls._fields):
-            return None
-        return cls(*(float(attrs[name]) for name in cls._fields))
 
 
 def measure_detection(
@@ -186,17 +111,19 @@ def measure_detection(
             continue
         known = np.isfinite(change["change"].values)
         changes.append(change["change"].values[known])
-        slopes.append(np.sum(_squared_slopes(first.height), axis=0)[known])
+        slopes.append(np.sum(noise.squared_slopes(first.height), axis=0)[known])
         alike.append(change.attrs["alike_um2"] * 1e-6)
     if not changes:
         return None
     pooled, steepness = np.concatenate(changes), np.concatenate(slopes)
     # ASSUME: a repeat errs as T1 does: taken off, put back, and scanned with the same settings. All
     # of it is unchanged; points off by more than three standard deviations are outliers.
-    level, lateral = _variance_by_slope(pooled, steepness, np.ones(pooled.size, dtype=bool))
+    level, lateral = noise.variance_by_slope(
+        pooled, steepness, np.ones(pooled.size, dtype=bool)
+    )
     # the errors of instruments have longer tails than normal ones
     squares = pooled**2 / np.maximum(level + lateral * steepness, _TINY)
-    limit = max(_LEVEL_OF_DETECTION, math.sqrt(np.quantile(squares, 0.95)))
+    limit = max(noise.LEVEL_OF_DETECTION, math.sqrt(np.quantile(squares, 0.95)))
     detection = Detection(level, lateral, float(max(alike)), limit)
     _log.info(
         "%d repeats: standard deviation %.3g µm on level ground, lateral error %.3g µm; errors are "
@@ -272,10 +199,9 @@ def register_patch(
 ) -> xr.Dataset:
     """Register T1 to T0 and take the height change.
 
-    `before` and `after` are prepared scans with ``height``, ``filled`` and ``outlier``. The result
-    is that of `gstlib.change.change.height_change`. Its attributes have the registration, too, and
-    the place of T1 on T0: ``t1_x_um, t1_y_um``, its centre from that of T0, and ``t1_size_x_um,
-    t1_size_y_um``.
+    Parameters are those of `measured_change`, and the result is that of `height_change`. Its
+    attributes have the registration, too, and the place of T1 on T0: ``t1_x_um, t1_y_um``, its
+    centre from that of T0, and ``t1_size_x_um, t1_size_y_um``.
     """
     try:
         registration, change = measured_change(
@@ -384,17 +310,14 @@ def height_change(
     -------
     xarray.Dataset
         ``t1``: heights after use (mm), shifted and tilted to agree with T0 where nothing changed,
-        NaN outside the overlap; ``change``: T1 - T0 (mm), negative where material was lost, NaN
-        where it is unknown; ``level_of_detection`` (mm), NaN there, too; ``loss``, ``gain``: where
-        the change exceeds the level of detection, down or up, in spots of at least
-        `minimum_points`. ``level_of_detection`` is in single precision.
-        Attributes: ``level_of_detection_um`` (median over the points),
-        ``change_sigma_um`` (robust standard deviation of the unchanged part), ``lateral_sigma_um``
-        (lateral distance by which the measurements miss each other), ``known_fraction`` (of T0's
-        area), ``detection`` (where the level of detection comes from: ``repeat``, ``own``, or
-        empty), ``alike_um2`` (area around a point on which errors are alike), ``cluster_points``
-        (fewest adjacent points that make a loss or a gain). With fewer than 100 known points, all
-        heights are NaN and nothing is known.
+        NaN outside the overlap; ``change``: T1 - T0 (mm), negative where material was lost, and
+        ``level_of_detection`` (mm, float32), NaN where unknown; ``loss``, ``gain``: where the
+        change exceeds that level, down or up, in spots of at least `minimum_points`. Attributes:
+        ``level_of_detection_um`` (median), ``change_sigma_um`` (robust standard deviation of the
+        unchanged part), ``lateral_sigma_um`` (distance by which the measurements miss each other),
+        ``known_fraction`` (of T0's area), ``detection`` (source of the level: ``repeat``, ``own``
+        or empty), ``alike_um2`` (area around a point on which errors are alike),
+        ``cluster_points``. With fewer than 100 known points, all heights are NaN.
     """
     before, after = t0.values, t1_on_t0.values
     difference = after - before
@@ -410,16 +333,18 @@ def height_change(
         places = [np.linspace(-0.5, 0.5, count, endpoint=False) for count in t0.shape]
         y, x = np.meshgrid(*places, indexing="ij")
         planes = np.stack([np.ones(t0.shape), y, x])
-        plane, sigma, kept = _unchanged_plane(planes[:, inside], difference[inside])
+        plane, sigma, kept = noise.unchanged_plane(planes[:, inside], difference[inside])
         datum = np.einsum("i,ijk->jk", plane, planes)
-        slopes = _squared_slopes(t0)
+        slopes = noise.squared_slopes(t0)
         left = np.where(inside, difference - datum, np.nan)
-        smallest = float(_RESOLUTION * before[inside].std()) ** 2
+        smallest = float(noise.RESOLUTION * before[inside].std()) ** 2
         cell_mm2 = math.prod(spacing_of(t0))
         source, registered = "repeat", shift_errors_mm
         if detection is None:  # it has the error of the registration in it
             source, registered = "own", (0.0, 0.0)
-            detection = _own_detection(left, slopes[0] + slopes[1], kept, smallest, cell_mm2)
+            detection = noise.own_detection(
+                left, slopes[0] + slopes[1], kept, smallest, cell_mm2
+            )
         level, lateral, alike_mm2, sigmas = detection
         variance = level + sum(
             (lateral + error**2) * slope
@@ -427,9 +352,11 @@ def height_change(
         )
         limit = np.where(inside, sigmas * np.sqrt(np.maximum(variance, smallest)), np.nan)
         typical = np.median(limit[inside])
-        cluster = max(minimum_points, math.ceil(_CLUSTER * alike_mm2 / cell_mm2))
+        cluster = max(minimum_points, math.ceil(noise.CLUSTER * alike_mm2 / cell_mm2))
     change = np.where(inside, difference - datum, np.nan)
-    loss, gain = (_spots(sign * change / limit, minimum_points, cluster) for sign in (-1, 1))
+    loss, gain = (
+        noise.spots(sign * change / limit, minimum_points, cluster) for sign in (-1, 1)
+    )
     fields = after - datum, change, limit.astype(np.float32), loss, gain
     maps = xr.Dataset(
         {name: (("y", "x"), values) for name, values in zip(_FIELDS, fields, strict=True)},
@@ -472,132 +399,3 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
         "gain_fraction": float(gain.sum() * share),
         "noise_fraction": float(gain.sum() / loss.sum()) if loss.any() else np.nan,
     }
-
-
-def _spots(excess: np.ndarray, minimum_points: int, cluster_points: int) -> np.ndarray:
-    """The points beyond the level of detection in spots that count; corners count as adjacent.
-
-    `excess` is the change over the level of detection.
-    """
-    # ASSUME: use leaves spots of several points; smaller spots beyond the level of detection are
-    # noise, though some may be true.
-    spot, _ = scipy.ndimage.label(excess > 1, np.ones((3, 3)))
-    size = np.bincount(spot.ravel())
-    counts = size >= cluster_points
-    if cluster_points > minimum_points:
-        deep = np.bincount(spot[excess > _DEEP], minlength=size.size)
-        counts |= (size >= minimum_points) & (deep > size / 2)
-    counts[0] = False
-    return counts[spot]
-
-
-def _own_detection(
-    left: np.ndarray, steepness: np.ndarray, kept: np.ndarray, smallest: float, cell_mm2: float
-) -> Detection:
-    """The error of a change (NaN if unknown) from its unchanged part, of which `kept` marks some.
-
-    Its variance is at least `smallest`.
-    """
-    inside = np.isfinite(left)
-    level, lateral = _variance_by_slope(left[inside], steepness[inside], kept)
-    error = np.sqrt(np.maximum(level + lateral * steepness, smallest))
-    alike_mm2 = _alike_points(left / error) * cell_mm2
-    return Detection(level, lateral, alike_mm2, _LEVEL_OF_DETECTION)
-
-
-def _alike_points(error: np.ndarray) -> float:
-    """Points around a point whose errors correlate with its error by more than a half.
-
-    `error` is in standard deviations, NaN if unknown; what is beyond `_TRIM` is no error.
-    """
-    kept = np.abs(error) <= _TRIM
-    centred = np.where(kept, error - np.mean(error[kept]), 0.0)
-    reach = [max(1, int(_REACH * count)) for count in error.shape]
-    size = [
-        scipy.fft.next_fast_len(count + far, real=True)
-        for count, far in zip(error.shape, reach, strict=True)
-    ]
-    products, pairs = (
-        scipy.fft.irfft2(np.abs(scipy.fft.rfft2(field, size)) ** 2, size)
-        for field in (centred, kept.astype(float))
-    )
-    lags = np.ix_(*(np.arange(-far, far + 1) for far in reach))
-    covariance = products[lags] / np.maximum(pairs[lags], 1.0)
-    return float(np.sum(covariance > _ALIKE * covariance[*reach]) - 1)
-
-
-def _squared_slopes(surface: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared slopes along y and x of smoothed heights, free of single points' noise."""
-    dy, dx = spacing_of(surface)
-    heights = surface.values
-    rise_y = scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=(1, 0))
-    rise_x = scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=(0, 1))
-    return (rise_y / dy) ** 2, (rise_x / dx) ** 2
-
-
-def _variance_by_slope(
-    change: np.ndarray, steepness: np.ndarray, kept: np.ndarray
-) -> tuple[float, float]:
-    """Variance of the change on level ground (mm²), and its growth with the squared slope (mm²).
-
-    The arrays (n,) are those of the known points; `kept` marks the unchanged ones, to begin with.
-    """
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(change[kept])))
-    level, lateral = spread**2, 0.0
-    count = max(1, min(_SLOPE_GROUPS, change.size // _GROUP_SIZE))
-    edges = np.quantile(steepness, np.linspace(0, 1, count + 1)[1:-1])
-    group = np.searchsorted(edges, steepness)
-    for _ in range(_SLOPE_ROUNDS):
-        points = pd.DataFrame({"slope": steepness[kept], "change": np.abs(change[kept])})
-        groups = points.groupby(group[kept])
-        is_large = groups.size() >= _GROUP_SIZE / 2
-        typical = groups.agg({"slope": "mean", "change": "median"})[is_large]
-        slopes = typical.slope.values
-        variances = (MAD_TO_SIGMA * typical.change.values) ** 2
-        if len(typical) < _LEAST_GROUPS or not variances.any():
-            break
-        scale = float(slopes.max()) or 1.0
-        # the error of a variance is proportional to it; the fitted variance is used, because the
-        # measured one would favour groups that came out small
-        weight = 1 / np.maximum(level + lateral * slopes, _SMALLEST * variances.max())
-        design = np.stack([weight, weight * slopes / scale], axis=1)
-        (level, lateral), _ = scipy.optimize.nnls(design, weight * variances)
-        lateral /= scale
-        # steep points may be off by more than the fit of the plane allows
-        kept = np.abs(change) <= _TRIM * np.sqrt(level + lateral * steepness)
-    return float(level), float(lateral)
-
-
-def _unchanged_plane(
-    design: np.ndarray, values: np.ndarray
-) -> tuple[np.ndarray, float, np.ndarray]:
-    """Plane through the unchanged points, their robust spread, and a mask of them."""
-    # ASSUME: the unchanged part is the largest population of height differences: the fit starts
-    # from the shortest half of them, so wear of nearly half of the area, all on one side, does not
-    # pull the datum down as a least-squares plane would.
-    plane = np.array([np.median(values), 0.0, 0.0])
-    before = kept = np.zeros(values.size, dtype=bool)
-    for _ in range(_ROUNDS):
-        left = values - np.einsum("i,ij->j", plane, design)
-        ordered = np.sort(left)
-        lengths = ordered[left.size // 2 :] - ordered[: left.size - left.size // 2]
-        start = int(np.argmin(lengths))
-        centre = ordered[start] + lengths[start] / 2
-        # half of a normal population is within 0.6745 sigma of its mean
-        sigma = lengths[start] / 2 / 0.6745
-        now = np.abs(left - centre) <= _TRIM * sigma
-        # settled, or alternating between two sets a few points apart
-        if (now == kept).all() or (now == before).all():
-            break
-        before, kept = kept, now
-        plane = least_squares(design[:, kept], values[kept])
-    # the shortest half is wide if much has worn; the kept points give the spread of the rest
-    for _ in range(_ROUNDS):
-        left = values - np.einsum("i,ij->j", plane, design)
-        sigma = robust_sigma(left[kept])
-        now = np.abs(left) <= _TRIM * sigma
-        if (now == kept).all() or now.sum() < 3:
-            break
-        kept = now
-        plane = least_squares(design[:, kept], values[kept])
-    return plane, sigma, kept

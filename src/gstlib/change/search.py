@@ -1,0 +1,209 @@
+"""The search of a registration: where do the details of two surfaces match?
+
+The shift is the peak of the normalised cross-correlation over the overlap (scikit-image, after
+Padfield 2012, IEEE Trans. Image Process. 21:2706) of band-passed heights. The longest waves
+dominate a self-affine surface and match anywhere within a field, so they are removed first.
+
+A striated face has details across its striae and hardly any along them, so it fits its copy at
+many places along the striae. The shift along a direction is known only if the slopes along this
+direction correlate, too.
+"""
+
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+import scipy
+
+from gstlib.change.poses import sample, turn_back
+from gstlib.surfaces.fitting import robust_sigma
+
+__all__ = ["LEAST_ALONG", "LEAST_CORRELATION", "LEAST_OVERLAP", "LEAST_POINTS", "ROUNDING"]
+__all__ += ["Details", "Match", "pearson"]
+
+# The smaller the overlap, the more chance matches: smaller overlaps than this are not searched. If
+# the best match is one that chance may give, larger overlaps are searched alone.
+LEAST_OVERLAP, _LARGE_OVERLAP = 0.25, 0.6
+# Band of the heights for the search: noise below this many elements is smoothed away, waves longer
+# than this share of the field are removed.
+_NOISE_ELEMENTS = 1.5
+_LONGEST_FRACTION = 1 / 24
+# Rotations (degrees) that the refinement may start from.
+_TURNS = 0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0
+# ASSUME: a registration is above the noise if the band-passed heights correlate by 0.5, and by
+# 0.35 over the square root of the overlap: unrelated surfaces reach 0.2 over that root by chance,
+# seldom 0.3.
+LEAST_CORRELATION = 0.5
+_BEYOND_CHANCE = 0.35
+# ASSUME: a shift is known along a direction if the slopes along it, too, correlate beyond chance.
+LEAST_ALONG = 0.25
+_SLOPE_SMOOTHING = 2.0
+_AXES = (1, 0), (0, 1)  # orders of the derivatives along y and x
+_EDGE = 6  # elements at the edges of a surface where slopes are not known
+# Fewer points have no plane or pose that is worth fitting.
+LEAST_POINTS = 100
+# Interpolation weights, and slopes beside the steepest ones, below this are rounding.
+ROUNDING = 1e-6
+_TINY = float(np.finfo(float).tiny)
+
+
+def _detail(heights: np.ndarray, longest: float) -> np.ndarray:
+    """Heights without waves longer than so many elements, clipped so that no spike dominates."""
+    detail = heights - scipy.ndimage.gaussian_filter(heights, longest)
+    bound = 3 * robust_sigma(detail)
+    return np.clip(detail, -bound, bound)
+
+
+def _slopes(heights: np.ndarray) -> np.ndarray:
+    """Slopes (y or x, rows, columns), shortened so that no spike dominates; NaN at the edges.
+
+    Finite differences, clipped components and mirrored edges would all show slopes along striae
+    that run between the axes.
+    """
+    slopes = np.stack(
+        [scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=axis) for axis in _AXES]
+    )
+    steepness = np.hypot(*slopes)
+    bound = 3 * np.median(steepness)
+    slopes *= np.minimum(1.0, bound / np.maximum(steepness, _TINY))
+    edge = np.ones(heights.shape, dtype=bool)
+    edge[_EDGE:-_EDGE, _EDGE:-_EDGE] = False
+    return np.where(edge, np.nan, slopes)
+
+
+class Match(NamedTuple):
+    """How well the details of two surfaces match at one pose."""
+
+    pose: np.ndarray
+    correlation: float
+    overlap: float  # share of the smaller surface
+
+    @property
+    def strength(self) -> float:
+        return self.correlation * math.sqrt(self.overlap)
+
+    @property
+    def is_beyond_chance(self) -> bool:
+        return self.correlation >= LEAST_CORRELATION and self.strength >= _BEYOND_CHANCE
+
+
+class Details(NamedTuple):
+    """Band-passed heights of the reference and the moving surface, which the search compares."""
+
+    reference: np.ndarray
+    moving: np.ndarray
+    slopes: list[np.ndarray]  # of both, from `_slopes`
+    aspect: float  # spacing along y over spacing along x
+    longest: float  # longest wave that they contain, elements
+
+    @classmethod
+    def of(cls, h0: np.ndarray, h1: np.ndarray, aspect: float, factor: int) -> Self:
+        longest = math.ceil(max(h0.shape) / factor) * _LONGEST_FRACTION
+        smooth = (
+            scipy.ndimage.gaussian_filter(h, max(_NOISE_ELEMENTS, factor / 2)) for h in (h0, h1)
+        )
+        thinned = [h[::factor, ::factor] for h in smooth]
+        a, b = (_detail(h, longest) for h in thinned)
+        return cls(a, b, [_slopes(h) for h in thinned], aspect, longest)
+
+    def common(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The heights of both over their overlap."""
+        moved = sample(self.moving, pose, self.reference.shape, self.aspect, order=1)
+        inside = np.isfinite(moved)
+        return self.reference[inside], moved[inside]
+
+    def match(self, pose: np.ndarray) -> Match:
+        one, other = self.common(pose)
+        overlap = one.size / min(self.reference.size, self.moving.size)
+        return Match(pose, pearson(one, other), overlap)
+
+    def height_scale(self, pose: np.ndarray) -> float:
+        """How much deeper dales are on what moves. Dales, since wear takes summits."""
+        one, other = self.common(pose)
+        if not one.size:
+            return math.nan
+        low = one <= np.median(one)
+        first, second = (
+            float(np.mean((heights[low] - np.median(heights)) ** 2)) for heights in (one, other)
+        )
+        return math.sqrt(second / first) if first > 0 else math.nan
+
+    def search(self, least_overlap: float) -> Match:
+        """The best match: the peak of the masked correlation, and the best of a few rotations."""
+        matches = []
+        for overlap in sorted({least_overlap, max(least_overlap, _LARGE_OVERLAP)}):
+            matches.append(self._turned(self._peak(self.reference, self.moving, overlap)))
+            if self.determine(matches[-1]):
+                return matches[-1]
+        best = max(matches, key=lambda match: match.strength)
+        if best.is_beyond_chance:  # striae that match: finer details show where along them
+            _, direction = self.compare_slopes(best.pose)
+            a, b = (np.nan_to_num(np.einsum("i,i...->...", direction, g)) for g in self.slopes)
+            match = self._turned(self._peak(a, b, least_overlap))
+            if self.determine(match):
+                return match
+        return best
+
+    def determine(self, match: Match) -> bool:
+        """Whether the details match beyond chance, and in every direction."""
+        return match.is_beyond_chance and self.compare_slopes(match.pose)[0] >= LEAST_ALONG
+
+    def compare_slopes(self, pose: np.ndarray) -> tuple[float, np.ndarray]:
+        """The least correlation of slopes along any direction, and this direction (y, x)."""
+        first, second = self.slopes
+        moved = np.stack(
+            [sample(g, pose, first.shape[1:], self.aspect, order=1) for g in second]
+        )
+        inside = np.isfinite(first[0] + moved[0])
+        one, other = first[:, inside], turn_back(pose[2], self.aspect) @ moved[:, inside]
+        if one.shape[1] < LEAST_POINTS:
+            return 0.0, np.ones(2)
+        one, other = (g - g.mean(axis=1, keepdims=True) for g in (one, other))
+        products = [np.einsum("ik,jk->ij", g, g) for g in (one, other)]
+        for product in products:
+            flattest = np.linalg.eigh(product)[1][:, 0]
+            if not flattest @ product @ flattest > ROUNDING**2 * np.trace(product):
+                return 0.0, flattest  # what is left along this direction is rounding
+        own = sum(product / np.trace(product) for product in products) / 2
+        shared = np.einsum("ik,jk->ij", one, other)
+        shared /= math.sqrt(math.prod(np.trace(product) for product in products))
+        correlations, directions = scipy.linalg.eigh((shared + shared.T) / 2, own)
+        return float(correlations[0]), directions[:, 0]
+
+    def _peak(self, a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
+        """The shift (y, x) at the peak of the correlation."""
+        # here: only registration needs it, and its import is slow
+        from skimage.registration import phase_cross_correlation
+
+        shift, _, _ = phase_cross_correlation(
+            a,
+            b,
+            reference_mask=np.ones(a.shape, dtype=bool),
+            moving_mask=np.ones(b.shape, dtype=bool),
+            overlap_ratio=least_overlap,
+        )
+        # scikit-image counts from centre to centre, the shift here is from corner to corner
+        return np.asarray(shift, dtype=float) + np.subtract(a.shape, b.shape) / 2
+
+    def _turned(self, shift: np.ndarray) -> Match:
+        """The best match at a shift of some rotations."""
+        a, b = self.reference, self.moving
+        # turned about the middle of the moving surface or, beyond the reference, the nearest edge
+        middle = shift + np.subtract(b.shape, 1) / 2
+        arm = np.clip(middle, 0, np.subtract(a.shape, 1)) - middle
+        matches = []
+        y, x = arm
+        for turn in np.radians(_TURNS):
+            sine, cosine = math.sin(turn), math.cos(turn)
+            turned = cosine * y + sine * x / self.aspect, cosine * x - sine * y * self.aspect
+            matches.append(self.match(np.array([*(shift + arm - turned), turn])))
+        return max(matches, key=lambda match: match.correlation)
+
+
+def pearson(a: np.ndarray, b: np.ndarray) -> float:
+    if a.size < 3:
+        return 0.0
+    a, b = a - a.mean(), b - b.mean()
+    squares = float(np.sum(a * a)), float(np.sum(b * b))
+    scale = math.sqrt(squares[0] * squares[1])
+    return float(np.sum(a * b)) / scale if scale > 0 else 0.0
