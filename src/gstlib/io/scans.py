@@ -19,7 +19,8 @@ from gstlib.errors import NOTE, FaultError, InputError, refuse
 from gstlib.io.files import check_size
 from gstlib.io.instruments import RawMap, instrument_endings, plain_text, read_instrument_file
 from gstlib.io.plu import read_plu
-from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
+from gstlib.io.points import read_points
+from gstlib.io.text import SCAN_UNITS, read_matrix
 from gstlib.surfaces.grid import make_surface, spacing_of
 
 __all__ = ["cut_scan", "is_scan", "read_scan", "unit_remedy", "whole_scan"]

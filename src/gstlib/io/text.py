@@ -1,4 +1,4 @@
-"""Height maps in text: matrices (.csv, .txt, .asc), a row of the map a line, and points (.xyz).
+"""Height maps in text: matrices (.csv, .txt, .asc), a row of the map a line.
 
 `gstlib.io.text_rows` reads the rows. Gwyddion's header of a matrix, that of an ESRI grid, and units
 beside the names of the columns x, y and z are understood. Another header that states a unit or a
@@ -23,7 +23,8 @@ from gstlib.io.text_rows import (
     refuse_odd_decimals,
 )
 
-__all__ = ["SCAN_UNITS", "read_matrix", "read_points"]
+__all__ = ["GRID_TOLERANCE", "HEADER_UNITS", "SCAN_UNITS", "SPACING_TOLERANCE", "UNIT_PATTERN"]
+__all__ += ["TextMap", "read_matrix", "refuse_statements", "refuse_two_units", "step_in_units"]
 
 _log = logging.getLogger(__name__)
 
@@ -32,8 +33,8 @@ TextMap: TypeAlias = tuple[np.ndarray, tuple[float, float] | None, float | None,
 
 # Length of each unit in mm; headers may also have others.
 SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
-_HEADER_UNITS = SCAN_UNITS | {"cm": 10.0, "pm": 1e-9, "µm": 1e-3, "μm": 1e-3, "Å": 1e-7}
-_UNIT = "|".join(sorted(_HEADER_UNITS, key=len, reverse=True))
+HEADER_UNITS = SCAN_UNITS | {"cm": 10.0, "pm": 1e-9, "µm": 1e-3, "μm": 1e-3, "Å": 1e-7}
+UNIT_PATTERN = "|".join(sorted(HEADER_UNITS, key=len, reverse=True))
 
 # Lines above an ESRI grid; others state its corner. Its cells are unmeasured by a number.
 _ESRI = re.compile(
@@ -42,14 +43,12 @@ _ESRI = re.compile(
 _ESRI_UNMEASURED = -9999.0
 _GWYDDION = re.compile(
     r"^# *(Width|Height|Value)(?: units)?: *+((?:\d+(?:[.,]\d*)?(?:[eE][-+]?\d+)?)?) *"
-    rf"({_UNIT})\s*$",
+    rf"({UNIT_PATTERN})\s*$",
     re.MULTILINE,
 )
-# Names of the columns of points with their units, as in x[mm], Y (µm) or z_um.
-_UNIT_OF_COLUMN = re.compile(rf"(?<![^\W_])([xyzXYZ])[^\S\n]*[\[(_/ ]\s*({_UNIT})(?![^\W_])")
 # A line that states a unit or a size, in whatever language, as far as its words show.
 _UNIT_STATED = re.compile(
-    rf"(?:[\d\[({{:=/,_]\s*|\bin\s+)({_UNIT}|inch(?:es)?|mils?|px)(?![^\W_])"
+    rf"(?:[\d\[({{:=/,_]\s*|\bin\s+)({UNIT_PATTERN}|inch(?:es)?|mils?|px)(?![^\W_])"
 )
 _SIZE_STATED = re.compile(
     r"\b(?:unit(?!ed)|einheit|unid|eenhe|enhet|jednot|ncols|nrows"
@@ -62,12 +61,7 @@ _SIZE_STATED = re.compile(
 )
 
 # Coordinates in text are rounded: a point belongs to a grid if within this share of a step.
-_GRID_TOLERANCE = 0.05
-# If points fill a smaller share of their grid, they are scattered, or one of them is far off.
-_LEAST_FILLED = 0.25
-_LARGEST_SIDE = 1 << 16
-# A last line that lacks more points than so many times the longest row of unmeasured ones is cut.
-_CUT_TIMES = 2
+GRID_TOLERANCE = 0.05
 # Lines that are looked at to see whether one is unlike the others.
 _SAMPLED = 200
 # ASSUME: a first row or column of five or more numbers in even steps holds coordinates, if most of
@@ -77,7 +71,7 @@ _SAMPLED = 200
 _FEWEST_TICKS, _MORE_TICKS = 5, 20
 _ROUNDED, _APART, _FAR_APART = 0.5, 3, 10
 # Coordinates and a spacing in the config that differ by more contradict each other.
-_SPACING_TOLERANCE = 0.01
+SPACING_TOLERANCE = 0.01
 # ASSUME: if half of the neighbouring heights differ by more than ten steps of the grid, heights and
 # coordinates have two units, because no stone is so steep.
 _STEEPEST = 10.0
@@ -102,7 +96,7 @@ def read_matrix(
     grid = {name.lower(): cell for name, cell in _ESRI.findall(header)}
     is_grid = {"ncols", "nrows"} <= grid.keys()
     stated = {
-        name: float(number.replace(",", ".") or 1) * _HEADER_UNITS[symbol]
+        name: float(number.replace(",", ".") or 1) * HEADER_UNITS[symbol]
         for name, number, symbol in _GWYDDION.findall(header)
     }
     is_stated = len(stated) == 3
@@ -122,54 +116,22 @@ def read_matrix(
         length = stated["Value"]
         steps = stated["Height"] / ny / length, stated["Width"] / nx / length
         return numbers, steps, length, {}
-    _refuse_statements(path, [*table.header, table.corner], unit)
-    return *_without_coordinates(path, table, numbers, _step(unit, spacing_um)), None, {}
+    refuse_statements(path, [*table.header, table.corner], unit)
+    return (
+        *_without_coordinates(path, table, numbers, step_in_units(unit, spacing_um)),
+        None,
+        {},
+    )
 
 
-def read_points(
-    path: Path, unit: str | None = None, spacing_um: float | None = None
-) -> TextMap:
-    """Read points on a grid, as a reader of `gstlib.io.scans`.
-
-    `unit` and `spacing_um` are those of the config, with which numbers of points must agree.
-    """
-    table = read_table(path)
-    order, units = _columns_of_points(path, table, unit)
-    points = numbers_in(path, table, order)
-    for n in order:
-        refuse_odd_decimals(path, (row.split(table.mark)[n] for row in table.rows), table.mark)
-    length = None
-    if units:
-        length = units["z"]
-        points[:, :2] *= np.array([units["x"], units["y"]]) / length
-    # A point without x or y has no place; one without z is unmeasured.
-    points = points[np.isfinite(points[:, :2]).all(axis=1)]
-    columns, dx = _grid_lines(path, points[:, 0])
-    rows, dy = _grid_lines(path, points[:, 1])
-    ny, nx = int(rows.max()) + 1, int(columns.max()) + 1
-    places = rows * nx + columns
-    if not len(np.unique(places)) == len(points) >= _LEAST_FILLED * ny * nx:
-        raise _scattered(path, len(points))
-    _refuse_cut_grid(path, rows, columns)
-    if length is None:
-        _mind_point_numbers(path, points[:, :2], (dx, dy), _step(unit, spacing_um))
-    heights = np.full((ny, nx), np.nan)
-    heights[rows, columns] = points[:, 2]
-    _refuse_two_units(path, heights, (dy, dx))
-    return heights, (dy, dx), length, {}
-
-
-# --- Headers and coordinates --------------------------------------------------------------------
-
-
-def _refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> None:
+def refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> None:
     """Refuse lines that state a unit or a size in words that are not understood.
 
     Those without numbers that only repeat the `unit` of the config agree with it.
     """
     for line in lines:
         symbols = _UNIT_STATED.findall(line)
-        lengths = {_HEADER_UNITS.get(symbol) for symbol in symbols}
+        lengths = {HEADER_UNITS.get(symbol) for symbol in symbols}
         if symbols and unit and lengths == {SCAN_UNITS[unit]} and not re.search(r"\d", line):
             continue
         if symbols or _SIZE_STATED.search(line):
@@ -181,32 +143,7 @@ def _refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> No
             )
 
 
-def _columns_of_points(
-    path: Path, table: Table, unit: str | None
-) -> tuple[list[int], dict[str, float] | None]:
-    """Where x, y and z are among the columns, and their units (mm), if the header states them."""
-    header = [line for line in table.header if line]
-    units: dict[str, float] = {}
-    for letter, symbol in _UNIT_OF_COLUMN.findall("\n".join(header)):
-        units.setdefault(letter.lower(), _HEADER_UNITS[symbol])
-    names = table.names or re.split(r"[\s,;]+", header[-1].strip("# ") if header else "")
-    letters = [name.strip("# ").lower()[:1] for name in names]
-    count = len(table.rows[0].split(table.mark))
-    if len(units) < 3:
-        _refuse_statements(path, header, unit)
-    if len(letters) == count and {*"xyz"} <= {*letters}:
-        order = [letters.index(letter) for letter in "xyz"]
-    elif table.names:
-        problem = f"names its columns {', '.join(names):.60}, of which x, y and z are not clear"
-        raise InputError(path, problem, "Name them x, y and z, or delete the line.")
-    elif len(units) == 3:
-        order = [[*units].index(letter) for letter in "xyz"]
-    else:
-        order = [0, 1, 2]
-    return order, units if len(units) == 3 else None
-
-
-def _step(unit: str | None, spacing_um: float | None) -> float | None:
+def step_in_units(unit: str | None, spacing_um: float | None) -> float | None:
     """The spacing of the config in its unit; None if it lacks one of them."""
     return spacing_um * 1e-3 / SCAN_UNITS[unit] if unit and spacing_um else None
 
@@ -238,7 +175,7 @@ def _without_coordinates(
             heights = np.flip(heights, axis)
     if len(steps) < 2:
         return heights, None
-    _refuse_two_units(path, heights, steps)
+    refuse_two_units(path, heights, steps)
     return heights, (steps[0], steps[1])
 
 
@@ -283,7 +220,7 @@ def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
     if uneven <= _ROUNDED:  # a plane, or heights in few steps
         return None
     is_long = len(first) >= _MORE_TICKS
-    if own <= _GRID_TOLERANCE or (is_long and own <= _ROUNDED and near > _APART * next_):
+    if own <= GRID_TOLERANCE or (is_long and own <= _ROUNDED and near > _APART * next_):
         return first
     steps = np.diff(first)
     is_rising = np.all(steps > 0) or np.all(steps < 0)
@@ -306,7 +243,7 @@ def _unevenness(lines: np.ndarray) -> np.ndarray:
 
 
 def _refuse_other_spacing(path: Path, step: float, given: float | None) -> None:
-    if given is not None and abs(step - given) > _SPACING_TOLERANCE * given:
+    if given is not None and abs(step - given) > SPACING_TOLERANCE * given:
         raise InputError(
             path,
             f"its coordinates are {step:g} apart, and by scans.spacing_um {given:g}, in scans.unit",
@@ -314,7 +251,7 @@ def _refuse_other_spacing(path: Path, step: float, given: float | None) -> None:
         )
 
 
-def _refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) -> None:
+def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) -> None:
     """Refuse heights so steep that their unit is not that of the coordinates."""
     finite = np.where(np.isfinite(heights), heights, np.nan)
     slopes = [np.abs(np.diff(finite, axis=n)) / step for n, step in enumerate(steps)]
@@ -327,25 +264,6 @@ def _refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) -
             "distance of the points: coordinates and heights have two units",
             "Export all in one unit; for points, a first line such as x[mm] y[mm] z[um] states "
             "each.",
-        )
-
-
-def _mind_point_numbers(
-    path: Path, places: np.ndarray, steps: Sequence[float], given: float | None
-) -> None:
-    """Refuse numbers of points in place of lengths, if the config states their spacing."""
-    starts = {*places.min(axis=0)}
-    if {*steps} != {1.0} or not starts <= {0, 1} or (places % 1).any():
-        return
-    numbered = "its x and y are whole numbers, 1 apart, as numbers of points"
-    if given is None:
-        message = "%s: %s. They are read as lengths in scans.unit"
-        _log.warning(message, path, numbered)
-    elif abs(given - 1) > _SPACING_TOLERANCE:
-        problem = f"{numbered}, and scans.spacing_um states {given:g} in scans.unit"
-        remedy = "Multiply them by the spacing, or save the heights as a matrix (.csv)."
-        raise InputError(
-            path, problem, f"{remedy} If they are lengths, correct scans.spacing_um."
         )
 
 
@@ -369,51 +287,3 @@ def _esri_grid(
         )
     heights[heights == stated.get("nodata_value", _ESRI_UNMEASURED)] = np.nan
     return heights[::-1], (spacing[0], spacing[1]), None, {}
-
-
-# --- Points ------------------------------------------------------------------------------------
-
-
-def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:
-    """Number of the grid line that each coordinate lies on, and their distance."""
-    levels = np.unique(values)
-    gaps = np.diff(levels)
-    if len(gaps):
-        # Rounded text repeats a coordinate with small differences; real steps are larger.
-        step = float(np.median(gaps[gaps > _GRID_TOLERANCE * gaps.max()]))
-        span = float(np.round((levels[-1] - levels[0]) / step))
-        if 1 <= span <= _LARGEST_SIDE:
-            step = float(levels[-1] - levels[0]) / span
-            index = np.round((values - levels[0]) / step).astype(int)
-            if np.abs(values - levels[0] - index * step).max() <= _GRID_TOLERANCE * step:
-                return index, step
-    raise _scattered(path, len(values))
-
-
-def _refuse_cut_grid(path: Path, rows: np.ndarray, columns: np.ndarray) -> None:
-    """Refuse points in the order of a grid that lack the rest of its last line.
-
-    Points that were not measured may be left out there, too, but then others are elsewhere.
-    """
-    for lines, places in ((rows, columns), (columns, rows)):
-        length = places.max() + 1
-        ahead = np.median(np.diff(places)) > 0
-        lines = lines if lines[0] <= lines[-1] else lines.max() - lines
-        order = lines * length + (places if ahead else length - 1 - places)
-        steps = np.diff(order, prepend=-1)
-        missing = -(order[-1] + 1) % length
-        if (steps > 0).all() and missing > _CUT_TIMES * (steps.max() - 1):
-            raise InputError(
-                path,
-                f"the last line of its grid lacks {missing} of {length} points, and elsewhere at "
-                f"most {steps.max() - 1} are missing in a row: it is cut",
-                "Export or copy the file again. Write unmeasured points as NaN, if it is whole.",
-            )
-
-
-def _scattered(path: Path, count: int) -> InputError:
-    return InputError(
-        path,
-        f"its {count} points are scattered, or on one line, not on a grid",
-        "Grid them in the instrument's software or in Gwyddion, and export the map.",
-    )

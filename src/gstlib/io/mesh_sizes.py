@@ -1,0 +1,105 @@
+"""Units, size and resolution of a mesh: is it a stone, and are its coordinates fine enough?"""
+
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gstlib.errors import FaultError, InputError, refuse
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["STATED_UNITS", "UNITS", "check_step_and_extent", "steps_of", "units_of_size"]
+
+_log = logging.getLogger(__name__)
+
+# The units that files state, in any case; 3MF allows the first six.
+STATED_UNITS = {
+    "micron": "um",
+    "millimeter": "mm",
+    "centimeter": "cm",
+    "inch": "in",
+    "foot": "ft",
+}
+STATED_UNITS |= {"meter": "m", "metre": "m", "millimetre": "mm", "centimetre": "cm"}
+STATED_UNITS |= {"micrometer": "um", "inche": "in", "feet": "ft"}
+STATED_UNITS |= {unit: unit for unit in ("mm", "cm", "um", "m")}
+# Length of each unit in mm.
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4, "ft": 304.8}
+# Nobody exports stones in feet, but a 3MF may say so.
+_LIKELY_UNITS = "mm", "cm", "m", "um", "in"
+# Largest extent (mm) of a stone that a hand could grind with; outside it the unit is wrong.
+_SMALLEST_STONE, _LARGEST_STONE = 1.0, 1000.0
+# ASSUME: a stone of which only one unit makes a size (mm) within these is in that unit.
+_HAND_SIZED = 20.0, 300.0
+# Steps of the coordinates (mm) from which on heights between them are doubtful, and worthless: wear
+# is a few micrometres deep, and the relief that carries a contact some tens.
+_DOUBTFUL_STEP, _LARGEST_STEP = 1e-3, 20e-3
+# Where a coordinate is so many times as large as the mesh, its distance has used up the digits.
+_FAR = 10.0
+# No number (mm) says more than that the step does not matter.
+_NO_STEP = 1e-8
+
+
+def check_step_and_extent(path: Path, corners: np.ndarray, step_mm: float, unit: str) -> None:
+    """Refuse coordinates with too few digits, or that span (in `unit`) what is no stone's size."""
+    extent = float(np.ptp(corners, axis=(0, 1)).max())
+    farthest = float(np.abs(corners).max())
+    length_mm = UNITS[unit]
+    cause = "they have too few digits"
+    if farthest > _FAR * extent:
+        cause = f"the mesh lies {_length(farthest * length_mm)} from its origin"
+    problem = f"its coordinates have steps of {_length(step_mm)} because {cause}"
+    remedy = (
+        "Export it again with the origin on the tool, in double precision or with more digits."
+    )
+    # of a mesh in another unit than its own, the steps grow with the size
+    if step_mm > max(_LARGEST_STEP, _LARGEST_STEP / _LARGEST_STONE * extent * length_mm):
+        refuse(FaultError("mesh_step", path, f"{problem}; at most 20 µm can be used", remedy))
+    _check_extent(path, extent, unit)
+    if step_mm > _DOUBTFUL_STEP:
+        _log.warning("%s: %s, and heights err by as much. %s", path, problem, remedy)
+
+
+def steps_of(mesh: "trimesh.Trimesh") -> str:
+    """The steps of the coordinates of a mesh from `read_mesh`, in words."""
+    return f"steps of {_length(mesh.metadata['step_mm'])}"
+
+
+def _length(mm: float) -> str:
+    """A length in the unit in which it is a short number."""
+    for unit, length in (("km", 1e6), ("m", 1e3), ("mm", 1.0), ("µm", 1e-3)):
+        if mm >= length:
+            return f"{mm / length:.3g} {unit}"
+    return f"{1e6 * mm:.2g} nm" if mm >= _NO_STEP else "less than 0.01 nm"
+
+
+def _check_extent(path: Path, extent: float, unit: str) -> None:
+    """Refuse a mesh whose largest extent (in `unit`) is not that of a stone."""
+    if _SMALLEST_STONE <= extent * UNITS[unit] <= _LARGEST_STONE:
+        return
+    remedy = f"Scale the mesh to one of the units {list(_LIKELY_UNITS)} and set mesh_unit."
+    fitting = {name: extent * UNITS[name] for name in units_of_size(extent)}
+    if fitting:
+        sizes = " or ".join(f"mesh_unit: {name} ({mm:.3g} mm)" for name, mm in fitting.items())
+        remedy = f"It looks as if it were in another unit: set {sizes}."
+    raise InputError(
+        path, f"its largest extent is {extent:.4g} {unit}, which is no stone's size", remedy
+    )
+
+
+def units_of_size(extent: float) -> list[str]:
+    """The units in which a largest extent is that of a stone as hands hold it.
+
+    If there is none, those in which it is that of any ground stone tool.
+
+    >>> [units_of_size(extent) for extent in (55.4, 0.0554, 8.0, 400.0)]
+    [['mm'], ['m'], ['cm', 'in'], ['mm']]
+    """
+    for low, high in (_HAND_SIZED, (10.0, _LARGEST_STONE)):
+        fitting = [name for name in _LIKELY_UNITS if low <= extent * UNITS[name] <= high]
+        if fitting:
+            return fitting
+    return []

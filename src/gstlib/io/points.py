@@ -1,0 +1,157 @@
+"""Height maps as points in text (.xyz), which must lie on a grid."""
+
+import logging
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gstlib.errors import InputError
+from gstlib.io.text import (
+    GRID_TOLERANCE,
+    HEADER_UNITS,
+    SPACING_TOLERANCE,
+    UNIT_PATTERN,
+    TextMap,
+    refuse_statements,
+    refuse_two_units,
+    step_in_units,
+)
+from gstlib.io.text_rows import Table, numbers_in, read_table, refuse_odd_decimals
+
+__all__ = ["read_points"]
+
+_log = logging.getLogger(__name__)
+
+# Names of the columns of points with their units, as in x[mm], Y (µm) or z_um.
+_UNIT_OF_COLUMN = re.compile(
+    rf"(?<![^\W_])([xyzXYZ])[^\S\n]*[\[(_/ ]\s*({UNIT_PATTERN})(?![^\W_])"
+)
+# If points fill a smaller share of their grid, they are scattered, or one of them is far off.
+_LEAST_FILLED = 0.25
+_LARGEST_SIDE = 1 << 16
+# A last line that lacks more points than so many times the longest row of unmeasured ones is cut.
+_CUT_TIMES = 2
+
+
+def read_points(
+    path: Path, unit: str | None = None, spacing_um: float | None = None
+) -> TextMap:
+    """Read points on a grid, as a reader of `gstlib.io.scans`.
+
+    `unit` and `spacing_um` are those of the config, with which numbers of points must agree.
+    """
+    table = read_table(path)
+    order, units = _columns_of_points(path, table, unit)
+    points = numbers_in(path, table, order)
+    for n in order:
+        refuse_odd_decimals(path, (row.split(table.mark)[n] for row in table.rows), table.mark)
+    length = None
+    if units:
+        length = units["z"]
+        points[:, :2] *= np.array([units["x"], units["y"]]) / length
+    # A point without x or y has no place; one without z is unmeasured.
+    points = points[np.isfinite(points[:, :2]).all(axis=1)]
+    columns, dx = _grid_lines(path, points[:, 0])
+    rows, dy = _grid_lines(path, points[:, 1])
+    ny, nx = int(rows.max()) + 1, int(columns.max()) + 1
+    places = rows * nx + columns
+    if not len(np.unique(places)) == len(points) >= _LEAST_FILLED * ny * nx:
+        raise _scattered(path, len(points))
+    _refuse_cut_grid(path, rows, columns)
+    if length is None:
+        _mind_point_numbers(path, points[:, :2], (dx, dy), step_in_units(unit, spacing_um))
+    heights = np.full((ny, nx), np.nan)
+    heights[rows, columns] = points[:, 2]
+    refuse_two_units(path, heights, (dy, dx))
+    return heights, (dy, dx), length, {}
+
+
+def _columns_of_points(
+    path: Path, table: Table, unit: str | None
+) -> tuple[list[int], dict[str, float] | None]:
+    """Where x, y and z are among the columns, and their units (mm), if the header states them."""
+    header = [line for line in table.header if line]
+    units: dict[str, float] = {}
+    for letter, symbol in _UNIT_OF_COLUMN.findall("\n".join(header)):
+        units.setdefault(letter.lower(), HEADER_UNITS[symbol])
+    names = table.names or re.split(r"[\s,;]+", header[-1].strip("# ") if header else "")
+    letters = [name.strip("# ").lower()[:1] for name in names]
+    count = len(table.rows[0].split(table.mark))
+    if len(units) < 3:
+        refuse_statements(path, header, unit)
+    if len(letters) == count and {*"xyz"} <= {*letters}:
+        order = [letters.index(letter) for letter in "xyz"]
+    elif table.names:
+        problem = f"names its columns {', '.join(names):.60}, of which x, y and z are not clear"
+        raise InputError(path, problem, "Name them x, y and z, or delete the line.")
+    elif len(units) == 3:
+        order = [[*units].index(letter) for letter in "xyz"]
+    else:
+        order = [0, 1, 2]
+    return order, units if len(units) == 3 else None
+
+
+def _mind_point_numbers(
+    path: Path, places: np.ndarray, steps: Sequence[float], given: float | None
+) -> None:
+    """Refuse numbers of points in place of lengths, if the config states their spacing."""
+    starts = {*places.min(axis=0)}
+    if {*steps} != {1.0} or not starts <= {0, 1} or (places % 1).any():
+        return
+    numbered = "its x and y are whole numbers, 1 apart, as numbers of points"
+    if given is None:
+        message = "%s: %s. They are read as lengths in scans.unit"
+        _log.warning(message, path, numbered)
+    elif abs(given - 1) > SPACING_TOLERANCE:
+        problem = f"{numbered}, and scans.spacing_um states {given:g} in scans.unit"
+        remedy = "Multiply them by the spacing, or save the heights as a matrix (.csv)."
+        raise InputError(
+            path, problem, f"{remedy} If they are lengths, correct scans.spacing_um."
+        )
+
+
+def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Number of the grid line that each coordinate lies on, and their distance."""
+    levels = np.unique(values)
+    gaps = np.diff(levels)
+    if len(gaps):
+        # Rounded text repeats a coordinate with small differences; real steps are larger.
+        step = float(np.median(gaps[gaps > GRID_TOLERANCE * gaps.max()]))
+        span = float(np.round((levels[-1] - levels[0]) / step))
+        if 1 <= span <= _LARGEST_SIDE:
+            step = float(levels[-1] - levels[0]) / span
+            index = np.round((values - levels[0]) / step).astype(int)
+            if np.abs(values - levels[0] - index * step).max() <= GRID_TOLERANCE * step:
+                return index, step
+    raise _scattered(path, len(values))
+
+
+def _refuse_cut_grid(path: Path, rows: np.ndarray, columns: np.ndarray) -> None:
+    """Refuse points in the order of a grid that lack the rest of its last line.
+
+    Points that were not measured may be left out there, too, but then others are elsewhere.
+    """
+    for lines, places in ((rows, columns), (columns, rows)):
+        length = places.max() + 1
+        ahead = np.median(np.diff(places)) > 0
+        lines = lines if lines[0] <= lines[-1] else lines.max() - lines
+        order = lines * length + (places if ahead else length - 1 - places)
+        steps = np.diff(order, prepend=-1)
+        missing = -(order[-1] + 1) % length
+        if (steps > 0).all() and missing > _CUT_TIMES * (steps.max() - 1):
+            raise InputError(
+                path,
+                f"the last line of its grid lacks {missing} of {length} points, and elsewhere at "
+                f"most {steps.max() - 1} are missing in a row: it is cut",
+                "Export or copy the file again. Write unmeasured points as NaN, if it is whole.",
+            )
+
+
+def _scattered(path: Path, count: int) -> InputError:
+    return InputError(
+        path,
+        f"its {count} points are scattered, or on one line, not on a grid",
+        "Grid them in the instrument's software or in Gwyddion, and export the map.",
+    )
