@@ -8,16 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from contacts import pressed
 from gst.config.patches import read_patches
 from gstlib.coupling import placement
-from gstlib.coupling.matching import match_map, match_together
+from gstlib.coupling.matching import match_map
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
 from gstlib.preprocess.mesh import grid_mesh
 from gstlib.preprocess.scans import prepare_patch
-from gstlib.preprocess.use_face import Layout, find_use_face
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import spacing_of
 from power import specimen_config
@@ -85,23 +83,6 @@ def test_flat_machined_surface_and_leica_grooves():
 
 
 @pytest.mark.parametrize(
-    ("path", "unit", "size", "pressure"),
-    [
-        (PLU, None, 0.85, 22.0),
-        (LEICA, None, 0.19, 76.07),  # the paper's most heavily loaded patch
-        (ALICONA, None, 0.08, 76.07),
-        (MAP, "um", 0.85, 22.0),
-    ],
-)
-def test_contact_of_measured_patches(path, unit, size, pressure):
-    height = prepared(read_scan(path, unit=unit), size).height
-    contact = pressed(height, mean_pressure=pressure, modulus=12820.0)
-    assert float(contact.pressure.mean()) == pytest.approx(pressure, rel=1e-3)
-    assert float(contact.residual) <= 1e-6
-    assert 0.001 < float(contact.contact_fraction) < 1
-
-
-@pytest.mark.parametrize(
     ("name", "vertices", "faces", "extents"),
     [
         ("pebble-mesh-3dhop/lithic_tool_model_full.ply", 223643, 447278, [44.5, 55.4, 48.5]),
@@ -113,25 +94,6 @@ def test_nothing_of_a_mesh_is_lost(name, vertices, faces, extents):
     mesh = read_mesh(DATA / name)
     assert (len(mesh.vertices), len(mesh.faces)) == (vertices, faces)
     assert mesh.extents == pytest.approx(extents, abs=0.06)
-
-
-@pytest.mark.parametrize(
-    ("points_mm", "size_mm", "thickness"),
-    [
-        (
-            [[-2.5, -2.5, 0.0], [2.5, -2.5, 0.0], [-2.5, 2.5, 0.0]],
-            5.0,
-            22.0,
-        ),  # two rays meet a flap
-        ([[20.66, -11.67, -4.13], [24.31, 3.77, -16.3], [3.03, -3.62, 0.8]], 20.0, 7.3),  # the rim
-    ],
-)
-def test_few_rays_do_not_make_a_pebble_thin(points_mm, size_mm, thickness):
-    mesh = read_mesh(DATA / "pebble-mesh-3dhop/lithic_tool_model_full.ply")
-    layout = Layout(size_mm, 100, 0)
-    frame = frame_from_points(points_mm)
-    found = find_use_face(mesh, frame, layout, source="pebble").thickness
-    assert found == pytest.approx(thickness, abs=0.3)
 
 
 def test_the_pebbles_coordinates_are_multiples_of_a_64th_of_a_millimetre(caplog):
@@ -157,12 +119,6 @@ def test_the_map_of_the_pebble_is_found_on_its_face():
     assert match.mirrored
     assert abs(match.place.rotation_deg) == pytest.approx(180, abs=1)
     assert not match_map(face, cut_scan(scan, (0.5, 0.8), 0.85)).found
-    # six of them are, if the stage ties them together
-    offsets = np.array([(y, x) for y in (-0.45, 0.45) for x in (-0.85, 0.0, 0.85)])
-    pieces = [cut_scan(scan, offset, 0.85) for offset in offsets]
-    together, reading = match_together(face, pieces, np.array([offsets * (1, -1), offsets]))
-    assert (together.found, together.mirrored, reading) == (True, True, 1)
-    assert together.place[:2] == pytest.approx(match.place[:2], abs=0.06)
 
 
 @pytest.fixture(scope="module")

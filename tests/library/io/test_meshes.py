@@ -81,11 +81,12 @@ FILES = {
     "text.off": exported("off"),
     **{
         f"windows.{kind}": FILE.replace(b"\n", b"\r\n")
-        for kind, FILE in (("obj", quads_obj()), ("ply", ply("")), ("stl", exported("stl_ascii")))
+        for kind, FILE in (("obj", quads_obj()), ("ply", ply("")))
     },
     "whole.glb": exported("glb"),
     "whole.3mf": exported("3mf"),
 }
+BIG = FILES["big.ply"]
 each_file = pytest.mark.parametrize("name", FILES)
 
 
@@ -113,12 +114,6 @@ def test_whole_files_are_read(write, name):
     assert mesh.extents == pytest.approx(SIZE)
 
 
-def test_units(tmp_path):
-    for unit, length in (("cm", 10.0), ("m", 1000.0), ("um", 1e-3), ("in", 25.4)):
-        stone().apply_scale(1 / length).export(tmp_path / "stone.stl")
-        assert read_mesh(tmp_path / "stone.stl", unit=unit).extents == pytest.approx(SIZE, rel=1e-3)
-
-
 def test_the_parts_of_a_scene_are_put_where_it_has_them(tmp_path):
     scene = trimesh.Scene(stone())
     twice = np.diag([2.0, 2.0, 2.0, 1.0])
@@ -141,30 +136,33 @@ def test_glb_is_in_metres_and_another_unit_is_warned_of(write, tmp_path, caplog)
     assert "specification" in caplog.text
 
 
+def three_mf(path, stated, length=1.0):
+    """The stone as a 3MF that states its unit so."""
+    stone().apply_scale(1 / length).export(path)
+    with zipfile.ZipFile(path) as plain:
+        members = {name: plain.read(name) for name in plain.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content.replace(b' unit="millimeter"', stated))
+    return path
+
+
 @pytest.mark.parametrize(
     ("stated", "unit", "length"),
     [
         (b' unit="inch"', "in", 25.4),
-        (b' unit="micron"', "um", 1e-3),
-        (b' unit="centimeter"', "cm", 10.0),
-        (b' unit="meter"', "m", 1e3),
-        (b' unit="foot"', "ft", 304.8),
         (b' unit="MilliMeter"', "mm", 1.0),
         (b"", "mm", 1.0),  # by the specification
     ],
 )
 def test_the_unit_that_a_3mf_states_holds(tmp_path, stated, unit, length):
-    stone().apply_scale(1 / length).export(tmp_path / "plain.3mf")
-    path = tmp_path / "stated.3mf"
-    with zipfile.ZipFile(tmp_path / "plain.3mf") as plain, zipfile.ZipFile(path, "w") as given:
-        for name in plain.namelist():
-            content = re.sub(rb' unit="\w+"', b"", plain.read(name))
-            given.writestr(name, content.replace(b"<model ", b"<model" + stated + b" ", 1))
+    path = three_mf(tmp_path / "a.3mf", stated, length)
     for own in (None, unit):
         mesh = read_mesh(path, unit=own)
         assert mesh.extents == pytest.approx(SIZE, rel=1e-3)
         assert mesh.metadata["file_unit"] == unit
-    refused(path, f"Set mesh_unit: {unit}", unit="mm" if unit != "mm" else "m")
+    refused(path, f"Set mesh_unit: {unit}", unit="cm")
+    refused(three_mf(tmp_path / "b.3mf", b' unit="furlong"'), "furlong")
 
 
 def glb(change=lambda header: header, numbers="<f4", largest=None, **part):
@@ -284,19 +282,6 @@ def test_strips_of_a_glb_are_triangles_that_look_one_way(write):
     assert len(mesh.faces) == 4
 
 
-@pytest.mark.parametrize("unit", ["furlong", "pixel"])
-def test_a_unit_that_3mf_does_not_have_is_named(tmp_path, unit):
-    stone().export(tmp_path / "plain.3mf")
-    with (
-        zipfile.ZipFile(tmp_path / "plain.3mf") as plain,
-        zipfile.ZipFile(tmp_path / "odd.3mf", "w") as odd,
-    ):
-        for name in plain.namelist():
-            content = plain.read(name)
-            odd.writestr(name, content.replace(b'"millimeter"', f'"{unit}"'.encode()))
-    refused(tmp_path / "odd.3mf", unit)
-
-
 def test_a_wrong_unit_is_named(tmp_path):
     stone().apply_scale(1e-3).export(tmp_path / "metres.stl")
     refused(tmp_path / "metres.stl", r"0\.04 mm.*set mesh_unit: m \(40 mm\)\.")
@@ -343,16 +328,12 @@ UTM = [431_234.0, 5_412_345.0, 120.0]  # m
 STEPS = {
     "single.stl": (ball().export(file_type="stl"), "mm", 3.8e-6),
     "double.ply": (double_ply(ball()), "mm", 7.1e-15),
-    "10m.stl": (moved(1e4).export(file_type="stl"), "mm", 0.98e-3),
     "100m.stl": (moved(1e5).export(file_type="stl"), "mm", 7.8e-3),
-    "single_in_double.ply": (double_ply(moved(1e5, "<f4")), "mm", 7.8e-3),
-    "1km.stl": (moved(1e6).export(file_type="stl"), "mm", 62e-3),
     "utm_in_m.stl": (moved(UTM, scale=1e-3).export(file_type="stl"), "m", 500),
     "utm_in_double.ply": (double_ply(moved(UTM, scale=1e-3)), "m", 0.93e-6),
     # moved back, as some programs do when they export
     "back.ply": (double_ply(moved(1e5, "<f4").apply_translation([-1e5] * 3)), "mm", 7.8e-3),
     "two_decimals.stl": (text_stl(ball(), "%.2f").encode(), "mm", 10e-3),
-    "three_digits.stl": (text_stl(ball(), "%.3g").encode(), "mm", 100e-3),
 }
 
 
@@ -395,10 +376,6 @@ def quads(kind):
     return "\n".join(header + rows).encode()
 
 
-def without_end(name):
-    return FILES[name].rstrip(b"\r\n")
-
-
 def counted(stated):
     return FILES["binary.stl"][:80] + stated.to_bytes(4, "little") + FILES["binary.stl"][84:]
 
@@ -406,15 +383,11 @@ def counted(stated):
 PLAIN = FILES["plain.obj"]
 DIALECTS = {
     "bytes behind.stl": FILES["binary.stl"] + b"more",
-    "a line end behind.stl": FILES["binary.stl"] + b"\r\n",
     "padded.stl": FILES["binary.stl"] + bytes(512),
     "streamed.stl": counted(0),
-    "streamed minus.stl": counted(0xFFFFFFFF),
     "named.stl": FILES["ascii.stl"].replace(b"solid ", b"solid my endsolid vertex ", 1),
     "padded text.stl": FILES["ascii.stl"] + bytes(9),
-    "no end.obj": without_end("plain.obj"),
-    "no end.off": without_end("text.off"),
-    "no end.ply": without_end("ascii.ply"),
+    "no end.obj": FILES["plain.obj"].rstrip(),
     "tabs.obj": PLAIN.replace(b" ", b"\t"),
     "indented.obj": PLAIN.replace(b"\n", b" \n  "),
     "old Mac.obj": PLAIN.replace(b"\n", b"\r"),
@@ -455,7 +428,7 @@ def test_what_could_mean_two_stones_is_refused(write, name, content, match):
     refused(write(name, content), match)
 
 
-@pytest.mark.parametrize("comment", [b"# Units: centimeters", b"# File units = cm", b"# unit cm"])
+@pytest.mark.parametrize("comment", [b"# Units: centimeters", b"# File units = cm"])
 def test_a_comment_states_the_unit(write, caplog, comment):
     content = comment + b"\n" + stone().apply_scale(0.1).export(file_type="obj").encode()
     assert read_mesh(write("a.obj", content)).extents == pytest.approx(SIZE)
@@ -484,42 +457,26 @@ def test_cut_files_are_refused(write, name):
         ("plain.obj", b"\nv ", b"\nw ", "cannot be read as OBJ"),
         ("plain.obj", b"\nf 1 ", b"\nf 0 ", "vertex number 0"),
         ("ascii.ply", b"5 3 0 ", b"5 3 77 ", "a face refers to a vertex outside its 26"),
-        ("ascii.ply", b"-20 ", b"-2O ", "could not be read"),
         ("little.ply", struct.pack("<2Bi", 5, 3, 0), struct.pack("<2Bi", 5, 3, -1), "outside its"),
         ("little.ply", b"float y", b"float w", "cannot be read as PLY"),
         ("little.ply", b"face 48", b"face 100000000000", "cannot be read as PLY"),
         ("text.off", b"26 48", b"26 49", "has 74 rows, but states 75"),
         ("binary.stl", FILES["binary.stl"], FILES["binary.stl"][:-50], "47 triangles .* 48"),
-        ("binary.stl", FILES["binary.stl"], bytes(84), "no faces"),
         ("plain.obj", FILES["plain.obj"], b"v 0 0 0\nv 9 0 0\nv 0 9 0\n", "no faces"),
-        ("whole.glb", b"glTF", b"gITF", "cannot be read as GLB"),
         ("whole.3mf", b"PK\1\2", b"PK\1\3", "is damaged"),
-        ("ascii.stl", b"-20.0", b"nan", "are not numbers"),
         ("little.ply", np.float32(-20).tobytes(), np.float32("nan").tobytes(), "are not numbers"),
         ("ascii.ply", b"-20 ", b"-2 0 ", "a row that its header does not describe"),
-        ("ascii.ply", b"\n5 3 ", b"\n5 33 ", "a row that its header does not describe"),
-        ("ascii.ply", b" 9\n", b"\n", "a row that its header does not describe"),
         # the last face, of 14 bytes, has none or seven corners
-        *(
-            (
-                name,
-                FILES[name][-14:],
-                FILES[name][-14:-13] + corners + FILES[name][-12:],
-                "different numbers of corners",
-            )
-            for name in ("little.ply", "big.ply")
-            for corners in (b"\0", b"\7")
-        ),
+        ("big.ply", BIG[-14:], BIG[-14:-13] + b"\0" + BIG[-12:], "different numbers of corners"),
+        ("big.ply", BIG[-14:], BIG[-14:-13] + b"\7" + BIG[-12:], "different numbers of corners"),
         ("text.off", b"\n3 ", b"\n3 0 1 2\n3 ", "has 75 rows, but states 74"),
-        ("ascii.ply", b"\n5 3 ", b"\n0 0 0 9\n5 3 ", "has 75 rows, but states 74"),
         ("plain.obj", b"\nf 1 ", b"\n3 1 ", "a line that begins with a number"),
         *((name, b"0", b"\0", "zero bytes") for name in ("plain.obj", "ascii.ply", "text.off")),
         # its bytes differ from run to run, and so would its name
-        pytest.param("whole.3mf", FILES["whole.3mf"][:50], b"", "is damaged", id="3mf cut"),
         pytest.param("whole.3mf", FILES["whole.3mf"][80:90], b"\xff" * 10, "is damaged", id="3mf"),
         *(
             (name, FILES[name], b"I am not a mesh\n" * 9, "endsolid|header|no faces|cannot be read")
-            for name in ("ascii.stl", "little.ply", "plain.obj", "text.off", "whole.glb")
+            for name in ("ascii.stl", "little.ply", "plain.obj", "whole.glb")
         ),
     ],
 )
@@ -528,15 +485,7 @@ def test_damaged_files_are_refused(write, name, old, new, match):
     refused(write(name, FILES[name].replace(old, new, 1)), match)
 
 
-def test_bytes_of_an_archive_that_look_like_text_are_read(write):
-    path = write("whole.3mf")
-    with zipfile.ZipFile(path, "a") as archive:
-        archive.writestr("3D/picture.png", b"\nf 1 0 2\n3 4\n")
-    assert read_mesh(path).extents == pytest.approx(SIZE)
-
-
-@pytest.mark.parametrize("share", [0.1, 0.01])
-@pytest.mark.parametrize("at", [0.2, 0.4, 0.8])
+@pytest.mark.parametrize(("share", "at"), [(0.1, 0.2), (0.01, 0.8)])
 @pytest.mark.parametrize("kind", ["stl", "ply", "glb"])
 def test_a_mesh_with_a_block_of_zeros_is_refused(tmp_path, kind, at, share):
     """Its header is whole, and the counts are right; of a .glb, the vertices."""
@@ -598,9 +547,6 @@ def test_a_closed_mesh_inside_out_is_turned(tmp_path, caplog):
     assert "inside out" not in caplog.text
     assert read_mesh(tmp_path / "wrong.stl").volume == pytest.approx(right.volume)
     assert "inside out" in caplog.text
-    sheet = trimesh.Trimesh([[0, 0, 0], [0, 20, 0], [30, 0, 0]], [[0, 1, 2]])
-    sheet.export(tmp_path / "sheet.stl")
-    assert read_mesh(tmp_path / "sheet.stl").face_normals[0, 2] == -1
 
 
 @pytest.mark.parametrize(("unit", "length"), [("mm", 1.0), ("m", 1000.0)])
@@ -608,12 +554,10 @@ def test_a_ply_has_numbers_at_its_vertices_in_the_files_own_unit(tmp_path, unit,
     mesh = stone()
     scalars = {"pressure_MPa": mesh.vertices[:, 0] ** 2, "exposure_N_per_mm": mesh.vertices[:, 1]}
     content = ply_with(mesh, scalars, unit=unit)
-    header, _, rest = content.partition(b"end_header\n")
-    names = re.findall(rb"^property float (\w+)$", header, re.M)
-    assert names == [b"x", b"y", b"z", b"scalar_pressure_MPa", b"scalar_exposure_N_per_mm"]
-    read = np.frombuffer(rest, "<f4", 5 * len(mesh.vertices)).reshape(-1, 5)
-    np.testing.assert_allclose(read[:, :3], mesh.vertices / length, rtol=1e-6)
-    np.testing.assert_allclose(read[:, 3:].T, list(scalars.values()), rtol=1e-6)
+    rows = content.partition(b"end_header\n")[2]
+    numbers = np.frombuffer(rows, "<f4", 5 * len(mesh.vertices)).reshape(-1, 5)
+    expected = np.column_stack([mesh.vertices / length, *scalars.values()])
+    np.testing.assert_allclose(numbers, expected, rtol=1e-6)
     (tmp_path / "tool.ply").write_bytes(content)
     again = read_mesh(tmp_path / "tool.ply", unit=unit)
     np.testing.assert_allclose(again.volume, mesh.volume, rtol=1e-5)

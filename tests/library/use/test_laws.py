@@ -58,11 +58,11 @@ def test_the_law_behind_the_losses_is_found(law, answers, name):
     assert sum(answer != UNDECIDED for answer in known) >= (3 if law == ARCHARD else 7)
 
 
-@pytest.mark.parametrize(("patches", "scatter"), [(6, 0.4), (20, 0.4), (12, 0.15)])
+@pytest.mark.parametrize(("patches", "scatter"), [(6, 0.4), (20, 0.4)])
 def test_losses_by_archard_are_rarely_called_another_law(patches, scatter):
     """The level of the claim is 5 %."""
     generator = np.random.default_rng(2)
-    wrong, sets = 0, 40
+    wrong, sets = 0, 25
     for _ in range(sets):
         pressure = pressures(generator, patches)
         losses = lost(ARCHARD, pressure, generator, scatter)

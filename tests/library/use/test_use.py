@@ -123,12 +123,6 @@ def test_table_has_what_was_stated_beside_what_the_wear_says(use, pressure):
             assert weight @ (values < limit) < share <= weight @ (values <= limit)
     radius = np.exp(weight @ np.log(use.radius_mm.values))
     assert table["mean"]["radius"] == pytest.approx(radius)
-    # patches are independent, so that the variance of their sum is that of all
-    gains = (use.log_score - use.competitor_log_score).sel(competitor=use.attrs["competitor"])
-    gains = gains.values
-    error = 1.96 * np.sqrt(len(gains) * gains.var(ddof=1))
-    limits = table.loc["gain", ["low", "mean", "high"]].to_numpy(float)
-    np.testing.assert_allclose(limits, gains.sum() + error * np.array([-1, 0, 1]))
     assert "within_95" not in table.index
     assert table.low["wear_coefficient"] < 0.01 < table.high["wear_coefficient"]
 
@@ -200,16 +194,6 @@ def test_a_use_is_claimed_above_the_best_competitor_alone(gains, answer, is_take
     assert found["gain_error"] == pytest.approx(1.0)
 
 
-def test_load_point_alone_where_the_face_of_the_active_tool_is_known(face, patches, losses):
-    height = face.height
-    known = face.assign(counterface=rounded_counterface(height, RADIUS, 2 * (SIZE / 2,)))
-    stated = STATED._replace(radius_mm=None)
-    use = infer(known, patches, losses, stated)
-    assert np.isnan(use.radius_mm).all()
-    assert "radius" not in set(use_table(use, stated).parameter)
-    assert abs(spread(use, "x_mm")[0] - POINT[1]) < 3 * spread(use, "x_mm")[1]
-
-
 def wear_without_contact(name, face, patches):
     """Losses as a competitor has them."""
     height = coarser(face.height, 2)
@@ -228,7 +212,7 @@ def test_wear_that_nothing_pressed_is_predicted_by_a_competitor(face, patches, n
     totals = {other: score.sum() for other, score in scores.items()}
     assert set(totals) == set(COMPETITORS)
     assert max(totals, key=totals.get) == name
-    use = infer(face, patches, losses)
+    use = infer(face, patches, losses, sampling=QUICK)
     assert use.attrs["answer"] != PRESSED
 
 
@@ -254,7 +238,7 @@ def test_where_contacts_are_not_known_a_use_is_not_claimed(face, patches, losses
 def test_losses_by_chance_are_not_taken_for_a_use(face, patches, losses):
     # the wear of a use, but each patch has that of another
     shuffled = losses.permuted(np.random.default_rng(1).permutation(len(patches)))
-    assert infer(face, patches, shuffled).attrs["answer"] != PRESSED
+    assert infer(face, patches, shuffled, sampling=QUICK).attrs["answer"] != PRESSED
 
 
 def test_strikes_that_scatter_are_not_taken_for_a_rounder_tool(face, patches, use):
@@ -333,15 +317,6 @@ def test_particles_have_the_weights_and_scores_of_the_sum_over_all():
         assert found.log_score[place] == pytest.approx(score, abs=0.05)
 
 
-def test_particles_find_both_of_two_places_that_are_likely():
-    def log_likelihood(standard):
-        apart = abs(standard[:, :1]) - 2.0
-        return scipy.stats.norm.logpdf([0.0, 0.1], apart, 0.05)
-
-    found = tempered(log_likelihood, 2, 2000, np.random.default_rng(1))
-    assert found.weights @ (found.standard[:, 0] > 0) == pytest.approx(0.5, abs=0.12)
-
-
 def test_weights_of_particles_are_bounded():
     """However wrong one place is, no draw has the weight of all."""
     likelihood = np.array([[-1.0, -1.0], [-1.0, -700.0], [-1.0, -1.0]])
@@ -407,16 +382,6 @@ def test_grades_are_read_without_the_wear_of_the_whole_tool_too(face, patches, u
     use_of_study(bent, graded, None, **options, modulus=MODULUS, patch_mm=PATCH)
     curvatures = [float(of.height.polyfit("x", 2).polyfit_coefficients[0].mean()) for of in pressed]
     assert curvatures == pytest.approx([-1 / 50, 0], abs=1e-3)
-
-
-def test_more_worn_patches_bore_more_pressure():
-    pressure = np.array([[1.0, 5.0, 9.0, 20.0], [20.0, 9.0, 5.0, 1.0]])
-    standard = np.zeros((2, 1))
-    rising = Grades(np.array([0, 1, 1, 2])).log_likelihood(pressure, standard).sum(axis=1)
-    assert rising[0] > rising[1] + 2
-    # a grade at random is never impossible
-    falling = Grades(np.array([0, 1, 1, 0])).log_likelihood(pressure, standard).sum(axis=1)
-    assert (falling > 4 * np.log(0.1 / 2)).all()
 
 
 def test_likelihood_of_a_grade_is_that_of_its_interval():
