@@ -40,48 +40,34 @@ def plain_x3p(path: Path) -> io.BytesIO:
         measured are missing, or have another size than is announced.
     """
     plain = io.BytesIO()
-    with zipfile.ZipFile(path) as given, zipfile.ZipFile(plain, "w") as copy:
-        members = _Members(path, given)
-        root = ElementTree.fromstring(members.index())
+    with zipfile.ZipFile(path) as archive, zipfile.ZipFile(plain, "w") as copy:
+        members = _members(path, archive)
+        root = ElementTree.fromstring(read_member(path, archive, members["main.xml"]))
         for element in root.iter():
             element.tag = element.tag.rpartition("}")[2]  # some put all names into a namespace
             element.text = (element.text or "").strip()
         _make_plain(path, root)
-        for name, content in _contents(path, root, members).items():
+        for name, content in _contents(path, root, archive, members).items():
             copy.writestr(name, content)
         copy.writestr("main.xml", ElementTree.tostring(root, "utf-8"))
     plain.seek(0)
     return plain
 
 
-class _Members:
-    """Files of an archive, found whatever their case, their slashes and the folder around them."""
-
-    def __init__(self, path: Path, archive: zipfile.ZipFile):
-        self._path, self._archive = path, archive
-        files = [one.filename for one in archive.infolist() if not one.is_dir()]
-        self._names = {_plain_name(name): name for name in files}
-        indices = [name for name in self._names if name.rpartition("/")[2] == "main.xml"]
-        outermost = min((name.count("/") for name in indices), default=0)
-        indices = [name for name in indices if name.count("/") == outermost]
-        if len(indices) != 1:
-            problem = f"holds {len(indices)} files main.xml, and an .x3p has one"
-            raise InputError(path, problem, _EXPORT_AGAIN)
-        self._index = indices[0]
-
-    def index(self) -> bytes:
-        return self._read(self._index)
-
-    def named(self, link: str) -> bytes:
-        """The file that the index names."""
-        name = self._index.removesuffix("main.xml") + _plain_name(link)
-        if name not in self._names:
-            problem = f"its main.xml names {link}, which is not in it"
-            raise InputError(self._path, problem, _EXPORT_AGAIN)
-        return self._read(name)
-
-    def _read(self, name: str) -> bytes:
-        return read_member(self._path, self._archive, self._names[name])
+def _members(path: Path, archive: zipfile.ZipFile) -> dict[str, str]:
+    """Names of the files beside the index, whatever their case, slashes and the folder around."""
+    files = [one.filename for one in archive.infolist() if not one.is_dir()]
+    names = {_plain_name(name): name for name in files}
+    indices = [name for name in names if name.rpartition("/")[2] == "main.xml"]
+    outermost = min((name.count("/") for name in indices), default=0)
+    indices = [name for name in indices if name.count("/") == outermost]
+    if len(indices) != 1:
+        problem = f"holds {len(indices)} files main.xml, and an .x3p has one"
+        raise InputError(path, problem, _EXPORT_AGAIN)
+    folder = indices[0].removesuffix("main.xml")
+    return {
+        name.removeprefix(folder): own for name, own in names.items() if name.startswith(folder)
+    }
 
 
 def _plain_name(name: str) -> str:
@@ -125,7 +111,7 @@ def _check_axis(path: Path, root: ElementTree.Element, name: str) -> None:
 
 
 def _contents(
-    path: Path, root: ElementTree.Element, members: _Members
+    path: Path, root: ElementTree.Element, archive: zipfile.ZipFile, members: dict[str, str]
 ) -> dict[str, bytes | memoryview]:
     """Heights, and the mask of those that were measured if there is one, by their plain names."""
     record = _element(root, "Record3")
@@ -154,7 +140,10 @@ def _contents(
     ):
         target = link.find(f"{tag}Link")
         if target is not None and target.text:
-            contents[name] = members.named(target.text)
+            if (own := members.get(_plain_name(target.text))) is None:
+                problem = f"its main.xml names {target.text}, which is not in it"
+                raise InputError(path, problem, _EXPORT_AGAIN)
+            contents[name] = read_member(path, archive, own)
             _check_bytes(path, len(contents[name]), sizes[name], what)
             _mind_sum(path, contents[name], link.findtext(f"MD5Checksum{tag}", ""), what)
             target.text = name

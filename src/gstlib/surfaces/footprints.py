@@ -32,14 +32,8 @@ __all__ = [
     "with_t1",
 ]
 
-# Of the table ``registration``: the place of T1 on T0 and its size. Patches have a turn, too.
-_T1 = {
-    "t1_y_um": "t1_y_um",
-    "t1_x_um": "t1_x_um",
-    "rotation_deg": "t1_rotation_deg",
-    "t1_size_y_um": "t1_size_y_um",
-    "t1_size_x_um": "t1_size_x_um",
-}
+# The place of T1 on T0 and its size, in the table of the patches.
+_T1 = ["t1_y_um", "t1_x_um", "t1_rotation_deg", "t1_size_y_um", "t1_size_x_um"]
 
 
 def rotated(v: Any, u: Any, rotation_deg: float) -> tuple[Any, Any]:
@@ -135,9 +129,10 @@ def with_t1(patches: pd.DataFrame, registration: pd.DataFrame) -> pd.DataFrame:
 
     `registration` is the table of this name.
     """
-    of_t1 = registration.set_index("patch").reindex(columns=["found", *_T1]).dropna()
-    of_t1 = of_t1[of_t1.found.astype(bool)].rename(columns=_T1)
-    return patches.join(of_t1[list(_T1.values())].astype(float), on="patch")
+    # patches have a turn, too
+    of_t1 = registration.set_index("patch").rename(columns={"rotation_deg": "t1_rotation_deg"})
+    of_t1 = of_t1.reindex(columns=["found", *_T1]).dropna()
+    return patches.join(of_t1.loc[of_t1.found.astype(bool), _T1].astype(float), on="patch")
 
 
 def covered_areas(patches: pd.DataFrame, size_mm: float) -> dict[str, "shapely.Polygon"]:
@@ -148,12 +143,12 @@ def covered_areas(patches: pd.DataFrame, size_mm: float) -> dict[str, "shapely.P
     """
     # ASSUME: the points of the two scans without a height of their own lie evenly over the area
     # that both cover, so that they change neither its mean loss nor its mean pressure.
-    if not {*_T1.values()} <= {*patches.columns}:
+    if not {*_T1} <= {*patches.columns}:
         return {}
     import shapely
 
     places, covered = places_of(patches), {}
-    for patch, *of_t1 in patches[["patch", *_T1.values()]].dropna().itertuples(index=False):
+    for patch, *of_t1 in patches[["patch", *_T1]].dropna().itertuples(index=False):
         v, u, turn, height, width = np.multiply(of_t1, (1e-3, 1e-3, 1, 1e-3, 1e-3))
         before = places[patch]
         after = Place(*before.points(v, u), before.rotation_deg + turn)

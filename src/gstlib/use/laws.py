@@ -24,7 +24,7 @@ import xarray as xr
 
 from gstlib.conditions import ARCHARD, Law
 from gstlib.use.evidence import FEWEST_PATCHES, Losses, likelihood
-from gstlib.use.tempering import tempered
+from gstlib.use.tempering import mean_and_limits, tempered
 
 __all__ = ["BASE", "UNDECIDED", "law_scores", "law_table"]
 
@@ -41,7 +41,6 @@ _TOUCHED = 0.01
 # One-sided level of a claim. The quantile is Student's, because the standard error is from few
 # patches; for the best of four others, it is of a quarter of the level.
 _LEVEL = 0.05
-_LIMITS = 0.025, 0.975
 _STATISTICS = "mean", "low", "high"
 _COLUMNS = ["law", "parameter", *_STATISTICS, "log_score", "gain", "gain_error", "answer"]
 _PARAMETERS = {
@@ -109,7 +108,7 @@ def law_scores(
             )
             values = np.ravel(getattr(law, family.parameter))
             weight = np.concatenate([of.weights for of in particles]) / len(particles)
-            parameters[-1] = _summary(values, weight)
+            parameters[-1] = mean_and_limits(values, weight)
     return xr.Dataset(
         {
             "law_log_score": (("law", "patch"), np.array(scores)),
@@ -140,11 +139,6 @@ def _families(pressure: np.ndarray) -> dict[str, _Family]:
         "higher exponent": _Family("exponent", exponent(1.0)),
         "touched": _Family("", lambda _: Law(_TOUCHED * mean, 0.0)),
     }
-
-
-def _summary(values: np.ndarray, weight: np.ndarray) -> list[float]:
-    limits = np.quantile(values, _LIMITS, weights=weight, method="inverted_cdf")
-    return [float(weight @ values), *map(float, limits)]
 
 
 def law_table(

@@ -19,13 +19,13 @@ from gstlib.use.evidence import Grades, Losses
 from gstlib.use.infer import StatedUse, infer_use, use_pressures
 from gstlib.use.sampling import Sampling
 from gstlib.use.spread import Uses
+from gstlib.use.tempering import LIMITS, mean_and_limits
 
 __all__ = ["as_used", "losses_of", "predicted_losses", "pressures_of_use", "share_within"]
 __all__ += ["strikes_of", "use_of_study", "use_table"]
 
 # Decimals of a predicted loss (µm) and pressure (MPa); what is less comes from uses of no weight.
 _DECIMALS = 6
-_TAILS = 0.025, 0.975
 _PREDICTIVE = 4000
 
 
@@ -194,7 +194,7 @@ def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame
         loss = expected[drawn] + width * generator.standard_t(4.0, _PREDICTIVE)
         count = float(at.effective_draws_without)
         rows.append(
-            (patch, measured, float(weight @ expected), *np.quantile(loss, _TAILS), count)
+            (patch, measured, float(weight @ expected), *np.quantile(loss, LIMITS), count)
         )
     columns = ["patch", "loss_um", "predicted_um", "low_um", "high_um", "effective_draws"]
     table = pd.DataFrame(rows, columns=columns).round(_DECIMALS)
@@ -255,13 +255,12 @@ def use_table(
     )
 
 
-def _summary(use: xr.Dataset, name: str) -> tuple[float, float, float]:
+def _summary(use: xr.Dataset, name: str) -> list[float]:
     """Mean and limits of what the wear says."""
     if name not in use:
-        return np.nan, np.nan, np.nan
+        return [np.nan] * 3
     values, weight = use[name].values, use.weight.values
-    mean = float(weight @ values)
+    mean, *limits = mean_and_limits(values, weight)
     if name == "radius_mm":
         mean = float(np.exp(weight @ np.log(values)))
-    low, high = np.quantile(values, _TAILS, weights=weight, method="inverted_cdf")
-    return mean, float(low), float(high)
+    return [mean, *limits]

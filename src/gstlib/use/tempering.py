@@ -13,8 +13,10 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-__all__ = ["Particles", "effective_draws", "tempered"]
+__all__ = ["LIMITS", "Particles", "effective_draws", "mean_and_limits", "tempered"]
 
+# Quantiles that hold 95 % of what is likely.
+LIMITS = 0.025, 0.975
 # Share of the particles that still count after a step, and how many moves each has accepted then.
 _KEPT, _ACCEPTED, _ACCEPTED_LAST, _MOST_MOVES = 0.5, 1.5, 4.0, 30
 # Share of the moves that may jump from one mode to another, and what is added to all moves.
@@ -114,6 +116,12 @@ def tempered(
 def effective_draws(weight: np.ndarray) -> np.ndarray:
     """How many draws of equal weight would be worth as much; `weight` is (draws, …)."""
     return np.asarray(1 / (weight**2).sum(axis=0))
+
+
+def mean_and_limits(values: np.ndarray, weight: np.ndarray) -> list[float]:
+    """Mean and limits of 95 % of values (draws,) with these weights."""
+    limits = np.quantile(values, LIMITS, weights=weight, method="inverted_cdf")
+    return [float(weight @ values), *map(float, limits)]
 
 
 def _target(log_likelihood: np.ndarray, offset: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from gstlib.io.tables import read_table
 SECONDS, MEGABYTES = 10, 1000
 
 
-@pytest.mark.parametrize(("kind", "count"), [("workbooks", 40), ("containers", 40)])
+@pytest.mark.parametrize(("kind", "count"), [("workbooks", 25), ("containers", 36)])
 def test_hostile_files_end_in_a_sentence(tmp_path, kind, count):
     """In a process of its own, whose memory is then known."""
     count = int(os.environ.get(f"HOSTILE_{kind.upper()}", count))
