@@ -24,11 +24,11 @@ import yaml
 from age import record
 from power import specimen_config
 
+from gst.check.matching import match_map, match_together
+from gst.check.nearby import match_near
 from gst.config.patches import read_patches
+from gst.setup.finding import view_of
 from gst.setup.place_matching import located
-from gstlib.coupling.finding import view_of
-from gstlib.coupling.matching import match_map, match_together
-from gstlib.coupling.nearby import match_near
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.preprocess.mesh import grid_mesh

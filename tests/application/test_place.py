@@ -20,6 +20,7 @@ import pytest
 import trimesh
 import yaml
 from click.testing import CliRunner
+from gst.check.matching import Match
 from gst.cli import main
 from gst.config.reading import read_config
 from gst.run.chain import PAGE, Step, given_to, write_record
@@ -27,7 +28,6 @@ from gst.setup.place import PlaceServer
 from gst.setup.place_matching import Found, _laid_alike, seen_in
 from gst.setup.place_scans import picture_of
 from gst.setup.place_state import digest_of
-from gstlib.coupling.matching import Match
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.footprints import Place, outline

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from gst.check.matching import match_map
 from gst.config.patches import read_patches
 from gstlib.coupling import placement
-from gstlib.coupling.matching import match_map
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of

@@ -17,10 +17,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gst.check.nearby import REACH, match_near
 from gst.config.edited import Cells, save_text, text_of, with_cells, with_values
 from gst.config.reading import read_config_file
 from gstlib.change.selection import is_more
-from gstlib.coupling.nearby import REACH, match_near
 from gstlib.coupling.placement import (
     AS_GIVEN,
     CANNOT_TELL,

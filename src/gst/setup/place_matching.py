@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import xarray as xr
 
-from gstlib.coupling.finding import find_on_map, find_on_stone, view_of
-from gstlib.coupling.matching import Match
-from gstlib.coupling.nearby import match_near
+from gst.check.matching import Match
+from gst.check.nearby import match_near
+from gst.setup.finding import find_on_map, find_on_stone, view_of
 from gstlib.coupling.placement import shows_waves
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.frames import Frame

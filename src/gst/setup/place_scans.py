@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from gst.check.matching import Match
 from gst.config.reading import read_unfinished
 from gst.config.todo import is_to_do
 from gst.setup.place_matching import (
@@ -23,7 +24,6 @@ from gst.setup.place_matching import (
 )
 from gst.setup.place_state import DECIMALS, known, mesh_of, rows_of, version_of
 from gst.setup.scan_folder import OVERVIEW, scans_in
-from gstlib.coupling.matching import Match
 from gstlib.errors import ConfigError, GstError, InputError, accepting, concerning
 from gstlib.io.scans import read_scan
 from gstlib.io.stage import stage_of

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from gstlib.coupling.matching import Match, match_map, match_together
+from gst.check.matching import Match, match_map, match_together
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import axis_coordinates, make_surface, spacing_of
 
@@ -55,7 +55,7 @@ def find_on_stone(
     mesh : trimesh.Trimesh
         The stone, mm.
     scans, readings
-        As in `gstlib.coupling.matching.match_together`; of an overview, itself and zeros.
+        As in `gst.check.matching.match_together`; of an overview, itself and zeros.
 
     Returns
     -------
@@ -188,7 +188,7 @@ def find_on_map(
 ) -> dict[str, Match]:
     """Find scans on a larger map, each by itself; by the stage where heights do not find all.
 
-    `readings` are as in `gstlib.coupling.matching.match_together`; None without a stage.
+    `readings` are as in `gst.check.matching.match_together`; None without a stage.
     """
     found = {name: match_map(overview, scan) for name, scan in scans.items()}
     if readings is None or all(match.found for match in found.values()):

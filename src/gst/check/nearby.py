@@ -15,9 +15,9 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from gstlib.coupling.aligning import Fit, Refined, part_around, widened
-from gstlib.coupling.matching import LEAST_LEAD, Match
-from gstlib.coupling.sliding import (
+from gst.check.aligning import Fit, Refined, part_around, widened
+from gst.check.matching import LEAST_LEAD, Match
+from gst.check.sliding import (
     Image,
     Template,
     correlation_of,
@@ -64,14 +64,14 @@ def match_near(
     Parameters
     ----------
     surface, scans
-        As in `gstlib.coupling.matching.match_together`.
+        As in `gst.check.matching.match_together`.
     places : sequence of Place
         Where each lies, about.
 
     Raises
     ------
     ValueError
-        As in `gstlib.coupling.matching.match_map`.
+        As in `gst.check.matching.match_map`.
     """
     search, templates = to_search(surface, scans)
     near = [_near(search, *each) for each in zip(templates, places, strict=True)]

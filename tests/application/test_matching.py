@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import scipy
 import trimesh
+from gst.check.aligning import Fit
+from gst.check.matching import Match, _elsewhere, match_map, match_together
+from gst.check.nearby import _top, match_near
+from gst.setup.finding import find_on_map, find_on_stone
 from gstlib import self_affine_field
-from gstlib.coupling.aligning import Fit
-from gstlib.coupling.finding import find_on_map, find_on_stone
-from gstlib.coupling.matching import Match, _elsewhere, match_map, match_together
-from gstlib.coupling.nearby import _top, match_near
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import make_surface
 
@@ -266,7 +266,7 @@ def test_a_scan_of_another_stone_does_not_lie_where_the_stage_says():
 
 def test_what_fits_two_sides_of_a_stone_alike_is_not_found(monkeypatch):
     match = Match(Place(1.0, 1.0), False, False, 0.9, 0.1, SURE, found=True)
-    monkeypatch.setattr("gstlib.coupling.finding.match_together", lambda *_: (match, 0))
+    monkeypatch.setattr("gst.setup.finding.match_together", lambda *_: (match, 0))
     heights = overview(stone(1), Place(4.5, 4.5))
     found = find_on_stone(trimesh.creation.box((9.0, 7.0, 5.0)), [heights], np.zeros((1, 1, 2)))
     assert (found.match.found, found.match.lead) == (False, 0)

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from gstlib.coupling.sliding import Template
+from gst.check.sliding import Template
 from gstlib.surfaces.fitting import planes_over, residuals
 from gstlib.surfaces.footprints import Place, spline_of
 from gstlib.surfaces.grid import spacing_of

@@ -1,12 +1,12 @@
 """Where on a stone was a map taken? Scans are found on the mesh or on a larger map, by heights.
 
 Heights are correlated at every shift, for turns all around and mirrored, too
-(`gstlib.coupling.sliding`). The best place is refined between the elements, and its error estimated
-(`gstlib.coupling.aligning`).
+(`gst.check.sliding`). The best place is refined between the elements, and its error estimated
+(`gst.check.aligning`).
 
 A patch of 0.85 mm has too few waves that a mesh shows to be found anywhere (`match_map`). Several
 are, whose distances the stage tells (`match_together`), or from a start by hand
-(`gstlib.coupling.nearby`).
+(`gst.check.nearby`).
 """
 
 import math
@@ -16,8 +16,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import xarray as xr
 
-from gstlib.coupling.aligning import Fit
-from gstlib.coupling.sliding import (
+from gst.check.aligning import Fit
+from gst.check.sliding import (
     Image,
     Template,
     correlation_of,
