@@ -1,0 +1,280 @@
+"""Scans and the mesh under them: how likely is it that they lie otherwise than as given?"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+import xarray as xr
+
+from gstlib.coupling.orientations import LOOKS, ORIENTATIONS, TABLES, as_measured, oriented
+from gstlib.surfaces.footprints import moved, on_patch, places_of, spline_of
+
+__all__ = ["AGREES", "CANNOT_TELL", "ELSEWHERE", "SHIFTED", "WAVE_PER_EDGE"]
+__all__ += ["Comparison", "Shift", "shows_waves"]
+
+AGREES, SHIFTED, ELSEWHERE, CANNOT_TELL = "agrees", "shifted", "elsewhere", "cannot tell"
+# A triangular net of edge a resolves waves down to √3 a, twice the distance between its rows.
+WAVE_PER_EDGE = math.sqrt(3)
+
+# One right study in a hundred may be called wrong, or shifted.
+_SIGNIFICANCE = 0.01
+# ASSUME: a patch shows the error of scan and mesh by three independent waves. On synthetic stones
+# its estimates scatter so. The median of such estimates is 0.79 of their mean.
+_WAVES, _MEDIAN_OF_WAVES = 3, 0.79
+_LEAST_VARIANCE = 1e-14  # mm², so that equal surfaces can be compared
+# Points along a patch's side at which surfaces are compared: shorter waves the mesh does not hold.
+_POINTS = 24
+# Shifts tried along each axis, in sides of a patch: up to 0.2 mm in steps of 35 µm for the paper's,
+# where a peak is 0.2 mm wide. A mistaken table is tried with shifts of 0.1 mm along either axis.
+_ALONG = np.arange(-6, 7) / 24
+_SHIFTS = np.array([*itertools.product(_ALONG, repeat=2)])
+_FEW_SHIFTS = np.array([(0, 0), (-3, 0), (3, 0), (0, -3), (0, 3)]) / 24
+# ASSUME: a patch lies within so many standard errors of its stated place.
+_ERRORS = 2.0
+# Fewer patches have no scatter by which a shift that all share could be told from chance.
+_FEWEST_PATCHES = 4
+
+
+def shows_waves(surface: xr.DataArray, patch_mm: float) -> bool:
+    """Whether the edges of the mesh, where they are known, show waves as long as a patch."""
+    return bool(WAVE_PER_EDGE * surface.attrs.get("mesh_edge_mm", 0.0) <= patch_mm)
+
+
+class Shift(NamedTuple):
+    """The shift (y, x) that all patches share, its standard errors, mm, and its p-value."""
+
+    shift: np.ndarray
+    errors: np.ndarray
+    p_value: float
+
+    @property
+    def is_sure(self) -> bool:
+        return self.p_value < _SIGNIFICANCE
+
+    @property
+    def along_x_and_y(self) -> tuple[np.ndarray, np.ndarray]:
+        """Shift and errors along x and y, µm."""
+        return 1e3 * self.shift[::-1], 1e3 * self.errors[::-1]
+
+
+class Comparison:
+    """Scans and the mesh under them, and how likely it is that the scans lie otherwise.
+
+    The error of scan and mesh is taken as normal. A misfit is the negative logarithm of a
+    likelihood: half the squared error over its variance. A lead is how much smaller a misfit is
+    than the one as given, in nats.
+    """
+
+    def __init__(
+        self,
+        surface: xr.DataArray,
+        patches: pd.DataFrame,
+        heights: Sequence[xr.DataArray],
+        *,
+        patch_mm: float,
+        placement_um: float,
+    ):
+        from skimage.transform import resize_local_mean
+
+        self.surface, self.patches, self.patch_mm = surface, patches, patch_mm
+        self.spline = spline_of(surface)
+        coarse = np.array([resize_local_mean(each.values, 2 * (_POINTS,)) for each in heights])
+        self.looks = _flat(_in_each_look(coarse))
+        self.is_few = len(patches) < _FEWEST_PATCHES
+        self.scan = np.sum(self.looks[:, 0] ** 2, axis=-1)
+        shifts = _SHIFTS * patch_mm
+        self.products, self.mesh = self.products_at(patches, shifts)
+        maps = self.correlation(self.products[:, 0], self.mesh).reshape(-1, *2 * _ALONG.shape)
+        self.shared = _shared_shift(maps, patch_mm * _ALONG)
+        off = np.hypot(*(shifts - (self.shared.shift if self.shared.is_sure else 0)).T)
+        self.at = int(off.argmin())
+        self.under = self._under(moved(patches, shifts[self.at], surface, patch_mm))
+        self.fits = self.correlation(self.products[..., self.at], self.mesh[:, [self.at]])
+        self.gain, self.variance = self._errors()
+        # as given, each patch may be misplaced
+        misfits = self.misfit(self.products[:, 0], self.mesh)
+        near = off <= max(off[self.at], _ERRORS * placement_um * 1e-3)
+        self.as_given = misfits[:, near].min(axis=-1)
+        there = self.misfit(self.products[..., self.at], self.mesh[:, [self.at]])
+        self.leads = self.as_given[:, np.newaxis] - there[:, 1:]
+        flat = np.zeros(len(patches))
+        self.anywhere = self.misfit(flat, flat)
+        self.lead_anywhere = self.as_given - self.anywhere
+
+    @property
+    def size_mm(self) -> float:
+        """Side of the square, which lies in the middle of the face."""
+        return float(self.surface.x[0] + self.surface.x[-1])
+
+    def products_at(
+        self, patches: pd.DataFrame, shifts: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Products of scan and mesh (patches, looks, k), and squares of the mesh (patches, k).
+
+        They are means over the points, mm², at shifts (k, 2) of all patches along y and x, mm.
+        """
+        products = np.empty((*self.looks.shape[:2], len(shifts)))
+        squares = np.empty((len(products), len(shifts)))
+        for number, shift in enumerate(shifts):
+            under = self._under(moved(patches, shift, self.surface, self.patch_mm))
+            products[..., number] = np.einsum("pln,pn->pl", self.looks, under)
+            squares[:, number] = np.sum(under**2, axis=-1)
+        return np.concatenate([products, -products], axis=1), squares
+
+    def correlation(self, products: np.ndarray, mesh: np.ndarray) -> np.ndarray:
+        """Correlation from (patches, ...) products and squares of the mesh; of flat ones, 0."""
+        size = np.sqrt(_beside(self.scan, products) * mesh)
+        return products / np.where(size > 0, size, np.inf)
+
+    def misfit(self, products: np.ndarray, mesh: np.ndarray) -> np.ndarray:
+        """Misfit from (patches, ...) products and squares of the mesh."""
+        scan, variance = (_beside(each, products) for each in (self.scan, self.variance))
+        return (scan / self.gain**2 - 2 * products / self.gain + mesh) / (2 * variance)
+
+    def limit(self, tests: int) -> float:
+        """The lead that the best of so many wrong ways has in one right study of a hundred.
+
+        Under a normal error, the lead of a wrong way exceeds q²/2 no more often than a normal
+        number exceeds q. Student's t stands for it, because the variance is estimated.
+        """
+        freedom = _WAVES * len(self.scan)
+        return float(scipy.special.stdtrit(freedom, 1 - _SIGNIFICANCE / tests) ** 2 / 2)
+
+    @cached_property
+    def across(self) -> np.ndarray:
+        """Misfit (patches, patches) of each scan at the place of each patch."""
+        misfits = self.misfit(self.looks[:, 0] @ self.under.T, np.sum(self.under**2, axis=-1))
+        np.fill_diagonal(misfits, self.as_given)
+        return misfits
+
+    @cached_property
+    def alternatives(self) -> np.ndarray:
+        """Highest lead (patches,) of another look, of another patch's place, or of any place."""
+        others = self.as_given[:, np.newaxis] - self.across
+        np.fill_diagonal(others, -np.inf)
+        return np.column_stack([self.leads, others, self.lead_anywhere]).max(axis=1)
+
+    @property
+    def status(self) -> np.ndarray:
+        """Status of each patch."""
+        number = len(self.alternatives)
+        each = number + len(LOOKS) - 1  # the ways of one patch
+        status = np.full(number, CANNOT_TELL, dtype=object)
+        if shows_waves(self.surface, self.patch_mm):
+            status[self.alternatives < -self.limit(each)] = AGREES
+            status[self.alternatives > self.limit(number * each)] = ELSEWHERE
+        return status
+
+    def _under(self, patches: pd.DataFrame) -> np.ndarray:
+        """Heights (patches, points) of the square under each patch."""
+        size, places = 2 * (_POINTS,), places_of(patches).values()
+        under = [on_patch(self.spline, place, size, self.patch_mm) for place in places]
+        return _flat(np.array(under))
+
+    @cached_property
+    def tables(self) -> dict[str, tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]]:
+        """For each of `TABLES`, the right patches, shifts that all may share, and `products_at`."""
+        patches, at = self.patches, [self.at] if self.is_few else slice(None)
+        shifts = self.patch_mm * _SHIFTS[at]
+        tables = {"": (patches, shifts, self.products[..., at], self.mesh[:, at])}
+        shifts = self.patch_mm * _FEW_SHIFTS[: 1 if self.is_few else None]
+        for mistake in [*TABLES][1:]:
+            x, y = as_measured(patches.x_mm, patches.y_mm, self.size_mm, mistake)
+            right = patches.assign(x_mm=x, y_mm=y)
+            tables[mistake] = right, shifts, *self.products_at(right, shifts)
+        return tables
+
+    def _exchanged(self) -> tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]:
+        """As one of the `tables`, with each scan at the patch's place that suits it best."""
+        squares = np.sum(self.under**2, axis=-1)
+        fits = self.correlation(self.looks[:, 0] @ self.under.T, squares)
+        _, place = scipy.optimize.linear_sum_assignment(-fits)
+        columns = ["x_mm", "y_mm", "rotation_deg"]
+        patches = self.patches.assign(**self.patches.iloc[place][columns].to_dict("list"))
+        shifts = self.patch_mm * _SHIFTS[[self.at]]
+        return patches, shifts, *self.products_at(patches, shifts)
+
+    def _errors(self) -> tuple[float, np.ndarray]:
+        """Gain of the scans over the mesh, and the variance of each patch's error along a wave.
+
+        They are those in the table, or with the exchanges, and of each patch in the look, that fit
+        best, which need not be the ones as given. The error of a patch is taken along the waves by
+        which the looks of the mesh differ. The variance is the mean of its own and of the usual one
+        among the patches.
+        """
+        best, under = self.fits, self.under
+        for patches, shifts, products, mesh in [*self.tables.values(), self._exchanged()][1:]:
+            fits = self.correlation(products, mesh[:, np.newaxis])
+            at = fits.max(axis=1).sum(axis=0).argmax()
+            if fits[..., at].max(axis=1).sum() > best.max(axis=1).sum():
+                best = fits[..., at]
+                under = self._under(moved(patches, shifts[at], self.surface, self.patch_mm))
+        rows, look = np.arange(len(best)), best.argmax(axis=1)
+        sign = np.where(look < len(ORIENTATIONS), 1, -1)[:, np.newaxis]
+        laid = sign * self.looks[rows, look % len(ORIENTATIONS)]
+        mesh = np.maximum(np.sum(under**2, axis=-1), _LEAST_VARIANCE)
+        gain = float(np.median(np.sum(laid * under, axis=-1) / mesh)) or 1.0
+        turned = _in_each_look(under.reshape(-1, _POINTS, _POINTS)).reshape(self.looks.shape)
+        waves = np.concatenate([turned, -turned], axis=1)[:, 1:] - under[:, np.newaxis]
+        squares = np.sum(waves**2, axis=-1)
+        along = np.einsum("pn,pwn->pw", laid / gain - under, waves) ** 2
+        own = np.mean(along / np.where(squares > 0, squares, np.inf), axis=1)
+        variance = (own + np.median(own) / _MEDIAN_OF_WAVES) / 2
+        return gain, np.maximum(variance, _LEAST_VARIANCE)
+
+
+def _beside(each: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A number for each patch, with the dimensions of (patches, ...) values."""
+    return each.reshape(-1, *(1,) * (values.ndim - 1))
+
+
+def _in_each_look(heights: np.ndarray) -> np.ndarray:
+    """Heights (patches, points, points) in each orientation, (patches, orientations, ...)."""
+    return np.array([[oriented(one, name) for name in ORIENTATIONS] for one in heights])
+
+
+def _flat(heights: np.ndarray) -> np.ndarray:
+    """Heights (..., points, points) less their planes, as vectors of the length of their r.m.s."""
+    y, x = np.indices(2 * (_POINTS,))
+    powers = np.stack([np.ones_like(x), y, x], axis=-1)
+    planes, _ = np.linalg.qr(powers.reshape(-1, 3))
+    flat = heights.reshape(*heights.shape[:-2], -1) / _POINTS
+    return flat - flat @ planes @ planes.T
+
+
+def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> Shift:
+    """Shift at the peak of the mean of maps (patches, k, k).
+
+    The errors are those of the jackknife over the patches, the test is Hotelling's.
+    """
+    number, total = len(maps), maps.sum(axis=0)
+    if number < _FEWEST_PATCHES:
+        unknown = np.full(2, np.nan)
+        return Shift(unknown, unknown, np.nan)
+    shift = _peak(total, steps)
+    without = [_peak(total - one, steps) for one in maps]
+    covariance = (number - 1) * np.cov(without, rowvar=False, bias=True)
+    errors = np.sqrt(np.diag(covariance))
+    if not errors.all() or np.isnan(errors).any():
+        return Shift(shift, errors, np.nan)
+    ratio = shift @ np.linalg.solve(covariance, shift) / 2 * (number - 2) / (number - 1)
+    return Shift(shift, errors, float(scipy.special.fdtrc(2, number - 2, ratio)))
+
+
+def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Place (y, x) of the highest of values (k, k), by parabolas; NaN if it is at the edge."""
+    row, column = np.unravel_index(values.argmax(), values.shape)
+    if min(row, column) == 0 or max(row, column) == len(steps) - 1:
+        return np.full(2, np.nan)
+    shift = []
+    for at, along in ((row, values[:, column]), (column, values[row])):
+        before, top, after = along[at - 1 : at + 2]
+        bend = before - 2 * top + after
+        step = steps[1] - steps[0]
+        shift.append(steps[at] + step * (before - after) / (2 * bend or 1))
+    return np.array(shift)
