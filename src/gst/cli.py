@@ -123,12 +123,17 @@ def main() -> None:
     "its size.",
 )
 @click.option(
+    "--names",
+    help="How scans are named, where words such as before and after do not tell it: "
+    '"{patch}_{epoch}".',
+)
+@click.option(
     "--like",
     type=click.Choice(gst.SHIPPED),
     help="Instead, the shipped config to start from, such as config (the synthetic specimen) or "
     "tiny (the same in a minute).",
 )
-def new(folder, mesh, scans, overview, like) -> None:
+def new(folder, mesh, scans, overview, names, like) -> None:
     """Set up a study in FOLDER, from a mesh and scans or like one that is shipped.
 
     From files: what they tell is written into a config and a patch table, what they do not tell is
@@ -143,7 +148,7 @@ def new(folder, mesh, scans, overview, like) -> None:
     if mesh is not None:
         from gst.setup.new_study import new_study
 
-        click.echo(new_study(folder, mesh, scans, overview), nl=False)
+        click.echo(new_study(folder, mesh, scans, overview, names), nl=False)
         return
     from gst.run.running import lay_out
 

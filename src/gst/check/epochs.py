@@ -20,7 +20,7 @@ from gstlib.study import Study
 from gstlib.surfaces.filtering import low_pass
 from gstlib.surfaces.grid import make_surface, spacing_of
 
-__all__ = ["UNMATCHED", "epochs_on_each_other", "found_as"]
+__all__ = ["UNMATCHED", "epochs_on_each_other"]
 
 _log = logging.getLogger(__name__)
 
@@ -58,17 +58,6 @@ def epochs_on_each_other(study: Study) -> tuple[list[GstError], str]:
     for odd in rise_warnings(table, max_noise_fraction=np.inf):
         _log.warning("%s", odd)
     return problems, _shifts(study, table[table.found.astype(bool)])
-
-
-def found_as(before: xr.DataArray, after: xr.DataArray, *, maximum_shift_mm: float) -> str:
-    """How a scan has to be laid to be found on an earlier one; empty if no way is known.
-
-    Both are level (mm), and the later scan is not found as it is.
-    """
-    for how in _LAID:
-        if not how.is_inverted and _match(before, how.lay(after), maximum_shift_mm):
-            return str(how)
-    return ""
 
 
 def _unregistered(study: Study) -> Iterator[InputError]:

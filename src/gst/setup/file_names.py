@@ -2,26 +2,21 @@
 
 A name has *chunks*, parted by blanks, signs, folders and capitals. Some are marks: words (before,
 vorher), epochs (T0, stage 2), amounts of use (2000 strokes, 2 h), dates, repeats. Scans whose names
-are alike without their marks are of one place. What has two readings becomes a question: a pair is
-read right, or it is asked.
+are alike without their marks are of one place. A name with two readings becomes a question.
 """
 
 import itertools
 import re
 import unicodedata
-from collections import Counter
-from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import date
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
 from gst.config.patches import natural
+from gstlib.errors import InputError
 
-__all__ = ["MEANING", "ORDER", "PLACE", "Names", "Question", "Row", "read_names"]
-
-# What a question is about: which scans show one place, which is earlier, or what names mean.
-PLACE, ORDER, MEANING = "place", "order", "meaning"
+__all__ = ["Names", "Row", "read_names"]
 
 # English, German, French, Italian, Spanish and Portuguese, without accents.
 _BEFORE = (
@@ -32,8 +27,9 @@ _AFTER = (
     "after afteruse post postuse used worn final nachher nach benutzt gebraucht apres dopo despues "
     "depois usato usado"
 )
-_WORDS = {word: rank for rank, of in ((0.0, _BEFORE), (1.0, _AFTER)) for word in of.split()}
+_WORDS = dict.fromkeys(_BEFORE.split(), 0.0) | dict.fromkeys(_AFTER.split(), 1.0)
 _EPOCHS = {"epoch", "stage", "state", "phase", "time", "zeit", "zustand", "etat", "fase"}
+# Each amount of use has its kind, and how many of the kind's unit it is.
 _AMOUNTS = {
     word: (kind, unit)
     for kind, unit, words in (
@@ -50,11 +46,12 @@ _REPEAT = re.compile(
     r"(?:rep|repeat|repeated|repetition|replicate|rescan|again|bis|dup|duplicate|wdh|wiederholung"
     r"|ripetizione|repeticion|repeticao)(\d*)"
 )
-# A date, and behind it perhaps a time of day.
+# A date, and behind it perhaps a time of day. The order is that of the dates with the year first:
+# of the others, the day or the month may be the first number.
 _DATE = re.compile(
-    r"(?<!\d)(?:(?P<y>20\d\d)([-_. ]?)(?P<m>\d\d)\2(?P<d>\d\d)"
-    r"|(?P<a>\d{1,2})([-_. ])(?P<b>\d{1,2})\6(?P<z>20\d\d))(?!\d)"
-    r"(?:[-_ T](?:[01]\d|2[0-3])([-.]?)[0-5]\d\9[0-5]\d(?!\d))?"
+    r"(?<!\d)(?:(?P<y>20\d\d)([-_. ]?)(?P<m>0[1-9]|1[0-2])\2(?P<d>0[1-9]|[12]\d|3[01])"
+    r"|\d{1,2}([-_. ])\d{1,2}\5(?:20\d\d))(?!\d)"
+    r"(?:[-_ T](?:[01]\d|2[0-3])([-.]?)[0-5]\d\6[0-5]\d(?!\d))?"
 )
 
 
@@ -67,18 +64,11 @@ class Row(NamedTuple):
     repeat: str = ""
 
 
-class Question(NamedTuple):
-    """What names leave open: which scans are of one `PLACE`, their `ORDER`, or what they mean."""
-
-    kind: str
-    text: str
-
-
 class Names(NamedTuple):
-    """What names say."""
+    """Rows of a patch table from names of scans."""
 
     rows: list[Row]  # in natural order; where there are questions, the likely reading
-    questions: list[Question]
+    questions: list[str]
     # What tells earlier scans from later ones, such as ``"before"`` and ``"after"``, in quotes if
     # it is in the names; empty if nothing does.
     epochs: tuple[str, str]
@@ -92,297 +82,244 @@ class _Name:
     name: str
     chunks: list[str] = field(default_factory=list)  # without marks, as written
     marks: dict[str, float] = field(default_factory=dict)  # rank by kind of mark
-    said: dict[str, str] = field(default_factory=dict)  # the mark as written, likewise
+    written: dict[str, str] = field(default_factory=dict)  # the text of each mark, likewise
     repeat: int | None = None  # 0 if it has no number
-    dates: tuple[date | None, date | None] | None = None  # with the day first, the month first
+    day: str = ""  # the date, as digits that sort
     is_twofold: bool = False  # two marks of one kind
 
     @property
     def key(self) -> tuple[str, ...]:
-        """What names the place, whatever the capitals and the zeros before numbers."""
+        """The chunks that name the place, without capitals and zeros before numbers."""
         return tuple(
             re.sub(r"\d+", lambda n: str(int(n[0])), c.casefold()) for c in self.chunks
         )
 
-    def mark(self, kind: str, rank: float, said: str) -> None:
+    def mark(self, kind: str, rank: float, text: str) -> None:
         self.is_twofold |= self.marks.get(kind, rank) != rank
-        self.marks[kind], self.said[kind] = rank, said
+        self.marks[kind], self.written[kind] = rank, text
 
 
-def read_names(
-    names: Iterable[str],
-    places: Mapping[str, Hashable] | None = None,
-    later: Collection[str] | None = None,
-) -> Names:
+def read_names(names: Iterable[str], pattern: str | None = None) -> Names:
     """Rows of a patch table from the names of scans, with ``/`` between folders.
 
-    Where heights tell more than names, `places` has the place that each scan shows, and `later` the
-    scans that were made after use.
+    A `pattern` such as ``"{patch}_{epoch}"`` says where place and epoch stand in names without an
+    ending; the earlier epoch comes first in natural order. Raises an `InputError` if a name has
+    another form.
 
     Examples
     --------
     >>> read_names(["loc1 after.sur", "loc1 before.sur"]).rows
     [Row(patch='1', t0='loc1 before.sur', t1='loc1 after.sur', repeat='')]
-    >>> read_names(["S1a.sur", "S1b.sur"]).questions[0].text
-    'none of the names says which scan was made before use and which after it'
+    >>> read_names(["S1a.sur", "S1b.sur"]).questions
+    ['none of the names says which scan was made before use and which after it']
+    >>> read_names(["S1a.sur", "S1b.sur"], "{patch}{epoch}").rows
+    [Row(patch='1', t0='S1a.sur', t1='S1b.sur', repeat='')]
     """
-    files = [_taken_apart(name) for name in sorted(names)]
-    if later is None:
-        ranks, said, questions = _epochs(files)
-    else:
-        ranks, said, questions = {f.name: float(f.name in later) for f in files}, ("", ""), []
-    by_place: dict[Hashable, list[_Name]] = {}
+    names = sorted(names)
+    files = _by_pattern(names, pattern) if pattern else [_taken_apart(name) for name in names]
+    ranks, epochs, questions = _epochs(files)
+    places: dict[tuple[str, ...], list[_Name]] = {}
     for file in files:
-        by_place.setdefault(file.key if places is None else places[file.name], []).append(file)
+        places.setdefault(file.key, []).append(file)
     rows, left = [], []
-    for there, patch in zip(
-        by_place.values(), _patch_names(list(by_place.values())), strict=True
-    ):
-        scans, rest = _scans(there, ranks, are_one_place=places is not None)
-        questions += _open_places(scans, rest, ranks, files if places is None else [])
-        questions += _against_dates(scans, files)
-        rows.append(Row(patch, *scans))
+    patches = _patch_names([place[0] for place in places.values()])
+    for patch, place in zip(patches, places.values(), strict=True):
+        row, rest = _row(patch, place, ranks)
+        questions += [*_doubts(row, place, rest, ranks, places)]
+        rows.append(row)
         left += [file.name for file in rest]
     rows.sort(key=lambda row: natural(row.patch))
-    return Names(rows, questions, said, left)
+    return Names(rows, questions, epochs, left)
+
+
+def _by_pattern(names: Sequence[str], pattern: str) -> list[_Name]:
+    """Names of which a pattern says where place and epoch stand."""
+    form = re.escape(pattern)
+    for part in ("patch", "epoch"):
+        form = form.replace(rf"\{{{part}\}}", f"(?P<{part}>.+)")
+    files = []
+    for name in names:
+        match = re.fullmatch(form, str(PurePosixPath(name).with_suffix("")))
+        if match is None or len(match.groupdict()) < 2:
+            raise InputError(
+                name, f"does not have the form {pattern}", "Correct --names, or rename it."
+            )
+        files.append((name, match["patch"], match["epoch"]))
+    epochs = sorted(
+        {epoch for *_, epoch in files},
+        key=lambda epoch: (_WORDS.get(epoch.casefold(), 0.0), natural(epoch)),
+    )
+    return [
+        _Name(name, [patch], {"epoch": float(epochs.index(epoch))}, {"epoch": epoch})
+        for name, patch, epoch in files
+    ]
 
 
 def _taken_apart(name: str) -> _Name:
-    """A name with its marks apart from what names the place."""
+    """A name with its marks apart from the chunks that name the place."""
     file = _Name(name)
     path = PurePosixPath(unicodedata.normalize("NFKD", name))
     plain = "".join(c for c in str(path.with_suffix("")) if not unicodedata.combining(c))
-    if found := _DATE.search(plain):
-        file.dates = _readings(found)
-        plain = f"{plain[: found.start()]} {plain[found.end() :]}"
+    if date := _DATE.search(plain):
+        file.day = "".join(date.group("y", "m", "d")) if date["y"] else ""
+        plain = f"{plain[: date.start()]} {plain[date.end() :]}"
     parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", plain)
     chunks = re.findall(r"[^\W_]+", parted)
-    at = 0
-    while at < len(chunks):
-        here, following = chunks[at].casefold(), "".join(chunks[at + 1 : at + 2]).casefold()
-        taken = 2 if _mark(file, here + following, is_joined=True) else _mark(file, here)
-        if not taken:
-            file.chunks.append(chunks[at])
-        at += taken or 1
+    while chunks:
+        if _is_mark(file, "".join(chunks[:2]).casefold(), is_joined=True):
+            del chunks[:2]
+        elif _is_mark(file, chunks[0].casefold()):
+            del chunks[0]
+        else:
+            file.chunks.append(chunks.pop(0))
     return file
 
 
-def _mark(file: _Name, chunk: str, *, is_joined: bool = False) -> int:
-    """Note the mark that a chunk, or two of them joined, is; how many chunks it takes, 0 if none.
+def _is_mark(file: _Name, chunk: str, *, is_joined: bool = False) -> bool:
+    """Whether a chunk, or two of them joined, is a mark, which is then noted.
 
     Joined are only a number and its unit, in whatever order.
     """
-    amount = re.fullmatch(r"(\d+)([a-z]+)", chunk) or re.fullmatch(r"([a-z]+)(\d+)", chunk)
+    amount = re.fullmatch(r"(\d+)([a-z]+)|([a-z]+)(\d+)", chunk)
     if amount:
-        number, word = sorted(amount.groups())  # digits come before letters
+        number, word = sorted(filter(None, amount.groups()))  # digits come before letters
         if word in _AMOUNTS:
             kind, unit = _AMOUNTS[word]
             file.mark(kind, unit * float(number), chunk)
-            return 1
+            return True
         if word in _EPOCHS or (word == "t" and not is_joined and chunk[0] == "t"):
             file.mark("epoch", float(number), chunk)
-            return 1
+            return True
     if is_joined:
-        return 0
+        return False
     if chunk in _WORDS:
         file.mark("word", _WORDS[chunk], chunk)
-    elif repeat := _REPEAT.fullmatch(chunk):
+        return True
+    repeat = _REPEAT.fullmatch(chunk)
+    if repeat:
         file.repeat = int(repeat[1] or 0)
-    else:
-        return 0
-    return 1
+    return repeat is not None
 
 
-def _readings(found: re.Match) -> tuple[date | None, date | None]:
-    """A date with the day before the month, and the other way round; None if there is none."""
-    if found["y"]:
-        both = 2 * ((found["y"], found["m"], found["d"]),)
-    else:
-        both = (found["z"], found["b"], found["a"]), (found["z"], found["a"], found["b"])
-    days: list[date | None] = []
-    for numbers in both:
-        try:
-            days.append(date(*map(int, numbers)))
-        except ValueError:
-            days.append(None)
-    return days[0], days[1]
-
-
-def _epochs(files: Sequence[_Name]) -> tuple[dict[str, float], tuple[str, str], list[Question]]:
-    """The rank of each file, lower before higher; what tells them apart; questions."""
-    twofold = [file.name for file in files if file.is_twofold]
+def _epochs(files: Sequence[_Name]) -> tuple[dict[str, float], tuple[str, str], list[str]]:
+    """The rank of each file, lower before higher; the marks that tell them apart; questions."""
     questions = [
-        Question(MEANING, f"{name} has two marks of use that disagree") for name in twofold
+        f"{file.name} has two marks of use that disagree" for file in files if file.is_twofold
     ]
-    kinds = sorted({kind for file in files for kind in file.marks})
     # of a repeat, the epoch need not be said
-    scans = [file for file in files if file.repeat is None] or list(files)
+    scans = [file for file in files if file.repeat is None] or files
+    kinds = sorted({kind for file in files for kind in file.marks})
     vary = [kind for kind in kinds if len({file.marks.get(kind) for file in scans}) > 1]
     if not vary:
         return _of_one_kind(files, kinds, questions)
     ranked = [_complete(kind, files, scans) for kind in vary]
-    first = ranked[0]
-    if any(ranks is None for ranks in ranked):
-        text = "some names say when the scan was made, and others do not"
-        questions.append(Question(MEANING, text))
-    elif any(not _agree(first, other) for other in ranked[1:]):
-        marks = {said for file in files for kind, said in file.said.items() if kind in vary}
-        shown = ", ".join(sorted(marks))
-        text = f"the names have several marks that do not agree in order ({shown})"
-        questions.append(Question(MEANING, text))
-    ranks = next((each for each in ranked if each is not None), dict.fromkeys(_of(files), 0.0))
-    told = {ranks[f.name]: f.said.get(vary[0], "without it") for f in reversed(files)}
+    complete = [ranks for ranks in ranked if ranks is not None]
+    ranks = complete[0] if complete else {file.name: 0.0 for file in files}
+    if len(complete) < len(vary):
+        questions.append("some names say when the scan was made, and others do not")
+    elif any(not _agree(ranks, other) for other in complete[1:]):
+        shown = ", ".join(sorted({f.written[k] for f in files for k in vary if k in f.marks}))
+        questions.append(f"the names have several marks that do not agree in order ({shown})")
+    told = {ranks[f.name]: f.written.get(vary[0], "without it") for f in reversed(files)}
     if len(told) > 2:
         states = ", ".join(told[rank] for rank in sorted(told))
-        text = f"there are {len(told)} states ({states}), and a study compares two"
-        questions.append(Question(MEANING, text))
+        questions.append(f"there are {len(told)} states ({states}), and a study compares two")
     return ranks, (f'"{told[min(told)]}"', f'"{told[max(told)]}"'), questions
 
 
 def _of_one_kind(
-    files: Sequence[_Name], kinds: Sequence[str], questions: list[Question]
-) -> tuple[dict[str, float], tuple[str, str], list[Question]]:
+    files: Sequence[_Name], kinds: Sequence[str], questions: list[str]
+) -> tuple[dict[str, float], tuple[str, str], list[str]]:
     """`_epochs` of names with no marks that differ: all of one epoch, or told apart by dates."""
-    same = dict.fromkeys(_of(files), 0.0)
+    same = {file.name: 0.0 for file in files}
     for kind in kinds:
         if files[0].marks.get(kind) == 0:
-            return same, (f'"{files[0].said[kind]}"', ""), questions
+            return same, (f'"{files[0].written[kind]}"', ""), questions
     if kinds:
-        said = files[0].said[kinds[0]]
-        text = f"all names say '{said}', and none is of before use: t0 is yours to give"
-        return same, ("", ""), [*questions, Question(MEANING, text)]
-    later = _later_dates(files)
-    if isinstance(later, str):
-        return same, ("", ""), [*questions, Question(ORDER, later)]
-    return (
-        {name: float(name in later) for name in same},
-        ("the earlier date", "the later one"),
-        questions,
-    )
-
-
-def _later_dates(files: Sequence[_Name]) -> set[str] | str:
-    """The later of the two scans of each place by the dates in their names, or a question."""
-    pairs: dict[tuple[str, ...], list[str]] = {}
+        text = f"all names say '{files[0].written[kinds[0]]}', and none is of before use"
+        return same, ("", ""), [*questions, f"{text}: t0 is yours to give"]
+    days: dict[tuple[str, ...], list[str]] = {}
     for file in files:
-        pairs.setdefault(file.key, []).append(file.name)
-    readings = []
-    for n in (0, 1):
-        days = {f.name: day.toordinal() for f in files if f.dates and (day := f.dates[n])}
-        if len(days) == len(files):
-            tell_apart = all(
-                len({days[name] for name in of}) == len(of) == 2 for of in pairs.values()
-            )
-            readings.append(
-                {max(of, key=days.__getitem__) for of in pairs.values()}
-                if tell_apart
-                else set()
-            )
-    if not readings or not all(readings):
-        return "none of the names says which scan was made before use and which after it"
-    if readings[0] != readings[-1]:
-        return "the dates in the names can be read in two ways"
-    return readings[0]
-
-
-def _of(files: Iterable[_Name]) -> list[str]:
-    return [file.name for file in files]
+        days.setdefault(file.key, []).append(file.day)
+    if any("" in own or len(own) != 2 or len({*own}) != 2 for own in days.values()):
+        text = "none of the names says which scan was made before use and which after it"
+        return same, ("", ""), [*questions, text]
+    later = {file.name: float(file.day == max(days[file.key])) for file in files}
+    return later, ("the earlier date", "the later one"), questions
 
 
 def _complete(
     kind: str, files: Sequence[_Name], scans: Sequence[_Name]
 ) -> dict[str, float] | None:
     """The ranks of all files by a kind of mark; None if those without it could be either."""
-    ranks = {file.name: file.marks.get(kind) for file in files}
-    known = [rank for rank in ranks.values() if rank is not None]
-    unsaid = any(ranks[file.name] is None for file in scans)
-    if unsaid and len(set(known)) > 1:
+    ranks = [file.marks[kind] for file in files if kind in file.marks]
+    is_open = any(kind not in file.marks for file in scans)
+    if is_open and len({*ranks}) > 1:
         return None
     # the others are what those with the mark are not, and a repeat is of the earliest
-    other = min(known) - 1 if min(known) > 0 else max(known) + 1
-    for file in files:
-        if ranks[file.name] is None:
-            ranks[file.name] = min(known) if file.repeat is not None and not unsaid else other
-    return {name: rank for name, rank in ranks.items() if rank is not None}
+    other = min(ranks) - 1 if min(ranks) > 0 else max(ranks) + 1
+    return {
+        file.name: file.marks.get(kind, other if is_open or file.repeat is None else min(ranks))
+        for file in files
+    }
 
 
-def _agree(one: Mapping[str, float] | None, other: Mapping[str, float] | None) -> bool:
+def _agree(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
     """Whether two ranks of the same files have the same order, and the same ties."""
-    if one is None or other is None:
-        return False
     pairs = sorted({(one[name], other[name]) for name in one})
     return all(a < c and b < d for (a, b), (c, d) in itertools.pairwise(pairs))
 
 
-def _scans(
-    there: Sequence[_Name], ranks: Mapping[str, float], *, are_one_place: bool
-) -> tuple[tuple[str, str, str], list[_Name]]:
-    """The scans (t0, t1, repeat) of a place, and the files that are none of them."""
-    earliest = min(ranks.values())
-    ordered = sorted(there, key=lambda f: (ranks[f.name], f.repeat is not None, f.repeat or 0))
+def _row(
+    patch: str, place: Sequence[_Name], ranks: Mapping[str, float]
+) -> tuple[Row, list[_Name]]:
+    """The row of a place, and the files that are not in it."""
+    earliest, latest = min(ranks.values()), max(ranks[file.name] for file in place)
+    ordered = sorted(place, key=lambda f: -1 if f.repeat is None else f.repeat)
     at_t0 = [file for file in ordered if ranks[file.name] == earliest]
-    later = [file for file in reversed(ordered) if ranks[file.name] > earliest]
-    later = [file for file in later if ranks[file.name] == ranks[later[0].name]][::-1]
-    again = [file for file in at_t0[1:] if are_one_place or file.repeat is not None]
-    chosen = [at_t0[:1], later[:1], again[:1]]
-    used = [file for each in chosen for file in each]
-    t0, t1, repeat = (each[0].name if each else "" for each in chosen)
-    return (t0, t1, repeat), [file for file in ordered if file not in used]
+    later = [file for file in ordered if ranks[file.name] == latest > earliest]
+    again = [file for file in at_t0[1:] if file.repeat is not None]
+    t0, t1, repeat = (files[0].name if files else "" for files in (at_t0, later, again))
+    rest = [file for file in ordered if file.name not in (t0, t1, repeat)]
+    return Row(patch, t0, t1, repeat), sorted(rest, key=lambda file: ranks[file.name])
 
 
-def _open_places(
-    scans: tuple[str, str, str],
+def _doubts(
+    row: Row,
+    place: Sequence[_Name],
     rest: Sequence[_Name],
     ranks: Mapping[str, float],
-    files: Sequence[_Name],
-) -> Iterator[Question]:
-    """Whether all scans of a place are there, and no others; `files` are all, if names told it."""
-    t0, t1, _ = scans
+    keys: Iterable[tuple[str, ...]],
+) -> Iterator[str]:
+    """Questions of one place: whether all of its scans are there, no others, and in order."""
+    _, t0, t1, _ = row
     if not t0:
-        yield Question(
-            PLACE, f"{t1} is of after use, and no scan of before use is named like it"
-        )
+        yield f"{t1} is of after use, and no scan of before use is named like it"
     for file in rest:
         for scan in filter(None, (t0, t1)):
             # a further repeat is of no use, and no other place
             is_second = file.repeat is not None and scan != t0
             if ranks[file.name] == ranks[scan] and not is_second:
-                text = f"{file.name} is named like {scan}, and one of the two is in the table"
-                yield Question(PLACE, text)
-    own = next((file.key for file in files if file.name == t0), ())
-    others = {file.key for file in files if len(file.key) < len(own)}
-    if not t1 and any(not Counter(other) - Counter(own) for other in others):
-        yield Question(PLACE, f"{t0} may be a place of its own, or a repeat of another scan")
+                yield f"{file.name} is named like {scan}, and one of the two is in the table"
+    if not t1 and any({*key} < {*place[0].key} for key in keys):
+        yield f"{t0} may be a place of its own, or a repeat of another scan"
+    days = {file.name: file.day for file in place}
+    if t0 and t1 and days[t0] > days[t1] > "":
+        yield f"{t0} is named as before use, and has a later date than {t1}"
 
 
-def _against_dates(scans: tuple[str, str, str], files: Sequence[_Name]) -> Iterator[Question]:
-    """A pair whose dates, however they are read, say the opposite of its marks."""
-    dates = {file.name: file.dates for file in files}
-    before, after = dates.get(scans[0]), dates.get(scans[1])
-    if before and after:
-        both = [(a, b) for a, b in zip(before, after, strict=True) if a and b]
-        if both and all(a > b for a, b in both):
-            text = f"{scans[0]} is named as before use, and has a later date than {scans[1]}"
-            yield Question(MEANING, text)
-
-
-def _patch_names(places: Sequence[Sequence[_Name]]) -> list[str]:
-    """A name for each place: what its scans share and those of other places do not, or a number."""
-    keys = [[chunk for chunk in of[0].key if all(chunk in f.key for f in of)] for of in places]
+def _patch_names(files: Sequence[_Name]) -> list[str]:
+    """A name for the place of each file: the chunks that not all share, or else a number."""
+    keys = [file.key for file in files]
     are_as_long = len({len(key) for key in keys}) == 1
-    named = []
-    for key, (first, *_) in zip(keys, places, strict=True):
-        written = dict(zip(first.key, first.chunks, strict=True))
+    patches = []
+    for file in files:
         parts = [
-            written[chunk]
-            for n, chunk in enumerate(key)
-            if (
-                any(other[n] != chunk for other in keys)
-                if are_as_long
-                else any(chunk not in other for other in keys)
-            )
+            written
+            for n, (chunk, written) in enumerate(zip(file.key, file.chunks, strict=True))
+            if any(chunk != key[n] if are_as_long else chunk not in key for key in keys)
         ]
-        named.append(re.sub(r"[^A-Za-z0-9-]", "", "-".join(parts)))
-    if len({name.lower() for name in named} - {"", "all"}) < len(named):
-        return [str(n) for n in range(1, len(named) + 1)]
-    return named
+        patches.append(re.sub(r"[^A-Za-z0-9-]", "", "-".join(parts)))
+    if len({patch.lower() for patch in patches} - {"", "all"}) < len(patches):
+        return [str(n) for n in range(1, len(patches) + 1)]
+    return patches

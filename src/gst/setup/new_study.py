@@ -5,6 +5,7 @@ scans lie is found with an overview map or the stage's places. What the files do
 `TODO`, and `gst check` refuses it.
 """
 
+import contextlib
 import math
 import os
 import shlex
@@ -31,7 +32,7 @@ from gstlib.io.meshes import UNITS, is_closed, is_mesh, read_mesh, steps_of, uni
 from gstlib.macroscale.face import largest_face
 from gstlib.preprocess.use_face import Layout, find_use_face
 from gstlib.surfaces.footprints import Place
-from gstlib.surfaces.frames import Frame, frame_from_points
+from gstlib.surfaces.frames import frame_from_points
 
 if TYPE_CHECKING:
     import trimesh
@@ -59,8 +60,8 @@ _HEAD = """\
 """
 
 
-class _Said(NamedTuple):
-    """A line of what was found."""
+class _Line(NamedTuple):
+    """A line of the listing."""
 
     topic: str
     text: str
@@ -68,59 +69,58 @@ class _Said(NamedTuple):
 
 
 class _Stone(NamedTuple):
-    """What the mesh says."""
+    """The stone of the mesh, in mm."""
 
     mesh: "trimesh.Trimesh"
     unit: str  # or `TODO`
-    said: _Said
+    line: _Line
 
 
 def new_study(
-    folder: Path, mesh: Path, scans: Sequence[Path], overview: Path | None = None
+    folder: Path,
+    mesh: Path,
+    scans: Sequence[Path],
+    overview: Path | None = None,
+    names: str | None = None,
 ) -> str:
-    """Write a study into a folder; what was inferred, from what, and what is to be done.
+    """Write a study into a folder; returns what was inferred, from what, and what is to be done.
 
     An `overview` is a map of the face that holds the scanned places; among the scans, the one that
-    is much larger than the others is taken for it. Raises an `InputError` if a file cannot be read,
-    or the folder has a study.
+    is much larger than the others is taken for it. `names` is the pattern of the scans' names, as
+    `gst.setup.file_names.read_names` has it. Raises an `InputError` if a file cannot be read, or
+    the folder has a study.
     """
     config_path, table_path = folder / "study.yaml", folder / "patches.csv"
     if there := [path for path in (config_path, table_path) if path.exists()]:
         raise InputError(there[0], "exists already", "Name another folder, or remove it.")
     stone, table = _read_stone(mesh), ""
-    said = [stone.said]
+    lines = [stone.line]
     values: dict[str, Any] = {
         "results": "results",
         "title": folder.resolve().name,
         "inputs.mesh": _relative(mesh, folder),
         "inputs.mesh_unit": stone.unit,
         "square.points_mm": TODO,
+        "square.size_mm": _square_mm(),
     }
     if scans:
-        of_scans, table, more = _from_scans(folder, stone, scans, overview)
-        said += of_scans
+        more, table, of_scans = _from_scans(folder, stone, scans, overview, names)
+        lines += of_scans
         values |= {"patches": table_path.name} | more
     else:
         values |= {"patches": None, "inputs.scan_folder": None, "gesture": _GESTURE}
         text = "none: the study proposes where to scan, for a load point that scatters by 1 mm"
-        said.append(_Said("Scans", text, _DOUBT))
-    points_mm = values["square.points_mm"]
-    corners = None if is_to_do(points_mm) else points_mm
-    face_mm, of_face = _face(stone, values.get("square.size_mm", 5.0), corners)
+        lines.append(_Line("Scans", text, _DOUBT))
+    face_mm, of_face = _face(stone, values)
     values = {"macroscale.face_mm": face_mm} | values
-    text = _template(values, [each for each in said if each.state == _TO_DO])
-    said += [of_face, _of_use(text)]
+    text = _template(values, [line.text for line in lines if line.state == _TO_DO])
+    lines += [of_face, _of_use(text)]
     if table:
         write_whole(table_path, table.encode())
     write_whole(config_path, text.encode())
-    return _listing(said) + _what_next(folder, table, text)
-
-
-def _listing(said: Sequence[_Said]) -> str:
-    """What was found, a line each, with its state at the end."""
-    wide = min(_WIDEST, max(len(each.text) for each in said))
-    lines = [f"  {each.topic:<{_TOPIC}}{each.text:<{wide}}  {each.state}" for each in said]
-    return "".join(f"{line.rstrip()}\n" for line in lines)
+    wide = min(_WIDEST, max(len(line.text) for line in lines))
+    listed = [f"  {topic:<{_TOPIC}}{text:<{wide}}  {state}" for topic, text, state in lines]
+    return "".join(f"{line.rstrip()}\n" for line in listed) + _what_next(folder, table, text)
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -133,115 +133,99 @@ def _relative(path: Path, folder: Path) -> str:
 
 def _read_stone(path: Path) -> _Stone:
     """The mesh in mm, and in which unit it is: the file's own, or the one that makes a stone."""
-    try:
-        mesh = read_mesh(path)
-    except InputError:  # a unit that is not stated, and not mm
-        for unit in UNITS:
-            try:
-                mesh = read_mesh(path, unit=unit)
-                break
-            except InputError:
-                continue
-        else:
-            raise
-    file_unit = mesh.metadata["file_unit"]
-    sides = mesh.extents / UNITS[file_unit]
+    mesh = _read_in_any_unit(path)
+    unit = mesh.metadata["file_unit"]
+    sides = mesh.extents / UNITS[unit]
     shown = " × ".join(f"{side:.4g}" for side in sides)
-    steps = f", coordinates in {steps_of(mesh)}"
-    if mesh.metadata["states_unit"]:
-        text = f"{shown} {file_unit}, as the file states{steps}"
-        return _Stone(mesh, file_unit, _Said("Mesh", text, _OK))
     fitting = units_of_size(float(max(sides)))
-    if len(fitting) == 1:
-        (unit,) = fitting
-        if unit != file_unit:
+    if mesh.metadata["states_unit"]:
+        text = f"{shown} {unit}, as the file states"
+    elif len(fitting) == 1:
+        if fitting != [unit]:
+            (unit,) = fitting
             mesh = read_mesh(path, unit=unit)
-        steps = f", coordinates in {steps_of(mesh)}"
-        text = f"{shown} → {unit} (only {unit} makes a hand-sized stone){steps}"
-        return _Stone(mesh, unit, _Said("Mesh", text, _OK))
-    sizes = " or ".join(f"{max(sides) * UNITS[unit]:.3g} mm ({unit})" for unit in fitting)
-    text = f"{shown}, its unit not stated: is the stone {sizes} long?"
-    return _Stone(mesh, TODO, _Said("Mesh", text, _TO_DO))
+        text = f"{shown} → {unit} (only {unit} makes a hand-sized stone)"
+    else:
+        sizes = [f"{max(sides) * UNITS[each]:.3g} mm ({each})" for each in fitting]
+        text = f"{shown}, its unit not stated: is the stone {' or '.join(sizes)} long?"
+        return _Stone(mesh, TODO, _Line("Mesh", text, _TO_DO))
+    text += f", coordinates in {steps_of(mesh)}"
+    return _Stone(mesh, unit, _Line("Mesh", text, _OK))
 
 
-def _face(
-    stone: _Stone, size_mm: float, corners: Sequence[Sequence[float]] | None
-) -> tuple[float, _Said]:
-    """The side of the face: the default, unless the stone is thinner under the square.
+def _read_in_any_unit(path: Path) -> "trimesh.Trimesh":
+    """The mesh in the unit that it states or in mm, or else in the first in which it can be."""
+    try:
+        return read_mesh(path)
+    except InputError:
+        for unit in UNITS:
+            with contextlib.suppress(InputError):
+                return read_mesh(path, unit=unit)
+        raise
 
-    Before the square is known, by its `corners`, the stone's middle stands for it.
-    """
-    usual: float = complete({})["macroscale"]["face_mm"]
-    usual = max(usual, size_mm)
-    if stone.unit == TODO or not is_closed(stone.mesh):
-        why = "its unit is not known" if stone.unit == TODO else "the mesh has no underside"
-        return usual, _Said(
-            "Face", f"{usual:g} mm, the default: {why}, so no thickness", _DOUBT
-        )
-    frame = _broad_side(stone.mesh, size_mm) if corners is None else frame_from_points(corners)
-    where = "through its middle" if corners is None else "under the square"
+
+def _face(stone: _Stone, values: Mapping[str, Any]) -> tuple[float, _Line]:
+    """The side of the face: the default, unless the stone is thinner under the square."""
+    size_mm, corners = values["square.size_mm"], values["square.points_mm"]
+    usual: float = max(complete({})["macroscale"]["face_mm"], size_mm)
+    default = f"{usual:g} mm, the default"
+    if is_to_do(corners):
+        text = f"{default}: once the square is laid, gst check tells the thickness under it"
+        return usual, _Line("Face", text, _DOUBT)
+    if not is_closed(stone.mesh):
+        text = f"{default}: the mesh has no underside, so no thickness"
+        return usual, _Line("Face", text, _DOUBT)
     layout = Layout(size_mm, _RAYS, 0)
     try:
-        found = find_use_face(stone.mesh, frame, layout, source=stone.said.text)
+        face = find_use_face(
+            stone.mesh, frame_from_points(corners), layout, source=stone.line.text
+        )
     except InputError:
-        text = f"{usual:g} mm, the default: the mesh does not show its thickness {where}"
-        return usual, _Said("Face", text, _DOUBT)
-    side = largest_face(found.thickness)
-    through = f"the stone is {side:g} mm thick {where}"
-    through += "; gst check tells it of the square" * (corners is None)
-    state = _DOUBT if corners is None or size_mm > side else _OK
+        text = f"{default}: the mesh does not show the stone's thickness under the square"
+        return usual, _Line("Face", text, _DOUBT)
+    side = largest_face(face.thickness)
+    text = f"the stone is {side:g} mm thick under the square"
     if side >= usual:
-        return usual, _Said("Face", f"{usual:g} mm, the default: {through}", state)
+        return usual, _Line("Face", f"{default}: {text}", _OK)
     face_mm = max(size_mm, side)
-    return face_mm, _Said("Face", f"{face_mm:g} mm, as {through}", state)
-
-
-def _broad_side(mesh: "trimesh.Trimesh", size_mm: float) -> Frame:
-    """The frame of a square in the middle of a stone's broad side."""
-    middle = mesh.triangles_center.mean(axis=0)
-    points = np.asarray(mesh.vertices) - middle
-    normal, _, x_axis = np.linalg.eigh(np.cov(points, rowvar=False))[1].T
-    centre = middle + (points @ normal).max() * normal
-    corner = centre - size_mm / 2 * (x_axis + np.cross(normal, x_axis))
-    return Frame(corner, x_axis, normal)
+    state = _OK if size_mm <= side else _DOUBT
+    return face_mm, _Line("Face", f"{face_mm:g} mm, as {text}", state)
 
 
 def _from_scans(
-    folder: Path, stone: _Stone, given: Sequence[Path], overview: Path | None
-) -> tuple[list[_Said], str, dict[str, Any]]:
-    """What the scans say, the patch table, and values of the config."""
+    folder: Path, stone: _Stone, given: Sequence[Path], overview: Path | None, names: str | None
+) -> tuple[dict[str, Any], str, list[_Line]]:
+    """Values of the config, the patch table, and lines of the listing."""
     root, paths, others = scans_in(given)
-    is_overview = overview.resolve() if overview else None
-    scans, faults = read_scans(root, [path for path in paths if path != is_overview])
+    scans, faults = read_scans(
+        root, [path for path in paths if overview is None or path != overview.resolve()]
+    )
     if not scans:
         raise InputError(root, f"no scan in it can be read: {faults[0]}", "Export them again.")
-    pairs = pair_scans(scans)
+    pairs = pair_scans(scans, names)
     by_name = {scan.name: scan for scan in scans if scan not in pairs.overviews}
     first = {row.patch: by_name.get(row.t0) for row in pairs.rows}
-    there = [scan for scan in first.values() if scan is not None]
-    units = _units([*by_name.values()])
-    sizes, is_cut, of_sizes = _sizes(there or [*by_name.values()], units)
-    units |= sizes
-    said = [_of_files([*by_name.values()], units), *of_sizes, *_of_pairs(pairs)]
+    units, of_units = _units([*by_name.values()])
+    before = [scan for scan in first.values() if scan is not None]
+    sizes, is_cut, of_sizes = _sizes(before or [*by_name.values()], units)
     overviews = pairs.overviews if overview is None else _read_overview(overview)
     where = _where(stone, first, overviews, pairs.invert, sizes["scans.size_mm"])
-    mould: dict[str, Any] = {"scans.mould.invert": pairs.invert, "scans.mould.flip": None}
-    if pairs.invert is True:
-        mould["scans.mould.flip"] = "x"
-    values = units | {"inputs.scan_folder": _relative(root, folder)} | mould | where.values
-    if is_to_do(values["scans.mould.invert"]) == is_to_do(
-        pairs.invert
-    ):  # else the mesh tells it
+    values = units | sizes | {"inputs.scan_folder": _relative(root, folder)}
+    values["scans.mould.invert"] = pairs.invert
+    values["scans.mould.flip"] = "x" if pairs.invert is True else None
+    values |= where.values
+    lines = [of_units, *of_sizes, *_of_pairs(pairs)]
+    if is_to_do(values["scans.mould.invert"]) == is_to_do(pairs.invert):  # else the mesh tells
         state = _TO_DO if is_to_do(pairs.invert) else _OK
-        said.append(_Said("Mould", pairs.mould, state))
-    said += where.said
-    said += [_Said("Not read", fault.removeprefix(f"{root}/"), _DOUBT) for fault in faults]
+        lines.append(_Line("Mould", pairs.mould, state))
+    lines += where.lines
+    lines += [_Line("Not read", fault.removeprefix(f"{root}/"), _DOUBT) for fault in faults]
     left = [*pairs.left, *(path.relative_to(root).as_posix() for path in others)]
     left = [name for name in left if not is_mesh(name)]
     if left:
-        named = ", ".join(left[:_SHOWN]) + f", … ({len(left)} files)" * (len(left) > _SHOWN)
-        said.append(_Said("Left out", named))
-    return said, _table(pairs, where.places, is_cut=is_cut), values
+        text = ", ".join(left[:_SHOWN]) + f", … ({len(left)} files)" * (len(left) > _SHOWN)
+        lines.append(_Line("Left out", text))
+    return values, _table(pairs, where.places, is_cut=is_cut), lines
 
 
 def _read_overview(path: Path) -> list[Scan]:
@@ -252,76 +236,70 @@ def _read_overview(path: Path) -> list[Scan]:
     return scans
 
 
-def _units(scans: Sequence[Scan]) -> dict[str, Any]:
+def _units(scans: Sequence[Scan]) -> tuple[dict[str, Any], _Line]:
     """The unit of files that do not state it, and the spacing where nothing tells it."""
-    given = {scan.unit for scan in scans} - {None}
-    if TODO in given or len(given) > 1:
-        return {"scans.unit": TODO, "scans.spacing_um": TODO}
-    return {"scans.unit": given.pop() if given else None}
-
-
-def _of_files(scans: Sequence[Scan], units: dict[str, Any]) -> _Said:
-    """How many scans there are, how large, and in which unit."""
-    unit, count = units["scans.unit"], f"{len(scans)} files"
-    if unit == TODO:
+    units, count = {scan.unit for scan in scans} - {None}, f"{len(scans)} files"
+    if TODO in units or len(units) > 1:
         text = f"{count}; some state neither unit nor spacing: what are these?"
-        return _Said("Scans", text, _TO_DO)
+        return {"scans.unit": TODO, "scans.spacing_um": TODO}, _Line("Scans", text, _TO_DO)
+    unit = units.pop() if units else None
     sizes = {f"{width:.3g} × {height:.3g}" for height, width in (s.size_mm for s in scans)}
     steps = {f"{1e3 * scan.spacing_mm[1]:.3g}" for scan in scans}
-    stated = "unit stated" if unit is None else f"{unit} (only {unit} makes such a field)"
+    stated = f"{unit} (only {unit} makes such a field)" if unit else "unit stated"
     text = f"{' and '.join(sorted(sizes))} mm, every {' and '.join(sorted(steps))} µm, {stated}"
-    return _Said("Scans", f"{count}, {text}", _OK)
+    return {"scans.unit": unit}, _Line("Scans", f"{count}, {text}", _OK)
 
 
 def _sizes(
     scans: Sequence[Scan], units: dict[str, Any]
-) -> tuple[dict[str, Any], bool, list[_Said]]:
+) -> tuple[dict[str, Any], bool, list[_Line]]:
     """The side of the patches, and whether they are cut from the scans before use."""
     if units["scans.unit"] == TODO:  # of points without a spacing, only the others tell it
-        known = [side for scan in scans if scan.unit != TODO for side in scan.size_mm]
-        is_likely = known and max(known) - min(known) <= _SAME_SIZE * min(known)
-        likely = f"{TODO} {np.mean(known):.3g}" if is_likely else TODO
+        sides = [side for scan in scans if scan.unit != TODO for side in scan.size_mm]
+        likely = f"{TODO} {np.mean(sides):.3g}" if sides and _are_same(sides) else TODO
         return {"scans.size_mm": likely}, False, []
     sides = [side for scan in scans for side in scan.size_mm]
-    shorter = [min(scan.size_mm) for scan in scans]
-    if max(sides) - min(sides) <= _SAME_SIZE * min(sides):
+    if _are_same(sides):
         return {"scans.size_mm": float(f"{np.mean(sides):.3g}")}, False, []
     size_mm = math.floor(1e3 * min(sides)) / 1e3
-    if max(shorter) - min(shorter) <= _SAME_SIZE * min(shorter):
+    if _are_same([min(scan.size_mm) for scan in scans]):
         text = (
             f"they are not square: the middle {size_mm:g} mm of each one before use are taken"
         )
-        return {"scans.size_mm": size_mm}, True, [_Said("", text, _DOUBT)]
+        return {"scans.size_mm": size_mm}, True, [_Line("", text, _DOUBT)]
     text = f"they are of several sizes: is {size_mm:g} mm the side of all patches?"
-    return {"scans.size_mm": f"{TODO} {size_mm:g}"}, True, [_Said("", text, _TO_DO)]
+    return {"scans.size_mm": f"{TODO} {size_mm:g}"}, True, [_Line("", text, _TO_DO)]
 
 
-def _of_pairs(pairs: Pairs) -> Iterator[_Said]:
+def _are_same(sides: Sequence[float]) -> bool:
+    return max(sides) - min(sides) <= _SAME_SIZE * min(sides)
+
+
+def _of_pairs(pairs: Pairs) -> Iterator[_Line]:
     """Which scans belong together and why, and what is asked."""
-    shown = [(row.patch, row.t0, row.t1, row.repeat) for row in pairs.rows]
-    wide = [max(map(len, column)) for column in zip(*shown, strict=True)]
-    for row, evidence in list(zip(shown, pairs.evidence, strict=True))[:_SHOWN]:
+    wide = [max(map(len, column)) for column in zip(*pairs.rows, strict=True)]
+    for row, evidence in list(zip(pairs.rows, pairs.evidence, strict=True))[:_SHOWN]:
         cells = [f"{cell:<{width}}" for cell, width in zip(row, wide, strict=True) if width]
         state = _TO_DO if TODO in "".join(row) else _DOUBT if ";" in evidence else _OK
-        yield _Said("", "  ".join([*cells, evidence]), state)
-    if len(shown) > _SHOWN:
-        yield _Said("", f"… and {len(shown) - _SHOWN} more")
-    twice = sum(bool(row.repeat) for row in pairs.rows)
+        yield _Line("", "  ".join([*cells, evidence]), state)
+    if len(pairs.rows) > _SHOWN:
+        yield _Line("", f"… and {len(pairs.rows) - _SHOWN} more")
+    again = sum(bool(row.repeat) for row in pairs.rows)
     after = sum(row.t1 not in ("", TODO) for row in pairs.rows)
-    text = f"{len(shown)} places, {after} with a scan after use, {twice} scanned twice"
-    yield _Said("", f"{text}; {pairs.earlier}" if pairs.earlier else text, _OK)
+    text = f"{len(pairs.rows)} places, {after} with a scan after use, {again} scanned twice"
+    yield _Line("", f"{text}; {pairs.earlier}" if pairs.earlier else text, _OK)
     if any(evidence.endswith(OTHER_SPACING) for evidence in pairs.evidence):
         text = (
             "scans before and after use differ in spacing, so that nothing can be compared: scan "
             "both with the same objective, or resample one in your instrument's software"
         )
-        yield _Said("", text, _TO_DO)
+        yield _Line("", text, _TO_DO)
     for question in pairs.questions:
-        yield _Said("", question, _TO_DO)
+        yield _Line("", question, _TO_DO)
     for overview in pairs.overviews:
         height, width = overview.size_mm
         text = f"{overview.name}, {width:.3g} × {height:.3g} mm, is a map of several places"
-        yield _Said("Overview", text, _DOUBT)
+        yield _Line("Overview", text, _DOUBT)
 
 
 class _Where(NamedTuple):
@@ -329,7 +307,7 @@ class _Where(NamedTuple):
 
     places: dict[str, Place]
     values: dict[str, Any]
-    said: list[_Said]
+    lines: list[_Line]
 
 
 def _where(
@@ -349,24 +327,24 @@ def _where(
             f"on {overviews[0].name}, once the units and the side of a patch are known (gst place: "
             "Find their exact places)"
         )
-        return _Where({}, {"square.size_mm": _square_mm()}, [_Said("Where", doubt, _TO_DO)])
+        return _Where({}, {}, [_Line("Where", doubt, _TO_DO)])
     if can_match and (overviews or stages is not None):
         overview = max(overviews, key=lambda scan: min(scan.size_mm), default=None)
-        found = located(
+        matches = located(
             stone.mesh,
             {patch: scan.coarse for patch, scan in scans.items()},
             overview=None if overview is None else overview.coarse,
             stages=stages,
         )
         by = "the stage's distances" if overview is None else overview.name
-        if found.placed:
-            return _found(found, invert, float(size_mm), by)
-        told = described(found.on_stone) if found.on_stone else "too small for the mesh"
-        none = ", and no scan is found on it" * bool(found.frame)
-        doubt = f"{by}, on the mesh: {told}{none}" + f"; {doubt}" * bool(doubt)
+        if matches.placed:
+            return _by_heights(matches, invert, float(size_mm), by)
+        fit = described(matches.on_stone) if matches.on_stone else "too small for the mesh"
+        none = ", and no scan is found on it" * bool(matches.frame)
+        doubt = f"{by}, on the mesh: {fit}{none}" + f"; {doubt}" * bool(doubt)
     if stages is None:
         text = f"{doubt}: x_mm and y_mm are yours to give"
-        return _Where({}, {"square.size_mm": _square_mm()}, [_Said("Where", text, _TO_DO)])
+        return _Where({}, {}, [_Line("Where", text, _TO_DO)])
     return _by_stage([*scans], stages, float(size_mm), is_mould=invert is True)
 
 
@@ -375,30 +353,30 @@ def _square_mm() -> float:
     return side
 
 
-def _found(found: Found, invert: bool | str, size_mm: float, by: str) -> _Where:
+def _by_heights(matches: Found, invert: bool | str, size_mm: float, by: str) -> _Where:
     """The square around the scans that were found, how they are laid, and how sure that is."""
-    frame, square_mm, places = on_square(found, side_mm=size_mm, least_mm=_square_mm())
-    any_of_them = next(iter(found.placed.values()))
-    inverted, error_um = any_of_them.inverted, math.ceil(found.error_um)
+    frame, square_mm, places = on_square(matches, side_mm=size_mm, least_mm=_square_mm())
+    first = next(iter(matches.placed.values()))
+    inverted = first.inverted
     values = {
         "square.size_mm": square_mm,
         "square.points_mm": corners_of(frame, square_mm),
         "scans.mould.invert": inverted,
-        "scans.mould.flip": "x" if any_of_them.mirrored else None,
-        "uncertainty.placement_um": error_um,
+        "scans.mould.flip": "x" if first.mirrored else None,
+        "uncertainty.placement_um": math.ceil(matches.error_um),
     }
-    assert found.on_stone is not None
-    said = [_Said("Where", f"{by}, on the mesh: {described(found.on_stone)}", _OK)]
-    for patch, match in found.scans.items():
-        said.append(_Said("", f"{patch}: {described(match)}", _OK if match.found else _TO_DO))
-    laid = "mirrored" * any_of_them.mirrored, "inverted, as moulds" * inverted
+    assert matches.on_stone is not None
+    lines = [_Line("Where", f"{by}, on the mesh: {described(matches.on_stone)}", _OK)]
+    for patch, match in matches.scans.items():
+        lines.append(_Line("", f"{patch}: {described(match)}", _OK if match.found else _TO_DO))
+    laid = "mirrored" * first.mirrored, "inverted, as moulds" * inverted
     how = " and ".join(filter(None, laid)) or "as it was scanned"
-    said.append(_Said("", f"what was scanned fits the mesh {how}", _OK))
+    lines.append(_Line("", f"the scanned surface fits the mesh {how}", _OK))
     if not is_to_do(invert) and invert != inverted:
         values["scans.mould.invert"] = f"{TODO} {str(inverted).lower()}"
         text = "by their change with use, heights have the other sign: which is right?"
-        said.append(_Said("", text, _TO_DO))
-    return _Where(places, values, said)
+        lines.append(_Line("", text, _TO_DO))
+    return _Where(places, values, lines)
 
 
 def _stages(
@@ -432,13 +410,13 @@ def _by_stage(
     middle = (at.min(axis=0) + at.max(axis=0)) / 2
     span = float(np.ptp(at, axis=0).max()) + size_mm
     square_mm = max(_square_mm(), math.ceil(2 * span) / 2)  # in halves of a millimetre
-    on_it = np.round(at - middle + square_mm / 2, 4)
     places = {
-        patch: Place(float(y), float(x)) for patch, (x, y) in zip(patches, on_it, strict=True)
+        patch: Place(*np.round(place - middle + square_mm / 2, 4)[::-1].tolist())
+        for patch, place in zip(patches, at, strict=True)
     }
     mirrored = ", mirrored in x as moulds are" * is_mould
     text = f"by the stage, over {span:.3g} mm{mirrored}; which way its axes run, no file says"
-    return _Where(places, {"square.size_mm": square_mm}, [_Said("Where", text, _DOUBT)])
+    return _Where(places, {"square.size_mm": square_mm}, [_Line("Where", text, _DOUBT)])
 
 
 def _table(pairs: Pairs, places: Mapping[str, Place], *, is_cut: bool) -> str:
@@ -460,27 +438,25 @@ def _table(pairs: Pairs, places: Mapping[str, Place], *, is_cut: bool) -> str:
     )
 
 
-def _template(values: dict[str, Any], asked: Sequence[_Said]) -> str:
-    """The shipped config for an own stone, with these values, and what is asked above."""
+def _template(values: dict[str, Any], questions: Sequence[str]) -> str:
+    """The shipped config for an own stone, with these values, and the questions above."""
     own = (ROOT / "config/own.yaml").read_text(encoding="utf-8")
     head = own.index("\nresults:")
     body = own[head:].replace(".venv/bin/gst", "gst").replace("data/own/mesh.stl", "MESH")
     lines = textwrap.TextWrapper(98, initial_indent="# - ", subsequent_indent="#   ")
-    left = "".join(f"{lines.fill(each.text)}\n" for each in asked)
-    text = _HEAD + left + with_values(body, values)
+    asked = "".join(f"{lines.fill(question)}\n" for question in questions)
+    text = _HEAD + asked + with_values(body, values)
     if "uncertainty.placement_um" in values:  # comes last
         text = f"{text.rstrip()}  # of the places found by heights\n"
     return text
 
 
-def _of_use(text: str) -> _Said:
-    """What no file tells and has a default."""
+def _of_use(text: str) -> _Line:
+    """The load, which no file tells and which has a default."""
     config = complete(parse_yaml(text, "study.yaml"))
     force_N, radius_mm = config["load"]["force_N"], config["counterface"]["radius_mm"]
-    said = (
-        f"{force_N:g} N against a stone of {radius_mm:g} mm radius are the paper's: give yours"
-    )
-    return _Said("Use", said, _DOUBT)
+    text = f"{force_N:g} N against a stone of {radius_mm:g} mm radius are the paper's"
+    return _Line("Use", f"{text}: give yours", _DOUBT)
 
 
 def _what_next(folder: Path, table: str, text: str) -> str:

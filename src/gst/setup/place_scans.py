@@ -1,9 +1,10 @@
 """The scans on the page of `gst place`: their pictures, and where they lie on the stone."""
 
+import contextlib
 import functools
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,28 +48,25 @@ def find_places(path: Path) -> dict[str, Any]:
 
     On an overview map in the scans' folder, or tied together by the stage; otherwise near the
     places that the table has. The result has the ``square`` and the ``places`` that were found
-    (``patch, x_mm, y_mm, rotation_deg``); what was ``said`` of each patch, and of ``all``; and the
-    ``answers`` that follow from how the scans are laid.
+    (``patch, x_mm, y_mm, rotation_deg``); a sentence on each patch (``said``) and on ``all``; and
+    the ``answers`` that follow from how the scans are laid.
     """
     config = read_unfinished(path)
     rows, _ = rows_of(config)
     scans = dict(zip(rows.patch, _scans_of(path, [*rows.index]), strict=True))
     heights = {patch: scan.heights for patch, scan in scans.items()}
-    mesh, square = mesh_of(path), config["square"]
-    size_mm, laid = square["size_mm"], known(square["points_mm"])
+    mesh, size_mm = mesh_of(path), config["square"]["size_mm"]
+    laid = known(config["square"]["points_mm"])
     overview = _overview_of(config, [*rows.t0, *rows.t1, *rows["repeat"]])
     found = located(mesh, heights, overview=overview, stages=_stages([*scans.values()]))
-    said = {patch: described(match) for patch, match in found.scans.items()}
+    matches, problem = found.scans, ""
     if found.placed:
-        matches = found.scans
-        frame, size_mm, places = on_square(
-            found, side_mm=config["scans"]["size_mm"], least_mm=size_mm
-        )
-        if laid is not None:
-            places = seen_in(frame_from_points(laid), found)
-            size_mm = square["size_mm"]
+        side_mm = config["scans"]["size_mm"]
+        frame, around_mm, places = on_square(found, side_mm=side_mm, least_mm=size_mm)
+        if laid is None:
+            laid, size_mm = corners_of(frame, around_mm), around_mm
         else:
-            laid = corners_of(frame, size_mm)
+            places = seen_in(frame_from_points(laid), found)
     else:
         hand = rows.dropna(subset=["x_mm", "y_mm"])
         if laid is None or hand.empty:
@@ -79,16 +77,14 @@ def find_places(path: Path) -> dict[str, Any]:
         try:
             matches = snapped(mesh, frame, size_mm, heights, places_of(hand))
         except ValueError as error:
-            why = f"the mesh is too coarse: {error}"
-            return {"square": square, "places": [], "said": {}, "all": why, "answers": {}}
+            matches, problem = {}, f"the mesh is too coarse: {error}"
         places = {patch: match.place for patch, match in matches.items() if match.found}
-        said = {patch: described(match) for patch, match in matches.items()}
     answers, turn = _of_matches(config, matches, places)
     return {
         "square": {"points_mm": laid, "size_mm": size_mm},
         "places": [{"patch": patch} | _shown(place, turn) for patch, place in places.items()],
-        "said": said,
-        "all": _how_many(len(places), len(rows), _uncertain(matches)),
+        "said": {patch: described(match) for patch, match in matches.items()},
+        "all": problem or _how_many(len(places), len(rows), matches),
         "answers": answers,
     }
 
@@ -99,25 +95,22 @@ def _shown(place: Place, turn: float) -> dict[str, float]:
     return {name: round(value, DECIMALS) for name, value in turned._asdict().items()}
 
 
-def _uncertain(matches: Mapping[str, Match]) -> list[str]:
-    return [patch for patch, match in matches.items() if match.is_uncertain]
-
-
-def _how_many(found: int, scans: int, uncertain: Sequence[str]) -> str:
+def _how_many(places: int, scans: int, matches: Mapping[str, Match]) -> str:
     """How many scans are found, which are not certain, and what to do next."""
+    uncertain = ", ".join(patch for patch, match in matches.items() if match.is_uncertain)
     doubt = (
-        f" {', '.join(uncertain)}: not certain, and not moved. Lay each nearer to its place by "
-        "eye, or add an overview map."
+        f" {uncertain}: not certain, and not moved. Lay each nearer to its place by eye, or add an "
+        "overview map."
     ) * bool(uncertain)
-    if not found and uncertain:
+    if not places and uncertain:
         return f"No scan is found.{doubt}"
-    if not found:
+    if not places:
         return (
             "No scan is found, and all stay where they were: does each lie within half a "
             "millimetre of its place, and turned as on the stone, within 10°?"
         )
-    rest = "" if found == scans else " The others stay where they were."
-    return f"{found} of {scans} are found; each says how well it fits.{rest}{doubt}"
+    rest = "" if places == scans else " The others stay where they were."
+    return f"{places} of {scans} are found; each says how well it fits.{rest}{doubt}"
 
 
 def _nothing_found(found: Found) -> str:
@@ -154,31 +147,30 @@ def _of_matches(
 
 
 def _overview_of(config: Mapping, used: Sequence[str]) -> xr.DataArray | None:
-    """The largest map in the scans' folder that is no patch's and holds several."""
-    root, paths, _ = scans_in([Path(config["inputs"]["scan_folder"])])
-    scans, best = config["scans"], None
-    for path in paths:
-        if path.relative_to(root).as_posix() in used:
-            continue
-        try:
-            scan = read_scan(path, unit=scans["unit"], spacing_um=scans["spacing_um"])
-        except GstError:
-            continue
-        side = min(np.multiply(scan.shape, spacing_of(scan)))
-        if side > OVERVIEW * scans["size_mm"] and (best is None or side > best[0]):
-            best = side, scan
-    if best is None:
+    """The heights of the largest map in the scans' folder that is no patch's and holds several."""
+    scans = config["scans"]
+    best = max(_maps(config, used), key=_side_of, default=None)
+    if best is None or _side_of(best) <= OVERVIEW * scans["size_mm"]:
         return None
-    mould = bool(scans["mould"]["invert"]), scans["mould"]["flip"]
-    return _undone(best[1], *mould)
-
-
-def _undone(scan: xr.DataArray, invert: bool, flip: str | None) -> xr.DataArray:
-    """Heights of the stone from those of a mould, on fewer points."""
-    scan = coarser(scan, max(1, min(scan.shape) // _MATCHED_POINTS))
+    best = coarser(best, max(1, min(best.shape) // _MATCHED_POINTS))
+    invert, flip = bool(scans["mould"]["invert"]), scans["mould"]["flip"]
     return prepare_scan(
-        scan, mould_invert=invert, mould_flip=flip, maximum_unmeasured=_MOSTLY_HOLES
+        best, mould_invert=invert, mould_flip=flip, maximum_unmeasured=_MOSTLY_HOLES
     ).height
+
+
+def _maps(config: Mapping, used: Sequence[str]) -> Iterator[xr.DataArray]:
+    """The maps that can be read and are no patch's, one at a time: each may be large."""
+    root, paths, _ = scans_in([Path(config["inputs"]["scan_folder"])])
+    unit, spacing_um = config["scans"]["unit"], config["scans"]["spacing_um"]
+    for path in paths:
+        if path.relative_to(root).as_posix() not in used:
+            with contextlib.suppress(GstError):
+                yield read_scan(path, unit=unit, spacing_um=spacing_um)
+
+
+def _side_of(scan: xr.DataArray) -> float:
+    return float(min(np.multiply(scan.shape, spacing_of(scan))))
 
 
 class _Scan(NamedTuple):
