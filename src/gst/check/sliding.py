@@ -21,16 +21,7 @@ from gstlib.surfaces.footprints import rotated
 from gstlib.surfaces.grid import coarser, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = [
-    "Held",
-    "Image",
-    "Pose",
-    "Template",
-    "correlation_of",
-    "elements",
-    "middles",
-    "peaks_of",
-]
+__all__ = ["Image", "Template", "correlation_of", "elements", "middles", "peaks_of"]
 __all__ += ["slid", "to_search"]
 
 # Fewest elements of the surface along a scan's side: fewer show no waves. More than the most tell
@@ -70,12 +61,11 @@ def to_search(
 def _with_margin(surface: xr.DataArray, count: int) -> xr.DataArray:
     """A surface with NaN around it: a turned window may stick out where its scan does not."""
     step = spacing_of(surface)[0]
-    along = {}
-    for axis in ("y", "x"):
-        beyond = np.arange(-count, surface.sizes[axis] + count) * step
-        along[axis] = (axis, beyond + float(surface[axis][0]), surface[axis].attrs)
-    wide = np.pad(surface.values, count, constant_values=np.nan)
-    return xr.DataArray(wide, dims=("y", "x"), coords=along, attrs=surface.attrs)
+    along = {
+        axis: np.arange(-count, surface.sizes[axis] + count) * step + float(surface[axis][0])
+        for axis in ("y", "x")
+    }
+    return surface.pad(y=count, x=count).assign_coords(along)
 
 
 def slid(
@@ -85,9 +75,9 @@ def slid(
     count = _count(templates, step)
     for turn in turns:
         # half a turn later, and mirrored, too, a rectangle covers the same elements
-        sides = {each.sides: each for each in templates}
         windows = {
-            of: image.window(each.covered(turn, step, count)) for of, each in sides.items()
+            sides: image.window(each.covered(turn, step, count))
+            for sides, each in {each.sides: each for each in templates}.items()
         }
         for mirrored, whole in itertools.product((False, True), (turn, turn + 180)):
             held = []
@@ -142,10 +132,8 @@ def correlation_of(held: Sequence[Held], at: np.ndarray) -> np.ndarray:
 def peaks_of(score: np.ndarray) -> np.ndarray:
     """Scores, rows and columns (k, 3) of those larger (in size) than their neighbours."""
     size = np.fmax(np.abs(score), 0.0)  # NaN is no peak
-    most = np.pad(size, 1)  # of each and its neighbours: by shifts, faster than by a filter
-    most = np.maximum(np.maximum(most[:-2], most[1:-1]), most[2:])
-    most = np.maximum(np.maximum(most[:, :-2], most[:, 1:-1]), most[:, 2:])
-    at = np.argwhere((size > 0) & (size == most))
+    highest = scipy.ndimage.maximum_filter(size, 3, mode="constant")
+    at = np.argwhere((size > 0) & (size == highest))
     return np.column_stack([score[tuple(at.T)], at])
 
 
@@ -200,13 +188,12 @@ class Template:
 
 
 class _Window(NamedTuple):
-    """What the surface is under a window, wherever it lies."""
+    """The surface under a window, wherever it lies."""
 
     covered: np.ndarray
     planes: np.ndarray  # (points, 3) an orthonormal basis of the planes
-    squares: (
-        np.ndarray
-    )  # sums of those of heights less their plane; NaN where there is no stone
+    # sums of the squares of heights less their plane; NaN where there is no stone
+    squares: np.ndarray
 
 
 @dataclass(frozen=True)
