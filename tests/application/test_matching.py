@@ -8,7 +8,7 @@ import scipy
 import trimesh
 from gst.check.aligning import Fit
 from gst.check.matching import Match, _elsewhere, match_map, match_together
-from gst.check.nearby import _top, match_near
+from gst.check.nearby import match_near
 from gst.setup.finding import find_on_map, find_on_stone
 from gstlib import self_affine_field
 from gstlib.surfaces.footprints import Place
@@ -74,14 +74,6 @@ def test_a_map_is_found_where_it_was_taken(place, mirrored):
     assert not match_map(mesh(stone(1)), heights).found
 
 
-def test_a_patch_in_the_corner_of_a_map_is_found_on_it():
-    fine = stone(6)
-    large, corner = scan(fine, Place(4.5, 4.5), False, (2.0, 2.5)), Place(3.93, 3.68)
-    match = match_map(large, scan(fine, corner, False, PATCH))
-    assert match.found
-    assert match.place[:2] == pytest.approx((corner.y_mm - 3.5, corner.x_mm - 3.25), abs=0.01)
-
-
 def test_a_smooth_stone_shows_no_place():
     smooth = scipy.ndimage.gaussian_filter(stone(5), 40)
     assert not match_map(mesh(smooth), overview(smooth, Place(4.0, 5.0))).found
@@ -137,13 +129,6 @@ def test_scans_near_places_by_hand_snap_together(mirrored):
     # scans err about as much as is said, which is along one axis
     assert 0.5 < off_mm / 2**0.5 / error_mm < 1.6
     assert matches[0].place.rotation_deg == pytest.approx(30, abs=4)
-
-
-def test_the_turn_by_hand_is_at_the_top_of_a_parabola():
-    turns = np.arange(-12.0, 12.1, 3.0)
-    sums = 2 - (turns - 4.3) ** 2
-    assert _top(sums.argmax(), sums) == pytest.approx(4.3)
-    assert _top(len(turns) - 1, turns) == 12  # there is nothing beyond
 
 
 def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it():

@@ -225,15 +225,6 @@ def test_text_is_in_the_unit_that_makes_a_scan(lab):
     assert "overview.plu, once the units" in new(lab)[0]
 
 
-def test_text_without_a_unit_is_compared_with_its_like_alone(lab):
-    for epoch, heights in enumerate((ground(0), used(ground(0), 1))):
-        np.savetxt(lab / f"scans/1_T{epoch}.csv", 1e3 * heights, delimiter=",", fmt="%.4f")
-    assert "by name and heights" in new(lab)[0]
-    write_scan(lab / "scans/1_T0.plu", ground(0))
-    (lab / "scans/1_T0.csv").unlink()
-    assert "which spacing?" in new(lab)[0]
-
-
 def test_maps_that_are_not_square_are_cut(lab):
     write_scan(lab / "scans/1_T0.plu", ground(0)[:48])
     _, config, rows = new(lab)

@@ -8,6 +8,7 @@ above, on shorter elements.
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -79,7 +80,7 @@ def find_on_stone(
             if best is None or found.match.lead > best.match.lead:
                 best = found
         if best is not None and best.match.found:
-            return _from_above(mesh, edge, best, scans, readings)
+            return _from_above(mesh, best, scans, readings)
     return best
 
 
@@ -91,12 +92,10 @@ def _views(mesh: "trimesh.Trimesh") -> Iterator[list[tuple[Frame, float]]]:
         pair = []
         for normal in (axes[n], -axes[n]):
             towards = np.array([axes[(n + 1) % 3], np.cross(normal, axes[(n + 1) % 3])])
-            low, high = np.array(
-                [(points @ towards.T).min(axis=0), (points @ towards.T).max(axis=0)]
-            )
+            along = points @ towards.T
+            low, high = along.min(axis=0), along.max(axis=0)
             corner = low @ towards + (points @ normal).mean() * normal
-            frame = Frame(corner.tolist(), towards[0].tolist(), normal.tolist())
-            pair.append((frame, float((high - low).max())))
+            pair.append((Frame(corner, towards[0], normal), float((high - low).max())))
         yield pair
 
 
@@ -133,54 +132,43 @@ def view_of(
         # straight lines between vertices would cut the shortest waves that the mesh has
         smooth = scipy.interpolate.CloughTocher2DInterpolator(cloud[:, :2], cloud[:, 2])
         heights[is_stone] = smooth(places[is_stone])
-    rows, columns = (np.flatnonzero(np.isfinite(heights).any(axis=n)) for n in (1, 0))
     view = make_surface(heights, step, mesh_edge_mm=edge)
     view = view.assign_coords(
         {axis: view[axis].copy(data=view[axis] - around_mm) for axis in ("y", "x")}
     )
-    return (
-        view[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
-        if len(rows)
-        else view
-    )
+    rows, columns = (np.flatnonzero(np.isfinite(heights).any(axis=n)) for n in (1, 0))
+    if len(rows) == 0:
+        return view
+    return view[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
 
 
 def _from_above(
-    mesh: "trimesh.Trimesh",
-    edge: float,
-    found: OnStone,
-    scans: Sequence[xr.DataArray],
-    readings: np.ndarray,
+    mesh: "trimesh.Trimesh", first: OnStone, scans: Sequence[xr.DataArray], readings: np.ndarray
 ) -> OnStone:
-    """What was found in a view, on the mesh around it."""
-    reading, place = readings[found.reading], found.match.place
-    corners = max(
-        math.hypot(*(n * d for n, d in zip(s.shape, spacing_of(s), strict=True))) for s in scans
-    )
+    """The same scans on the mesh as it looks from straight above where they were found."""
+    reading = readings[first.reading]
+    diagonal = max(np.hypot(*np.multiply(scan.shape, spacing_of(scan))) for scan in scans)
+    half = float(np.ptp(reading, axis=0).max()) / 2 + diagonal / 2 + _MARGIN
     middle = (reading.min(axis=0) + reading.max(axis=0)) / 2
-    half = float(np.ptp(reading, axis=0).max()) / 2 + corners / 2 + _MARGIN
-    at = found.match.place_of(*middle)
-    points = found.frame.to_frame(mesh.vertices)
-    normals = np.asarray(mesh.vertex_normals)
-    is_near = (np.hypot(points[:, 0] - at.x_mm, points[:, 1] - at.y_mm) < half) & (
-        normals @ found.frame.axes[2] > _SEEN
+    y_mm, x_mm, rotation_deg = first.match.place_of(*middle)
+    points, normals = first.frame.to_frame(mesh.vertices), np.asarray(mesh.vertex_normals)
+    x, y, up = first.frame.axes
+    is_near = (np.hypot(points[:, 0] - x_mm, points[:, 1] - y_mm) < half) & (
+        normals @ up > _SEEN
     )
-    x, y, up = found.frame.axes
-    turn = math.radians(place.rotation_deg)
-    normal = normals[is_near].mean(axis=0)
+    turn, normal = math.radians(rotation_deg), normals[is_near].mean(axis=0)
     along = math.cos(turn) * x + math.sin(turn) * y
     along -= along @ normal / (normal @ normal) * normal
     height = np.median(points[is_near, 2])
-    centre = np.array(found.frame.origin) + at.x_mm * x + at.y_mm * y + height * up
-    frame = Frame([0.0, 0.0, 0.0], along, normal)
-    origin = centre - half * (frame.axes[0] + frame.axes[1])
-    frame = Frame(origin.tolist(), frame.axes[0].tolist(), frame.axes[2].tolist())
+    centre = np.asarray(first.frame.origin) + x_mm * x + y_mm * y + height * up
+    frame = Frame(centre, along, normal)
+    frame = replace(frame, origin=centre - half * (frame.axes[0] + frame.axes[1]))
     view = view_of(mesh, frame, size_mm=2 * half)
     try:
         match, _ = match_together(view, scans, reading[np.newaxis])
     except ValueError:  # it sticks out of this view
-        return found
-    return OnStone(frame, match.among([found.match.next_best], len(scans)), found.reading)
+        return first
+    return OnStone(frame, match.among([first.match.next_best], len(scans)), first.reading)
 
 
 def find_on_map(
@@ -190,14 +178,14 @@ def find_on_map(
 
     `readings` are as in `gst.check.matching.match_together`; None without a stage.
     """
-    found = {name: match_map(overview, scan) for name, scan in scans.items()}
-    if readings is None or all(match.found for match in found.values()):
-        return found
+    alone = {name: match_map(overview, scan) for name, scan in scans.items()}
+    if readings is None or all(match.found for match in alone.values()):
+        return alone
     together, number = match_together(overview, [*scans.values()], readings)
     if not together.found:
-        return found
+        return alone
     tied = together.each(readings[number])
     return {
         name: match if match.found else by_stage
-        for (name, match), by_stage in zip(found.items(), tied, strict=True)
+        for (name, match), by_stage in zip(alone.items(), tied, strict=True)
     }

@@ -114,7 +114,7 @@ def on_square(
         name: match.place._replace(y_mm=match.place.y_mm - y, x_mm=match.place.x_mm - x)
         for name, match in found.placed.items()
     }
-    return replace(found.frame, origin=origin.tolist()), size_mm, places
+    return replace(found.frame, origin=origin), size_mm, places
 
 
 def snapped(
