@@ -11,7 +11,6 @@ import os
 import shlex
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -24,8 +23,16 @@ from gst.config.patches import cell_of
 from gst.config.reading import complete
 from gst.config.strict_yaml import parse_yaml
 from gst.config.todo import TODO, is_to_do, left_in
-from gst.setup.place_matching import Found, corners_of, described, located, on_square
 from gst.setup.scan_folder import OTHER_SPACING, Pairs, Scan, pair_scans, read_scans, scans_in
+from gst.setup.scan_positions import (
+    DOUBT,
+    OK,
+    SAME_SIZE,
+    TO_DO,
+    Line,
+    default_square_mm,
+    where_scanned,
+)
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import UNITS, is_closed, is_mesh, read_mesh, steps_of, units_of_size
@@ -39,18 +46,12 @@ if TYPE_CHECKING:
 
 __all__ = ["new_study"]
 
-_OK, _DOUBT, _TO_DO = "ok", "look", "to do"
 # Columns of the listing.
 _TOPIC, _WIDEST = 10, 90
 # Rows, and files left out, that are named.
 _SHOWN = 12
 # Rays along the square by which its thickness is taken.
 _RAYS = 50
-# Sides of a patch that differ by less are equal: as `gstlib.io.scans.cut_scan` has it.
-_SAME_SIZE = 0.01
-# ASSUME: two scans of different places have at most so much of their sides in common; stages that
-# say more were not read, or the stone was moved between the scans.
-_LEAST_APART = 0.5
 # How the load point scatters where the study proposes places to scan, as in config/mesh_only.yaml.
 _GESTURE = {"load_point_scatter_mm": 1.0, "poses": 60}
 _HEAD = """\
@@ -60,20 +61,12 @@ _HEAD = """\
 """
 
 
-class _Line(NamedTuple):
-    """A line of the listing."""
-
-    topic: str
-    text: str
-    state: str = ""
-
-
 class _Stone(NamedTuple):
     """The stone of the mesh, in mm."""
 
     mesh: "trimesh.Trimesh"
     unit: str  # or `TODO`
-    line: _Line
+    line: Line
 
 
 def new_study(
@@ -101,7 +94,7 @@ def new_study(
         "inputs.mesh": _relative(mesh, folder),
         "inputs.mesh_unit": stone.unit,
         "square.points_mm": TODO,
-        "square.size_mm": _square_mm(),
+        "square.size_mm": default_square_mm(),
     }
     if scans:
         more, table, of_scans = _from_scans(folder, stone, scans, overview, names)
@@ -110,10 +103,10 @@ def new_study(
     else:
         values |= {"patches": None, "inputs.scan_folder": None, "gesture": _GESTURE}
         text = "none: the study proposes where to scan, for a load point that scatters by 1 mm"
-        lines.append(_Line("Scans", text, _DOUBT))
+        lines.append(Line("Scans", text, DOUBT))
     face_mm, of_face = _face(stone, values)
     values = {"macroscale.face_mm": face_mm} | values
-    text = _template(values, [line.text for line in lines if line.state == _TO_DO])
+    text = _template(values, [line.text for line in lines if line.state == TO_DO])
     lines += [of_face, _of_use(text)]
     if table:
         write_whole(table_path, table.encode())
@@ -148,9 +141,9 @@ def _read_stone(path: Path) -> _Stone:
     else:
         sizes = [f"{max(sides) * UNITS[each]:.3g} mm ({each})" for each in fitting]
         text = f"{shown}, its unit not stated: is the stone {' or '.join(sizes)} long?"
-        return _Stone(mesh, TODO, _Line("Mesh", text, _TO_DO))
+        return _Stone(mesh, TODO, Line("Mesh", text, TO_DO))
     text += f", coordinates in {steps_of(mesh)}"
-    return _Stone(mesh, unit, _Line("Mesh", text, _OK))
+    return _Stone(mesh, unit, Line("Mesh", text, OK))
 
 
 def _read_in_any_unit(path: Path) -> "trimesh.Trimesh":
@@ -164,37 +157,32 @@ def _read_in_any_unit(path: Path) -> "trimesh.Trimesh":
         raise
 
 
-def _face(stone: _Stone, values: Mapping[str, Any]) -> tuple[float, _Line]:
+def _face(stone: _Stone, values: Mapping[str, Any]) -> tuple[float, Line]:
     """The side of the face: the default, unless the stone is thinner under the square."""
     size_mm, corners = values["square.size_mm"], values["square.points_mm"]
     usual: float = max(complete({})["macroscale"]["face_mm"], size_mm)
-    default = f"{usual:g} mm, the default"
+    why = "the mesh does not show the stone's thickness under the square"
     if is_to_do(corners):
-        text = f"{default}: once the square is laid, gst check tells the thickness under it"
-        return usual, _Line("Face", text, _DOUBT)
-    if not is_closed(stone.mesh):
-        text = f"{default}: the mesh has no underside, so no thickness"
-        return usual, _Line("Face", text, _DOUBT)
-    layout = Layout(size_mm, _RAYS, 0)
-    try:
-        face = find_use_face(
-            stone.mesh, frame_from_points(corners), layout, source=stone.line.text
-        )
-    except InputError:
-        text = f"{default}: the mesh does not show the stone's thickness under the square"
-        return usual, _Line("Face", text, _DOUBT)
-    side = largest_face(face.thickness)
-    text = f"the stone is {side:g} mm thick under the square"
-    if side >= usual:
-        return usual, _Line("Face", f"{default}: {text}", _OK)
-    face_mm = max(size_mm, side)
-    state = _OK if size_mm <= side else _DOUBT
-    return face_mm, _Line("Face", f"{face_mm:g} mm, as {text}", state)
+        why = "once the square is laid, gst check tells the thickness under it"
+    elif not is_closed(stone.mesh):
+        why = "the mesh has no underside, so no thickness"
+    else:
+        with contextlib.suppress(InputError):
+            frame, layout = frame_from_points(corners), Layout(size_mm, _RAYS, 0)
+            face = find_use_face(stone.mesh, frame, layout, source=stone.line.text)
+            side = largest_face(face.thickness)
+            why = f"the stone is {side:g} mm thick under the square"
+            if side < usual:
+                usual = max(size_mm, side)
+                state = OK if size_mm <= side else DOUBT
+                return usual, Line("Face", f"{usual:g} mm, as {why}", state)
+    state = OK if why.startswith("the stone") else DOUBT
+    return usual, Line("Face", f"{usual:g} mm, the default: {why}", state)
 
 
 def _from_scans(
     folder: Path, stone: _Stone, given: Sequence[Path], overview: Path | None, names: str | None
-) -> tuple[dict[str, Any], str, list[_Line]]:
+) -> tuple[dict[str, Any], str, list[Line]]:
     """Values of the config, the patch table, and lines of the listing."""
     root, paths, others = scans_in(given)
     scans, faults = read_scans(
@@ -209,22 +197,23 @@ def _from_scans(
     before = [scan for scan in first.values() if scan is not None]
     sizes, is_cut, of_sizes = _sizes(before or [*by_name.values()], units)
     overviews = pairs.overviews if overview is None else _read_overview(overview)
-    where = _where(stone, first, overviews, pairs.invert, sizes["scans.size_mm"])
+    mesh = None if is_to_do(stone.unit) else stone.mesh
+    where = where_scanned(mesh, first, overviews, pairs.invert, sizes["scans.size_mm"])
     values = units | sizes | {"inputs.scan_folder": _relative(root, folder)}
     values["scans.mould.invert"] = pairs.invert
     values["scans.mould.flip"] = "x" if pairs.invert is True else None
     values |= where.values
     lines = [of_units, *of_sizes, *_of_pairs(pairs)]
     if is_to_do(values["scans.mould.invert"]) == is_to_do(pairs.invert):  # else the mesh tells
-        state = _TO_DO if is_to_do(pairs.invert) else _OK
-        lines.append(_Line("Mould", pairs.mould, state))
+        state = TO_DO if is_to_do(pairs.invert) else OK
+        lines.append(Line("Mould", pairs.mould, state))
     lines += where.lines
-    lines += [_Line("Not read", fault.removeprefix(f"{root}/"), _DOUBT) for fault in faults]
+    lines += [Line("Not read", fault.removeprefix(f"{root}/"), DOUBT) for fault in faults]
     left = [*pairs.left, *(path.relative_to(root).as_posix() for path in others)]
     left = [name for name in left if not is_mesh(name)]
     if left:
         text = ", ".join(left[:_SHOWN]) + f", … ({len(left)} files)" * (len(left) > _SHOWN)
-        lines.append(_Line("Left out", text))
+        lines.append(Line("Left out", text))
     return values, _table(pairs, where.places, is_cut=is_cut), lines
 
 
@@ -236,23 +225,23 @@ def _read_overview(path: Path) -> list[Scan]:
     return scans
 
 
-def _units(scans: Sequence[Scan]) -> tuple[dict[str, Any], _Line]:
+def _units(scans: Sequence[Scan]) -> tuple[dict[str, Any], Line]:
     """The unit of files that do not state it, and the spacing where nothing tells it."""
     units, count = {scan.unit for scan in scans} - {None}, f"{len(scans)} files"
     if TODO in units or len(units) > 1:
         text = f"{count}; some state neither unit nor spacing: what are these?"
-        return {"scans.unit": TODO, "scans.spacing_um": TODO}, _Line("Scans", text, _TO_DO)
+        return {"scans.unit": TODO, "scans.spacing_um": TODO}, Line("Scans", text, TO_DO)
     unit = units.pop() if units else None
     sizes = {f"{width:.3g} × {height:.3g}" for height, width in (s.size_mm for s in scans)}
     steps = {f"{1e3 * scan.spacing_mm[1]:.3g}" for scan in scans}
     stated = f"{unit} (only {unit} makes such a field)" if unit else "unit stated"
     text = f"{' and '.join(sorted(sizes))} mm, every {' and '.join(sorted(steps))} µm, {stated}"
-    return {"scans.unit": unit}, _Line("Scans", f"{count}, {text}", _OK)
+    return {"scans.unit": unit}, Line("Scans", f"{count}, {text}", OK)
 
 
 def _sizes(
     scans: Sequence[Scan], units: dict[str, Any]
-) -> tuple[dict[str, Any], bool, list[_Line]]:
+) -> tuple[dict[str, Any], bool, list[Line]]:
     """The side of the patches, and whether they are cut from the scans before use."""
     if units["scans.unit"] == TODO:  # of points without a spacing, only the others tell it
         sides = [side for scan in scans if scan.unit != TODO for side in scan.size_mm]
@@ -266,157 +255,40 @@ def _sizes(
         text = (
             f"they are not square: the middle {size_mm:g} mm of each one before use are taken"
         )
-        return {"scans.size_mm": size_mm}, True, [_Line("", text, _DOUBT)]
+        return {"scans.size_mm": size_mm}, True, [Line("", text, DOUBT)]
     text = f"they are of several sizes: is {size_mm:g} mm the side of all patches?"
-    return {"scans.size_mm": f"{TODO} {size_mm:g}"}, True, [_Line("", text, _TO_DO)]
+    return {"scans.size_mm": f"{TODO} {size_mm:g}"}, True, [Line("", text, TO_DO)]
 
 
 def _are_same(sides: Sequence[float]) -> bool:
-    return max(sides) - min(sides) <= _SAME_SIZE * min(sides)
+    return max(sides) - min(sides) <= SAME_SIZE * min(sides)
 
 
-def _of_pairs(pairs: Pairs) -> Iterator[_Line]:
+def _of_pairs(pairs: Pairs) -> Iterator[Line]:
     """Which scans belong together and why, and what is asked."""
     wide = [max(map(len, column)) for column in zip(*pairs.rows, strict=True)]
     for row, evidence in list(zip(pairs.rows, pairs.evidence, strict=True))[:_SHOWN]:
         cells = [f"{cell:<{width}}" for cell, width in zip(row, wide, strict=True) if width]
-        state = _TO_DO if TODO in "".join(row) else _DOUBT if ";" in evidence else _OK
-        yield _Line("", "  ".join([*cells, evidence]), state)
+        state = TO_DO if TODO in "".join(row) else DOUBT if ";" in evidence else OK
+        yield Line("", "  ".join([*cells, evidence]), state)
     if len(pairs.rows) > _SHOWN:
-        yield _Line("", f"… and {len(pairs.rows) - _SHOWN} more")
+        yield Line("", f"… and {len(pairs.rows) - _SHOWN} more")
     again = sum(bool(row.repeat) for row in pairs.rows)
     after = sum(row.t1 not in ("", TODO) for row in pairs.rows)
     text = f"{len(pairs.rows)} places, {after} with a scan after use, {again} scanned twice"
-    yield _Line("", f"{text}; {pairs.earlier}" if pairs.earlier else text, _OK)
+    yield Line("", f"{text}; {pairs.earlier}" if pairs.earlier else text, OK)
     if any(evidence.endswith(OTHER_SPACING) for evidence in pairs.evidence):
         text = (
             "scans before and after use differ in spacing, so that nothing can be compared: scan "
             "both with the same objective, or resample one in your instrument's software"
         )
-        yield _Line("", text, _TO_DO)
+        yield Line("", text, TO_DO)
     for question in pairs.questions:
-        yield _Line("", question, _TO_DO)
+        yield Line("", question, TO_DO)
     for overview in pairs.overviews:
         height, width = overview.size_mm
         text = f"{overview.name}, {width:.3g} × {height:.3g} mm, is a map of several places"
-        yield _Line("Overview", text, _DOUBT)
-
-
-class _Where(NamedTuple):
-    """Where scans lie on the square, by patch, and what follows for the config."""
-
-    places: dict[str, Place]
-    values: dict[str, Any]
-    lines: list[_Line]
-
-
-def _where(
-    stone: _Stone,
-    first: Mapping[str, Scan | None],
-    overviews: Sequence[Scan],
-    invert: bool | str,
-    size_mm: float | str,
-) -> _Where:
-    """Where scans lie: found on the mesh, or at least their distances, or nothing tells it."""
-    scans = {patch: scan for patch, scan in first.items() if scan is not None}
-    stages, doubt = _stages([*first.values()], size_mm)
-    overviews = [scan for scan in overviews if not is_to_do(scan.unit)]
-    can_match = not (isinstance(size_mm, str) or is_to_do(stone.unit) or not scans)
-    if overviews and not can_match:
-        doubt = (
-            f"on {overviews[0].name}, once the units and the side of a patch are known (gst place: "
-            "Find their exact places)"
-        )
-        return _Where({}, {}, [_Line("Where", doubt, _TO_DO)])
-    if can_match and (overviews or stages is not None):
-        overview = max(overviews, key=lambda scan: min(scan.size_mm), default=None)
-        matches = located(
-            stone.mesh,
-            {patch: scan.coarse for patch, scan in scans.items()},
-            overview=None if overview is None else overview.coarse,
-            stages=stages,
-        )
-        by = "the stage's distances" if overview is None else overview.name
-        if matches.placed:
-            return _by_heights(matches, invert, float(size_mm), by)
-        fit = described(matches.on_stone) if matches.on_stone else "too small for the mesh"
-        none = ", and no scan is found on it" * bool(matches.frame)
-        doubt = f"{by}, on the mesh: {fit}{none}" + f"; {doubt}" * bool(doubt)
-    if stages is None:
-        text = f"{doubt}: x_mm and y_mm are yours to give"
-        return _Where({}, {}, [_Line("Where", text, _TO_DO)])
-    return _by_stage([*scans], stages, float(size_mm), is_mould=invert is True)
-
-
-def _square_mm() -> float:
-    side: float = complete({})["square"]["size_mm"]
-    return side
-
-
-def _by_heights(matches: Found, invert: bool | str, size_mm: float, by: str) -> _Where:
-    """The square around the scans that were found, how they are laid, and how sure that is."""
-    frame, square_mm, places = on_square(matches, side_mm=size_mm, least_mm=_square_mm())
-    first = next(iter(matches.placed.values()))
-    inverted = first.inverted
-    values = {
-        "square.size_mm": square_mm,
-        "square.points_mm": corners_of(frame, square_mm),
-        "scans.mould.invert": inverted,
-        "scans.mould.flip": "x" if first.mirrored else None,
-        "uncertainty.placement_um": math.ceil(matches.error_um),
-    }
-    assert matches.on_stone is not None
-    lines = [_Line("Where", f"{by}, on the mesh: {described(matches.on_stone)}", _OK)]
-    for patch, match in matches.scans.items():
-        lines.append(_Line("", f"{patch}: {described(match)}", _OK if match.found else _TO_DO))
-    laid = "mirrored" * first.mirrored, "inverted, as moulds" * inverted
-    how = " and ".join(filter(None, laid)) or "as it was scanned"
-    lines.append(_Line("", f"the scanned surface fits the mesh {how}", _OK))
-    if not is_to_do(invert) and invert != inverted:
-        values["scans.mould.invert"] = f"{TODO} {str(inverted).lower()}"
-        text = "by their change with use, heights have the other sign: which is right?"
-        lines.append(_Line("", text, _TO_DO))
-    return _Where(places, values, lines)
-
-
-def _stages(
-    scans: Sequence[Scan | None], size_mm: float | str
-) -> tuple[list[tuple[float, float]] | None, str]:
-    """The stage's places (x, y), mm; or why they tell nothing."""
-    there = [scan for scan in scans if scan is not None]
-    stages = [scan.stage_mm for scan in there if scan.stage_mm is not None]
-    if not stages or isinstance(size_mm, str):
-        return None, "no stage coordinates in the files, and no overview map"
-    if len(stages) < len(scans):
-        return None, "stage coordinates are not in all files"
-    apart = [np.abs(np.subtract(*two)).max() for two in combinations(stages, 2)]
-    if min(apart, default=size_mm) < _LEAST_APART * size_mm:
-        return None, "stage coordinates are the same for different places"
-    sizes = np.array([scan.size_mm for scan in there])
-    if (np.ptp(sizes, axis=0) > _SAME_SIZE * sizes.min()).any():
-        return None, "stage coordinates are of maps of different sizes, corners or centres"
-    return stages, ""
-
-
-def _by_stage(
-    patches: Sequence[str],
-    stages: Sequence[tuple[float, float]],
-    size_mm: float,
-    *,
-    is_mould: bool,
-) -> _Where:
-    """Distances of patches, in the middle of a square that is still to be laid."""
-    at = np.asarray(stages) * ((-1, 1) if is_mould else (1, 1))  # a mould is seen from behind
-    middle = (at.min(axis=0) + at.max(axis=0)) / 2
-    span = float(np.ptp(at, axis=0).max()) + size_mm
-    square_mm = max(_square_mm(), math.ceil(2 * span) / 2)  # in halves of a millimetre
-    places = {
-        patch: Place(*np.round(place - middle + square_mm / 2, 4)[::-1].tolist())
-        for patch, place in zip(patches, at, strict=True)
-    }
-    mirrored = ", mirrored in x as moulds are" * is_mould
-    text = f"by the stage, over {span:.3g} mm{mirrored}; which way its axes run, no file says"
-    return _Where(places, {"square.size_mm": square_mm}, [_Line("Where", text, _DOUBT)])
+        yield Line("Overview", text, DOUBT)
 
 
 def _table(pairs: Pairs, places: Mapping[str, Place], *, is_cut: bool) -> str:
@@ -451,12 +323,12 @@ def _template(values: dict[str, Any], questions: Sequence[str]) -> str:
     return text
 
 
-def _of_use(text: str) -> _Line:
+def _of_use(text: str) -> Line:
     """The load, which no file tells and which has a default."""
     config = complete(parse_yaml(text, "study.yaml"))
     force_N, radius_mm = config["load"]["force_N"], config["counterface"]["radius_mm"]
     text = f"{force_N:g} N against a stone of {radius_mm:g} mm radius are the paper's"
-    return _Line("Use", f"{text}: give yours", _DOUBT)
+    return Line("Use", f"{text}: give yours", DOUBT)
 
 
 def _what_next(folder: Path, table: str, text: str) -> str:
@@ -467,7 +339,7 @@ def _what_next(folder: Path, table: str, text: str) -> str:
     place = shlex.join(["gst", "place", str(folder)])
     return (
         f"{written}\n"
-        f"  ({_OK}: told by the files; {_DOUBT}: a default or a doubt; {_TO_DO}: {TODO} in them)\n"
+        f"  ({OK}: told by the files; {DOUBT}: a default or a doubt; {TO_DO}: {TODO} in them)\n"
         f"\nNext:\n  {place}\n"
         "  (a page to lay the scans on the stone, say how it was used, check and run;\n"
         f"  or write all that is {TODO} into these files, then gst check and gst study)\n"
