@@ -170,7 +170,7 @@ def rough(generator, shape, wave):
 def test_the_errors_of_a_place_and_of_the_lever_are_as_large_as_is_said():
     """Whatever the waves are that the surface shows besides the scan's own."""
     generator, scores = np.random.default_rng(1), []
-    for _ in range(30):
+    for _ in range(40):
         ground = rough(generator, (120, 120), 0.6)
         surface = make_surface(ground + 0.3 * rough(generator, ground.shape, 0.3), 0.05)
         scan = make_surface(ground[30:90, 30:90], 0.05)
