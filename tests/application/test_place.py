@@ -115,6 +115,18 @@ def save(server, path, sent, digest=None):
     return ask(server, path, sent, Study_Digest=digest)
 
 
+def saved(server, path, sent):
+    """The answer to what is saved."""
+    status, answer = save(server, path, sent)
+    assert status == 200
+    return answer
+
+
+def configure(old, new):
+    """Write the config with a part replaced."""
+    Path("study.yaml").write_text(CONFIG.replace(old, new))
+
+
 def written():
     """The config as it is on the disk."""
     return yaml.safe_load(Path("study.yaml").read_text())
@@ -182,7 +194,7 @@ def test_scans_and_results_outside_their_folders_are_refused(server, study):
     status, content = ask(server, "scan/1")
     assert status == 422
     assert "lies outside" in content["error"]
-    (study / "study.yaml").write_text(CONFIG.replace("results: results", "results: .."))
+    configure("results: results", "results: ..")
     assert ask(server, "results/secret")[0] == 403
 
 
@@ -204,7 +216,7 @@ def test_places_are_written_and_the_rest_stays(server, study):
     assert state["patch_size_mm"] == pytest.approx(SIZE, abs=1e-4)
     assert state["patches"] == [row("A", None, None), row("B", 1.5, 2.0)]
     sent = places(row("A", 1.23456, 0, -7.5), row("B", 1.5, None), points=POINTS_MM)
-    assert save(server, "places", sent)[0] == 200
+    saved(server, "places", sent)
     text = (study / "study.yaml").read_text()
     assert text == CONFIG.replace("TODO", str(POINTS_MM))
     assert (study / "patches.tsv").read_text() == (
@@ -212,7 +224,7 @@ def test_places_are_written_and_the_rest_stays(server, study):
         "A\tdull\t1,235\t0\ta.plu\t-7,5\nB\t\t1,5\tTODO\tb.plu\t0\n"
     )
     # undone, also the turn
-    assert save(server, "places", places(*state["patches"]))[0] == 200
+    saved(server, "places", places(*state["patches"]))
     assert (study / "study.yaml").read_text() == CONFIG
     assert ask(server, "state")[1] == state | {"digest": digest_of(server.config)}
 
@@ -232,22 +244,22 @@ def test_answers_are_written_and_comments_stay(server, study):
 
 
 def test_a_force_takes_the_place_of_a_pressure(server, study):
-    (study / "study.yaml").write_text(CONFIG.replace("force_N: 550", "pressure_MPa: 22"))
-    assert save(server, "answers", {"load.force_N": 100})[0] == 200
+    configure("force_N: 550", "pressure_MPa: 22")
+    saved(server, "answers", {"load.force_N": 100})
     assert written()["load"] == {"pressure_MPa": None, "force_N": 100}
 
 
 def test_places_of_a_tool_without_scans_make_a_table(server, study):
     (study / "patches.tsv").unlink()
-    (study / "study.yaml").write_text(CONFIG.replace("patches.tsv", "null"))
-    assert save(server, "places", places(row("1", 1, 2, grade=0), row("2", 3, 4)))[0] == 200
+    configure("patches.tsv", "null")
+    saved(server, "places", places(row("1", 1, 2, grade=0), row("2", 3, 4)))
     table = pd.read_csv("patches.csv", sep=";", dtype=str, keep_default_na=False)
     assert table.to_numpy().tolist() == [["1", "1", "2", "0"], ["2", "3", "4", ""]]
     assert written()["patches"] == "patches.csv"
     sent = places(row("2", 3, 4, grade=3), row("7", 1, 1, grade=1))
-    assert save(server, "places", sent)[0] == 200
+    saved(server, "places", sent)
     assert ask(server, "state")[1]["patches"] == list(sent["patches"])
-    assert save(server, "places", places())[0] == 200
+    saved(server, "places", places())
     assert not Path("patches.csv").exists()
     assert ask(server, "state")[1]["patches"] == []
 
@@ -260,7 +272,7 @@ def test_a_scan_that_is_asked_for_is_named(server, study):
     named = {"patch": "B", "column": "t0", "name": "b.plu"}
     for other in ({"patch": "A"}, {"column": "note"}, {"name": "../../secret"}, {"name": "c.plu"}):
         assert save(server, "file", named | other)[0] == 422
-    assert save(server, "file", named)[0] == 200
+    saved(server, "file", named)
     assert (study / "patches.tsv").read_text() == TABLE
     assert ask(server, "state")[1]["asked"] == []
 
@@ -342,8 +354,7 @@ def test_a_table_is_kept_before_a_part_of_it_is_removed(server, graded, left):
     (graded / "patches.csv.bak").write_text("mine")
     (graded / "patches.csv.bak2").symlink_to(graded / "none")
     os.chmod(graded / "patches.csv", 0o600)
-    status, answer = save(server, "places", places(*left))
-    assert (status, answer["kept"]) == (200, "patches.csv.bak3")
+    assert saved(server, "places", places(*left))["kept"] == "patches.csv.bak3"
     kept = graded / "patches.csv.bak3"
     assert kept.read_text() == GRADED
     assert stat.S_IMODE(kept.stat().st_mode) == 0o600
@@ -365,13 +376,13 @@ def test_files_that_are_links_are_not_changed(server, study):
         assert file.is_symlink()
         file.unlink()
         file.write_text(text)
-    (study / "study.yaml").write_text(CONFIG.replace("patches.tsv", "../secret"))
+    configure("patches.tsv", "../secret")
     assert save(server, "places", places(*BOTH))[0] == 422
     assert target.read_text() == TABLE
 
 
 def test_a_new_table_does_not_take_the_place_of_a_link(server, study):
-    (study / "study.yaml").write_text(CONFIG.replace("patches.tsv", "null"))
+    configure("patches.tsv", "null")
     (study / "patches.csv").symlink_to(study / "none")
     assert save(server, "places", places(row("1", 1, 2, grade=0)))[0] == 422
     assert (study / "patches.csv").is_symlink()
@@ -382,7 +393,7 @@ def test_what_a_command_says_is_written_through_no_link(server, study, name, kin
     target = study.parent / "secret"
     for ending in ("log", "pid"):
         getattr(study / f".snakemake/place_{name}.{ending}", kind)(target)
-    assert save(server, f"start/{name}", {})[0] == 200
+    saved(server, f"start/{name}", {})
     server.commands[name]._own.wait()
     assert target.read_text() == "secret"
     assert "ERROR" in (study / f".snakemake/place_{name}.log").read_text()
@@ -406,7 +417,7 @@ def test_a_pipe_in_place_of_a_number_stops_no_answer(server, study):
 
 
 def test_a_copy_is_kept_before_a_value_of_the_config_goes(server, study):
-    kept = save(server, "answers", {"load.force_N": None})[1]["kept"]
+    kept = saved(server, "answers", {"load.force_N": None})["kept"]
     assert (study / kept).read_text() == CONFIG
 
 
@@ -417,7 +428,7 @@ def test_a_folder_has_one_server(server, study):
     assert result.exit_code == 2
     assert len(result.stderr.splitlines()) == 1
     assert f"process {os.getpid()}" in result.stderr
-    assert save(server, "answers", {"load.force_N": 100})[0] == 200
+    saved(server, "answers", {"load.force_N": 100})
 
 
 def unusable(kind):
@@ -540,7 +551,7 @@ def test_scans_find_their_exact_places_near_those_by_hand(server, study, flip, s
         expected = np.subtract(right[place["patch"]], 8.0)
         assert [place["y_mm"], place["x_mm"]] == pytest.approx(expected, abs=0.06)
         assert place["rotation_deg"] == pytest.approx(8, abs=3)
-    assert save(server, "answers", found["answers"])[0] == 200
+    saved(server, "answers", found["answers"])
     assert found["answers"].pop("uncertainty.placement_um") > 0
     assert found["answers"] == (
         {"scans.mould.flip": yaml.safe_load(flip)} if flip != stated else {}
@@ -577,7 +588,7 @@ def test_a_result_of_other_settings_is_said_to_be(server, study):
     step = Step(PAGE, given, [], [results / "index.html"])
     write_record(results, step, given_to(results, step), {})
     assert ask(server, "result") == (200, {"page": "results/index.html", "problem": None})
-    assert save(server, "answers", {"load.force_N": 100.0})[0] == 200
+    saved(server, "answers", {"load.force_N": 100.0})
     status, found = ask(server, "result")
     assert (status, found["page"]) == (200, "results/index.html")
     assert "made with another config" in found["problem"]
@@ -585,8 +596,7 @@ def test_a_result_of_other_settings_is_said_to_be(server, study):
 
 def picture(heights, invert="false", flip="null"):
     write_plu("scans/a.plu", heights, SPACING)
-    mould = f"invert: {invert}, flip: {flip}"
-    Path("study.yaml").write_text(CONFIG.replace("invert: false, flip: null", mould))
+    configure("invert: false, flip: null", f"invert: {invert}, flip: {flip}")
     return imread(io.BytesIO(picture_of(Path("study.yaml"), 0)))[..., 0]
 
 

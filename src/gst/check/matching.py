@@ -74,14 +74,9 @@ class Match:
         return math.sqrt(self.covariance.diagonal()[:2].max())
 
     @property
-    def strength(self) -> float:
-        """The correlation in Fisher's z."""
-        return math.atanh(min(self.correlation, _ONE))
-
-    @property
     def lead(self) -> float:
         """Over the next best, in Fisher's z."""
-        return self.strength - math.atanh(min(self.next_best, _ONE))
+        return math.atanh(min(self.correlation, _ONE)) - math.atanh(min(self.next_best, _ONE))
 
     def place_of(self, v: float, u: float) -> Place:
         """The place of what lies (v, u) along the axes of the scan from its centre, mm."""
@@ -125,7 +120,10 @@ class Match:
 
     def among(self, others: Iterable[float], count: int) -> "Match":
         """The same, of so many scans, with correlations that were reached elsewhere."""
-        return _judged(replace(self, next_best=max([self.next_best, *others])), count)
+        match = replace(self, next_best=max([self.next_best, *others]))
+        least = LEAST_LEAD if count == 1 else _LEAST_LEAD_TOGETHER
+        is_right = match.correlation >= _LEAST_CORRELATION and match.lead >= least
+        return replace(match, found=self.found and is_right)
 
 
 def match_map(surface: xr.DataArray, scan: xr.DataArray) -> Match:
@@ -198,28 +196,21 @@ def match_together(
         kept = [scan for scan, fitting in zip(scans, fits, strict=True) if fitting]
         best_fit = Fit.of(surface, kept, at[fits], mirrored).refined(start)
     radius = _SAME_PLACE * min(min(each.sides) for each in templates) / step
-    next_best = max(
-        _elsewhere(found, best, radius if _is_same(key, other) else 0.0)
-        for other, found in peaks.items()
-    )
     match = Match(
         best_fit.place,
         mirrored,
         inverted=bool(sign < 0),
         correlation=abs(fit.correlation),
-        next_best=next_best,
+        next_best=0.0,
         covariance=best_fit.covariance,
         found=True,
         own=tuple(map(float, own)),
     )
-    return _judged(match, len(scans)), number
-
-
-def _judged(match: Match, count: int) -> Match:
-    """Whether so many scans are found, if nothing else spoke against it."""
-    least = LEAST_LEAD if count == 1 else _LEAST_LEAD_TOGETHER
-    is_right = match.correlation >= _LEAST_CORRELATION and match.lead >= least
-    return replace(match, found=match.found and is_right)
+    elsewhere = (
+        _elsewhere(own, best, radius if _is_same(key, other) else 0.0)
+        for other, own in peaks.items()
+    )
+    return match.among(elsewhere, len(scans)), number
 
 
 def _fitting(own: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -244,9 +235,7 @@ def _all_around(
 
 def _highest(peaks: dict[_Key, np.ndarray]) -> tuple[_Key, np.ndarray]:
     """The key and the peak of the highest score."""
-    tops = {
-        key: found[np.abs(found[:, 0]).argmax()] for key, found in peaks.items() if len(found)
-    }
+    tops = {key: own[np.abs(own[:, 0]).argmax()] for key, own in peaks.items() if len(own)}
     if not tops:
         raise ValueError("the map does not fit on the surface")
     key = max(tops, key=lambda each: abs(tops[each][0]))

@@ -7,7 +7,7 @@ that is nearly certain, and otherwise has its alternatives.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -81,70 +81,62 @@ def match_near(
     another = max(of for each, of in sums.items() if each[:3] != pose[:3])
     is_clear = sums[pose] - another >= LEAST_LEAD / math.sqrt(len(scans))
     turn = 180 * half + _top(number, [sums[*pose[:3], n] for n in range(len(_BY_HAND))])
-    held = [
-        _Held(Fit.of(surface, [scan], np.zeros((1, 2)), mirrored), place, sign)
-        for scan, place in zip(scans, places, strict=True)
+    fits = [Fit.of(surface, [scan], np.zeros((1, 2)), mirrored) for scan in scans]
+
+    def lying(starts: Iterable[Sequence[Place]]) -> list[_Lying | None]:
+        return [_lying(*each, sign) for each in zip(fits, places, starts, strict=True)]
+
+    by_hand = lying(
+        [Place(y, x, place.rotation_deg + turn) for _, y, x in peaks[pose]]
+        for peaks, place in zip(near, places, strict=True)
+    )
+    off = _common_turn([each for each in by_hand if each])
+    turned = lying(
+        [fit.place._replace(rotation_deg=fit.place.rotation_deg + off) for fit in each.fits]
+        if each
+        else []
+        for each in by_hand
+    )
+    shared = _Shared.of([each for each in turned if each])
+    anywhere = np.diag([math.inf] * 3)
+    unmatched = [
+        Match(place, mirrored, sign < 0, 0.0, 0.0, anywhere, False) for place in places
     ]
-    lying = [
-        one.lying([Place(y, x, one.by_hand.rotation_deg + turn) for _, y, x in peaks[pose]])
-        for one, peaks in zip(held, near, strict=True)
-    ]
-    off = _common_turn(lying)
-    starts = [[fit.place for fit in former.fits] for former in lying]
-    lying = [
-        one.lying([place._replace(rotation_deg=place.rotation_deg + off) for place in former])
-        for one, former in zip(held, starts, strict=True)
-    ]
-    shared = _Shared.of([each for each in lying if each.fits])
     return [
-        shared.match(
-            each, Match(place, mirrored, sign < 0, 0.0, 0.0, _ANYWHERE, False), is_clear
-        )
-        for each, place in zip(lying, places, strict=True)
+        shared.match(each, match, is_clear) if each else match
+        for each, match in zip(turned, unmatched, strict=True)
     ]
-
-
-_ANYWHERE = np.diag([math.inf] * 3)
 
 
 class _Lying(NamedTuple):
     """Where a scan may lie, turned as all are: the place that fits best comes first."""
 
     fits: list[Refined]
-    free: Refined | None  # from the best on, turned by itself; None if the scan fits nowhere
+    free: Refined  # from the best on, turned by itself
 
     @property
     def own_turn(self) -> float:
         """By how much it turns by itself, degrees."""
-        assert self.free is not None
         turn = self.free.place.rotation_deg - self.fits[0].place.rotation_deg
         return (turn + 180) % 360 - 180
 
     @property
     def weight(self) -> float:
-        """What it tells of the turn: the variance of a value over that of its own turn."""
-        assert self.free is not None
+        """The variance of a value over that of its own turn: so much it tells of the turn."""
         return 1 / max(float(self.free.shape[2, 2]), 1e-12)
 
 
-class _Held(NamedTuple):
-    """A scan held against the surface near its place by hand, with heights of a sign."""
-
-    fit: Fit
-    by_hand: Place
-    sign: float
-
-    def lying(self, starts: Sequence[Place]) -> _Lying:
-        """Refined from several places, the highest peaks first."""
-        fits: list[Refined] = []
-        for start in starts[:_PEAKS]:
-            fit = self.fit.refined(start, is_turned=False)
-            is_near = _apart(fit.place, self.by_hand) <= REACH
-            is_new = all(_apart(fit.place, other.place) > _SAME for other in fits)
-            if is_near and is_new and self.sign * fit.scale > 0:
-                fits.append(fit)
-        fits.sort(key=lambda fit: -abs(fit.correlation))
-        return _Lying(fits, self.fit.refined(fits[0].place) if fits else None)
+def _lying(fit: Fit, by_hand: Place, starts: Sequence[Place], sign: float) -> _Lying | None:
+    """A scan with heights of a sign, refined from the first of several places; None if nowhere."""
+    fits: list[Refined] = []
+    for start in starts[:_PEAKS]:
+        refined = fit.refined(start, is_turned=False)
+        is_near = _apart(refined.place, by_hand) <= REACH
+        is_new = all(_apart(refined.place, other.place) > _SAME for other in fits)
+        if is_near and is_new and sign * refined.scale > 0:
+            fits.append(refined)
+    fits.sort(key=lambda refined: -abs(refined.correlation))
+    return _Lying(fits, fit.refined(fits[0].place)) if fits else None
 
 
 class _Shared(NamedTuple):
@@ -169,8 +161,6 @@ class _Shared(NamedTuple):
 
     def match(self, lying: _Lying, match: Match, is_clear: bool) -> Match:
         """Where a scan lies, what else is likely, and whether it is found."""
-        if not lying.fits:
-            return match
         best, *others = lying.fits
         squares = np.array([fit.squares_with(self.scale) for fit in lying.fits])
         chances = self._chances(lying.fits, squares)
@@ -219,7 +209,6 @@ class _Shared(NamedTuple):
 
         A scan that fits worse than the others do is known less well.
         """
-        assert lying.free is not None
         by_turn = np.append(lying.free.shape[:2, 2] * lying.weight, 1.0)
         covariance = self.of_turn * np.outer(by_turn, by_turn)
         best = lying.fits[0]
@@ -243,10 +232,9 @@ def _error_of_turn(lying: Sequence[_Lying], variance: float) -> float:
 
 def _common_turn(lying: Sequence[_Lying]) -> float:
     """By how much all turn further (degrees): the mean of their own turns, by what each tells."""
-    pairs = [(each.own_turn, each.weight) for each in lying if each.fits]
-    if not pairs:
+    if not lying:
         return 0.0
-    turns, weights = np.transpose(pairs)
+    turns, weights = np.transpose([(each.own_turn, each.weight) for each in lying])
     is_usual = abs(turns - np.median(turns)) <= _MOST_TURNED
     return float(np.average(turns[is_usual], weights=weights[is_usual]))
 
