@@ -141,8 +141,8 @@ def new(folder, mesh, scans, overview, names, like) -> None:
     """
     if like and (mesh or scans):
         raise click.UsageError("give --like, or --mesh and --scans, not both")
-    if overview and not scans:
-        raise click.UsageError("--overview needs the --scans that lie on it")
+    if (overview or names) and not scans:
+        raise click.UsageError("--overview and --names need the --scans that they are about")
     if scans and mesh is None:
         raise click.UsageError("--scans needs the --mesh of the tool that was scanned")
     if mesh is not None:
