@@ -172,6 +172,6 @@ def test_a_pattern_explains_other_names():
     check_read({"1": "1-2.sur, 1-10.sur", "2": "2-2.sur, 2-10.sur"}, "{patch}-{epoch}")
     check_read({"A": "vor A.sur, nach A.sur", "B": "vor B.sur, nach B.sur"}, "{epoch} {patch}")
     assert read_names(["1-1", "1-2", "1-3"], "{patch}-{epoch}").questions
-    for pattern in ("{patch}_{epoch}", "{patch}"):
+    for pattern in ("{patch}_{epoch}", "{patch}", "{patch}-{epoch}{epoch}"):
         with pytest.raises(InputError):
             read_names(["1-1.sur"], pattern)

@@ -136,7 +136,7 @@ def _by_pattern(names: Sequence[str], pattern: str) -> list[_Name]:
     """Names of which a pattern says where place and epoch stand."""
     form = re.escape(pattern)
     for part in ("patch", "epoch"):
-        form = form.replace(rf"\{{{part}\}}", f"(?P<{part}>.+)")
+        form = form.replace(rf"\{{{part}\}}", f"(?P<{part}>.+)", 1)
     files = []
     for name in names:
         match = re.fullmatch(form, str(PurePosixPath(name).with_suffix("")))
