@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy
 import trimesh
 from gst.check.aligning import Fit
 from gst.check.matching import Match, _elsewhere, match_map, match_together
@@ -13,6 +12,7 @@ from gst.setup.finding import find_on_map, find_on_stone
 from gstlib import self_affine_field
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import make_surface
+from scipy.ndimage import gaussian_filter, gaussian_filter1d, map_coordinates
 
 LIKELY = Match(Place(1.0, 1.0), False, False, 0.9, 0.1, np.eye(3), found=True)
 FINE, STEP, EDGE, FACE = 0.02, 0.05, 0.2, 9.0  # mm
@@ -31,10 +31,10 @@ def stone(seed):
 def mesh(fine, seed=0):
     """What a mesh shows of it, with its noise."""
     at = (np.arange(round(FACE / STEP)) + 0.5) * STEP / FINE - 0.5
-    smooth = scipy.ndimage.gaussian_filter(fine, EDGE / 2 / FINE)
-    seen = scipy.ndimage.map_coordinates(smooth, np.meshgrid(at, at, indexing="ij"), order=1)
+    smooth = gaussian_filter(fine, EDGE / 2 / FINE)
+    seen = map_coordinates(smooth, np.meshgrid(at, at, indexing="ij"), order=1)
     noise = np.random.default_rng(seed).normal(size=seen.shape)
-    noise = scipy.ndimage.gaussian_filter(noise, 2)
+    noise = gaussian_filter(noise, 2)
     return make_surface(seen + 0.003 * noise / noise.std(), STEP, mesh_edge_mm=EDGE)
 
 
@@ -42,7 +42,7 @@ def scan(fine, place, mirrored, sides, spacing=0.01):
     """A map of it, tilted."""
     v, u = ((np.arange(n := round(side / spacing)) - (n - 1) / 2) * spacing for side in sides)
     y, x = place.points(v[:, None], (-u if mirrored else u)[None, :])
-    heights = scipy.ndimage.map_coordinates(fine, [y / FINE - 0.5, x / FINE - 0.5], order=3)
+    heights = map_coordinates(fine, [y / FINE - 0.5, x / FINE - 0.5], order=3)
     return make_surface(heights + 0.02 * v[:, None] + 3, spacing)
 
 
@@ -75,7 +75,7 @@ def test_a_map_is_found_where_it_was_taken(place, mirrored):
 
 
 def test_a_smooth_stone_shows_no_place():
-    smooth = scipy.ndimage.gaussian_filter(stone(5), 40)
+    smooth = gaussian_filter(stone(5), 40)
     assert not match_map(mesh(smooth), overview(smooth, Place(4.0, 5.0))).found
 
 
@@ -140,7 +140,7 @@ def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it():
     fine = fine * (1 - near / 2) + near * 0.1 * np.cos(2 * np.pi * away / 0.8)
     scans = [patch(fine, Place(*at, 30.0)) for at in PATCHES]
     scans[0], scans[2] = patch(fine, Place(*first, 50.0)), 2 * scans[2]
-    noise = scipy.ndimage.gaussian_filter(np.random.default_rng(1).normal(size=scans[4].shape), 6)
+    noise = gaussian_filter(np.random.default_rng(1).normal(size=scans[4].shape), 6)
     scans[4] = scans[4] + 0.5 * float(scans[4].std()) * noise / noise.std()
     near_by = mesh(fine, 6), scans, [Place(*at, 28.0) for at in PATCHES + 0.2]
     matches = match_near(*near_by)
@@ -163,7 +163,7 @@ def test_another_place_is_far_from_the_best_or_of_the_other_sign(count, score):
 
 def rough(generator, shape, wave):
     """Smooth noise whose waves are about so long, mm, on elements of 0.05 mm."""
-    noise = scipy.ndimage.gaussian_filter(generator.normal(size=shape), wave / 0.05 / 4)
+    noise = gaussian_filter(generator.normal(size=shape), wave / 0.05 / 4)
     return noise / noise.std()
 
 
@@ -186,9 +186,7 @@ def test_the_errors_of_a_place_and_of_the_lever_are_as_large_as_is_said():
 def test_a_scan_that_fits_at_two_places_is_not_certain():
     """Waves that repeat each 0.6 mm along x leave its place open, and it has alternatives."""
     rows, x = stone(3), np.arange(round(FACE / FINE)) * FINE
-    even, odd = (
-        rows[:, [n]] - scipy.ndimage.gaussian_filter1d(rows[:, [n]], 40, axis=0) for n in (100, 300)
-    )
+    even, odd = (rows[:, [n]] - gaussian_filter1d(rows[:, [n]], 40, axis=0) for n in (100, 300))
     fine = even * np.cos(2 * np.pi * x / 0.6) + odd * np.sin(2 * np.pi * x / 0.6)
     fine = 0.03 * fine / fine.std() + 0.3 * stone(4)
     scans = [patch(fine, Place(*at)) for at in PATCHES]
@@ -201,7 +199,7 @@ def test_a_scan_that_fits_at_two_places_is_not_certain():
 
 
 def test_scans_of_a_smooth_stone_do_not_snap():
-    smooth = scipy.ndimage.gaussian_filter(stone(5), 40)
+    smooth = gaussian_filter(stone(5), 40)
     scans = [patch(smooth, Place(*at)) for at in PATCHES[:3]]
     by_hand = [Place(y + 0.2, x - 0.3) for y, x in PATCHES[:3]]
     assert not any(match.found for match in match_near(mesh(smooth), scans, by_hand))
@@ -214,7 +212,7 @@ ON_MAP = AROUND - 4.5 + np.array(OVERVIEW) / 2
 def test_a_scan_that_is_not_found_on_a_map_is_where_the_stage_says():
     fine, centres = stone(1), AROUND[:3]
     scans = dict(zip("abc", (patch(fine, Place(*at)) for at in centres), strict=True))
-    noise = scipy.ndimage.gaussian_filter(np.random.default_rng(1).normal(size=scans["c"].shape), 8)
+    noise = gaussian_filter(np.random.default_rng(1).normal(size=scans["c"].shape), 8)
     scans["c"] = scans["c"] + 0.02 * noise / noise.std()
     on_map = overview(fine, Place(4.5, 4.5))
     alone = find_on_map(on_map, scans, None)
