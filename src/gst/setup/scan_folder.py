@@ -224,17 +224,18 @@ def pair_scans(scans: Sequence[Scan], pattern: str | None = None) -> Pairs:
     compare = _Comparisons(scan for scan in scans if scan not in overviews)
     names = read_names(compare.scans, pattern)
     confirmed = [_confirmed(row, names.rows, compare) for row in names.rows]
-    rows, evidence, doubts = zip(*confirmed, strict=True)
     order = _Order.of([(row.t0, row.t1) for row in names.rows if row.t0 and row.t1], compare)
     earlier, questions = order.of_epochs(names.epochs)
     questions = [*names.questions, *questions]
-    if questions:
-        rows = [row._replace(t0=row.t0 or TODO, t1=_doubtful(row.t1)) for row in rows]
+    rows = [
+        row._replace(t0=row.t0 or TODO, t1=_doubtful(row.t1)) if questions else row
+        for row, _, _ in confirmed
+    ]
     return Pairs(
-        [*rows],
-        [f"by name{text}" for text in evidence],
+        rows,
+        [f"by name{evidence}" for _, evidence, _ in confirmed],
         earlier,
-        [*questions, *filter(None, doubts)],
+        [*questions, *(doubt for _, _, doubt in confirmed if doubt)],
         *order.of_moulds(is_told=any(names.epochs)),
         names.left,
         overviews,
