@@ -23,7 +23,7 @@ from gst.setup.place_matching import (
     seen_in,
     snapped,
 )
-from gst.setup.place_state import DECIMALS, known, mesh_of, rows_of, version_of
+from gst.setup.place_state import DECIMALS, mesh_of, rows_of, unless_to_do, version_of
 from gst.setup.scan_folder import OVERVIEW, scans_in
 from gstlib.errors import ConfigError, GstError, InputError, accepting, concerning
 from gstlib.io.scans import read_scan
@@ -56,7 +56,7 @@ def find_places(path: Path) -> dict[str, Any]:
     scans = dict(zip(rows.patch, _scans_of(path, [*rows.index]), strict=True))
     heights = {patch: scan.heights for patch, scan in scans.items()}
     mesh, size_mm = mesh_of(path), config["square"]["size_mm"]
-    laid = known(config["square"]["points_mm"])
+    laid = unless_to_do(config["square"]["points_mm"])
     overview = _overview_of(config, [*rows.t0, *rows.t1, *rows["repeat"]])
     found = located(mesh, heights, overview=overview, stages=_stages([*scans.values()]))
     matches, problem = found.scans, ""

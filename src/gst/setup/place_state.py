@@ -36,9 +36,9 @@ __all__ = [
     "SENT_PLACES",
     "check_files",
     "digest_of",
-    "known",
     "mesh_of",
     "rows_of",
+    "unless_to_do",
 ]
 __all__ += ["save_answers", "save_file", "save_places", "state_of", "stone_of", "version_of"]
 
@@ -150,10 +150,10 @@ def state_of(path: Path) -> dict[str, Any]:
         "title": config["title"],
         "mesh": config["inputs"] and Path(config["inputs"]["mesh"]).name,
         "square": {
-            "points_mm": known(config["square"]["points_mm"]),
-            "size_mm": known(config["square"]["size_mm"]),
+            "points_mm": unless_to_do(config["square"]["points_mm"]),
+            "size_mm": unless_to_do(config["square"]["size_mm"]),
         },
-        "patch_size_mm": known(config["scans"]["size_mm"]),
+        "patch_size_mm": unless_to_do(config["scans"]["size_mm"]),
         "has_scans": has_scans,
         "patches": rows[columns].astype(object).where(rows.notna(), None).to_dict("records"),
         "asked": asked,
@@ -169,7 +169,8 @@ def _scan_names(config: Mapping) -> list[str]:
     return [path.relative_to(root).as_posix() for path in paths]
 
 
-def known(value: Any) -> Any:
+def unless_to_do(value: Any) -> Any:
+    """A value of the config; None while it is still to be given."""
     return None if is_to_do(value) else value
 
 

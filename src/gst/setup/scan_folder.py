@@ -249,9 +249,9 @@ def _doubtful(name: str) -> str:
 
 def _overviews(scans: Sequence[Scan]) -> list[Scan]:
     """Maps that are larger than the others, as of several places."""
-    known = [scan for scan in scans if scan.unit != TODO]  # of the others, the size is not
-    usual = np.median([max(scan.size_mm) for scan in known or scans])
-    return [scan for scan in known if max(scan.size_mm) > OVERVIEW * usual]
+    sized = [scan for scan in scans if scan.unit != TODO]
+    usual = np.median([max(scan.size_mm) for scan in sized or scans])
+    return [scan for scan in sized if max(scan.size_mm) > OVERVIEW * usual]
 
 
 def _confirmed(row: Row, rows: Sequence[Row], compare: _Comparisons) -> tuple[Row, str, str]:
