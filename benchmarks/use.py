@@ -59,10 +59,10 @@ import xarray as xr
 from age import record
 from power import asked, merged, specimen_config, specimen_studies, worn_patches
 
-from gstlib.conditions import stage_settings
 from gstlib.io.tables import read_table, write_table
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.ensemble import patch_means
+from gstlib.settings import Settings
 from gstlib.use.evidence import Evidence, Grades, Losses, likelihood
 from gstlib.use.infer import PRESSED, StatedUse, infer_use, use_pressures
 from gstlib.use.outcome import losses_of, predicted_losses, share_within
@@ -170,7 +170,7 @@ def worn_stone(
 ) -> Stone:
     """The stone of a seed, worn by the law, or as `faces` keeps it."""
     use, file = drawn_use(config, seed), faces and faces / f"{seed}.pkl"
-    settings = stage_settings(config)["infer_use"]
+    settings = Settings(**config).by_stage()["infer_use"]
     stated = StatedUse(**settings.pop("stated"))
     point = np.array([*stated.through, np.log(use["worn_radius_mm"])])
     point[:2] += use["worn_off_middle_mm"]

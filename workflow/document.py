@@ -2,8 +2,9 @@
 
 In docs/reference: tables.md, the columns of every table of results, from their schema; choices.md,
 the modelling choices marked ``# ASSUME:`` in the code, by stage; cli.md, what `gst --help` says.
-config/README.md: the tables of keys, from the JSON schemas. workflow/report/tables: the captions of
-the tables. With --check, write nothing, and end with exit code 1 if one of them is out of date.
+config/README.md: the tables of keys, from `gstlib.settings` and the JSON schemas.
+workflow/report/tables: the captions of the tables. With --check, write nothing, and end with exit
+code 1 if one of them is out of date.
 """
 
 import argparse
@@ -17,8 +18,8 @@ import click
 import yaml
 
 from gst.cli import main as gst
-from gst.config.reading import config_schema
 from gst.config.tables import TABLES, Column, Table
+from gstlib.settings import json_schema
 
 ROOT = Path(__file__).parents[1]
 # A comment that begins with ASSUME, and the comment lines that continue it.
@@ -46,24 +47,17 @@ WIDTH = 110
 SIGNS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
 
 
-def keys(node: dict, schema: dict, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
+def keys(node: dict, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
     """Every key below `node`: its full name, possible values, default and description."""
     for name, part in node.get("properties", {}).items():
-        full = resolved(part, schema)
-        default = "required" if name in node.get("required", []) else default_of(full)
-        yield f"{prefix}{name}", allowed(full, schema), default, full.get("description", "")
-        yield from keys(full, schema, f"{prefix}{name}.")
-
-
-def resolved(rule: dict, schema: dict) -> dict:
-    """A rule of the schema, merged with the one in ``$defs`` that it refers to, if any."""
-    name = rule.get("$ref", "").removeprefix("#/$defs/")
-    return {**schema["$defs"][name], **rule} if name else rule
+        default = "required" if name in node.get("required", []) else default_of(part)
+        yield f"{prefix}{name}", allowed(part), default, part.get("description", "")
+        yield from keys(part, f"{prefix}{name}.")
 
 
 def leaves(schema: dict) -> list[str]:
     """The keys that take a value: all but sections, with every alternative."""
-    names = [name for name, *_ in keys(schema, schema)]
+    names = [name for name, *_ in keys(schema)]
     sections = {name.rpartition(".")[0] for name in names}
     return [name for name in names if name not in sections]
 
@@ -79,9 +73,8 @@ def default_of(node: dict) -> str:
             return yaml.safe_dump(value, default_flow_style=True).splitlines()[0]
 
 
-def allowed(node: dict, schema: dict) -> str:
+def allowed(node: dict) -> str:
     """The values that a key may take, in words."""
-    node = resolved(node, schema)
     if "enum" in node:
         return ", ".join("null" if value is None else str(value) for value in node["enum"])
     kinds = node["type"] if isinstance(node["type"], list) else [node["type"]]
@@ -90,14 +83,14 @@ def allowed(node: dict, schema: dict) -> str:
     )
     if kind == "array":
         count = f"{node['minItems']} " if "maxItems" in node else ""
-        return f"list of {count}" + re.sub(r"^(\w+)", r"\1s", allowed(node["items"], schema))
+        return f"list of {count}" + re.sub(r"^(\w+)", r"\1s", allowed(node["items"]))
     bounds = [f"{sign} {node[name]:g}" for name, sign in SIGNS.items() if name in node]
     return f"{kind} {', '.join(bounds)}".strip()
 
 
 def table(schema: dict) -> str:
     rows = ["| key | value | default | what it is |", "|---|---|---|---|"]
-    for name, values, default, description in keys(schema, schema):
+    for name, values, default, description in keys(schema):
         rows.append(f"| `{name}` | {values} | {default} | {' '.join(description.split())} |")
     return "\n".join(rows)
 
@@ -186,7 +179,7 @@ def main() -> None:
     )
     documents = {
         "config/README.md": {
-            "config": config_table(config_schema()),
+            "config": config_table(json_schema()),
             "patches": table(patches),
             "poses": table(poses),
             "published": table(published),

@@ -46,12 +46,12 @@ from .microscale.patches import solve_patches as solve_patches
 from .microscale.slip_and_cap import solve_capped as solve_capped
 from .microscale.slip_and_cap import solve_slip as solve_slip
 from .preprocess.scans import prepare_scan as prepare_scan
+from .settings import Settings as Settings
 from .specimen.generate import make_specimen as make_specimen
 from .specimen.randomness import SpecimenParameters as SpecimenParameters
 from .specimen.randomness import self_affine_field as self_affine_field
 from .study import Study as Study
 from .surfaces.filtering import s_filtered as s_filtered
-from .surfaces.footprints import Place as Place
 from .surfaces.grid import make_surface as make_surface
 from .surfaces.grid import spacing_of as spacing_of
 from .surfaces.leveling import remove_plane as remove_plane

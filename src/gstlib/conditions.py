@@ -1,4 +1,4 @@
-"""What a study is given: elastic constants, load, and the settings of each stage."""
+"""What a study is given: elastic constants, load, and the law of wear."""
 
 # ASSUME: a threshold and an exponent act on the mean pressure of a patch, at the scale at which the
 # losses are compared and experiments state a pressure. The pressures of summits reach the strength
@@ -17,7 +17,6 @@ __all__ = [
     "load_force",
     "load_point",
     "rounded_form",
-    "stage_settings",
     "study_modulus",
     "study_poisson",
     "study_radius",
@@ -122,70 +121,3 @@ def study_radius(config: Mapping[str, Any]) -> float | None:
     if isinstance(radius_mm, Sequence):
         return float(np.sqrt(np.prod(radius_mm)))
     return radius_mm
-
-
-def stage_settings(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """What the config says to the function of each stage, by the stage's name."""
-    size_mm, patch_mm = config["square"]["size_mm"], config["scans"]["size_mm"]
-    macroscale, microscale = config["macroscale"], config["microscale"]
-    modulus, force_N = study_modulus(config["material"]), load_force(config["load"], size_mm)
-    at_load = {"modulus": modulus, "tolerance": macroscale["tolerance"], "force_N": force_N}
-    # The paper's square stays on its mean plane, and a flat presses it.
-    through, face_mm = None, None
-    if config["coupling"] == "placed":
-        through, face_mm = load_point(config["load"], size_mm), macroscale["face_mm"]
-    errors, use = config["uncertainty"], config["use"] or {}
-    strikes = "scatter_mm", "stroke_mm"
-    grid = {name: macroscale[name] for name in ("grid", "interpolation")}
-    return {
-        "grid_macroscale": config["square"] | grid | {"face_mm": face_mm},
-        "prepare_scans": {name: config[name] for name in ("scans", "preprocessing")},
-        "compose_surface": {
-            "patch_mm": patch_mm,
-            "s_filter_um": microscale["s_filter_um"],
-            "placement_um": errors["placement_um"],
-            "seed": config["seed"],
-        },
-        "infer_use": {
-            "stated": {
-                "force_N": force_N,
-                "through": through,
-                "load_point_mm": errors["load_point_mm"],
-                "radius_mm": study_radius(config),
-                "radius_fraction": errors["radius_fraction"],
-                **{name: use[name] for name in strikes if name in use},
-            },
-            "modulus": modulus,
-            "patch_mm": patch_mm,
-            "sampling": {name: use[name] for name in use if name not in strikes}
-            | {"seed": config["seed"]},
-            "wear_law": config["wear_law"],
-        },
-        "solve_macroscale": at_load | {"through": through},
-        "solve_square": at_load,
-        "couple_scales": {"patch_mm": patch_mm},
-        "place_patches": {
-            "patch_mm": patch_mm,
-            "placement_um": errors["placement_um"],
-            "accept": config["accept"],
-            **config["scans"]["mould"],
-        },
-        "register_patches": config["registration"] | config["traces"],
-        "select_patches": {
-            "selection": config["selection"],
-            "max_noise_fraction": config["validation"]["max_noise_fraction"],
-        },
-        "solve_patches": microscale | {"contact_modulus_MPa": modulus},
-        "fit_wear": {
-            "patch_mm": patch_mm,
-            "steps": config["wear_steps"],
-            "interlayer": config["interlayer"],
-            "wear_law": config["wear_law"],
-        },
-        "predict_wear": {"pressure_cap": config["pressure_cap_MPa"]},
-        "score_wear": {
-            "expected_most_worn": config["validation"]["expected_most_worn"],
-            "seed": config["seed"],
-            "resamples": config["validation"]["resamples"],
-        },
-    }

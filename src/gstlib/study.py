@@ -56,7 +56,7 @@ import xarray as xr
 
 from gstlib.change.change import SCAN_FIELDS, Detection, measure_detection, register_patch
 from gstlib.change.selection import registration_table, select_patches
-from gstlib.conditions import rounded_form, stage_settings
+from gstlib.conditions import rounded_form
 from gstlib.contact import Contact
 from gstlib.coupling.placement import place_patches
 from gstlib.coupling.pressures import couple_scales, covered_pressures
@@ -67,6 +67,7 @@ from gstlib.macroscale.equilibrium import solve_at_load
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.microscale.patches import LEVELLED, Microscale, solve_patch
 from gstlib.preprocess.scans import crop_of, prepare_patch
+from gstlib.settings import Settings
 from gstlib.use.outcome import as_used, pressures_of_use, use_of_study
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
@@ -100,8 +101,9 @@ class Study:
 
     Parameters
     ----------
-    config : mapping
-        Complete, with defaults.
+    settings : Settings or mapping
+        Those of the study, or the keys of its config, of which any may be left out. Wrong ones
+        raise a `pydantic.ValidationError`.
     patches : pandas.DataFrame
         The patch table, with ``t1``, empty where there is none; ``repeat``, likewise, and
         ``flip`` may be missing.
@@ -114,7 +116,7 @@ class Study:
 
     def __init__(
         self,
-        config: Mapping[str, Any],
+        settings: Settings | Mapping[str, Any],
         patches: pd.DataFrame,
         *,
         read_mesh: Callable[[], "trimesh.Trimesh"],
@@ -122,13 +124,15 @@ class Study:
         read_face: Callable[[], xr.DataArray] | None = None,
         active_tool: ActiveTool | None = None,
     ):
-        self.config, self.patches, self.active_tool = config, patches, active_tool
+        if not isinstance(settings, Settings):
+            settings = Settings(**settings)
+        self.config, self.settings = settings.model_dump(), settings.by_stage()
+        self.patches, self.active_tool = patches, active_tool
         self.read_mesh, self.read_scan, self.read_face = read_mesh, read_scan, read_face
-        self.settings = stage_settings(config)
         self.worn = patches.patch[patches.t1 != ""].tolist()
         self.prepared = _Stage(lambda of: self.prepare(*of))
         self.changes = _Stage(self._register)
-        self.contacts = _Stage(lambda patch: self.contact_in(config["coupling"], patch))
+        self.contacts = _Stage(lambda patch: self.contact_in(settings.coupling, patch))
         self._before = _Stage(lambda patch: self.prepared[patch, "T0"])
 
     @cached_property

@@ -17,9 +17,10 @@ from gst.config.poses import batches_of, poses_of, reach_of
 from gst.run.provenance import commit, program_hash, source_hash
 from gst.run.scheduler import adapt, steps_of
 from gst.config.tables import TABLES
-from gstlib.conditions import rounded_form, stage_settings, study_poisson, study_radius
+from gstlib.conditions import rounded_form, study_poisson, study_radius
 from gstlib.io.files import sha256
 from gstlib.preprocess.mesh import elements_around
+from gstlib.settings import Settings
 from snakemake.utils import update_config
 
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
@@ -76,7 +77,7 @@ POSES = poses_of(config)
 if ACTIVE_TOOL:
     ACTIVE_TOOL["reach_mm"] = reach_of(config)
 # What the config says to each stage, by its rule.
-SETTINGS = stage_settings(config)
+SETTINGS = Settings(**config).by_stage()
 # A claim about other patches says nothing about these.
 if not set(config["validation"]["expected_most_worn"]) <= set(ALL_PATCHES):
     SETTINGS["score_wear"]["expected_most_worn"] = []

@@ -1,7 +1,7 @@
 """The study's configuration: read, completed and checked as a whole before anything runs.
 
-Keys left out take their defaults from `workflow/schemas/config.schema.yaml`. The whole config is
-checked against that schema, and then against what no schema can express
+Keys left out take their defaults from `gstlib.settings`. The whole config is checked against the
+schema that comes from there, then for contradictions of its values and of the files that it names
 (`gst.config.contradictions`). All problems are reported at once, each with its key, its value and
 the remedy.
 """
@@ -10,32 +10,32 @@ import copy
 import difflib
 import functools
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import yaml
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
+from pydantic import ValidationError as SettingsError
 
-from gst import ROOT
-from gst.config.contradictions import accepted_patches, contradictions, improbable
+from gst.config.contradictions import file_problems, improbable
 from gst.config.named_files import check_files
 from gst.config.patches import no_patches, read_patches
 from gst.config.poses import poses_of
 from gst.config.strict_yaml import read_yaml
 from gst.config.todo import is_to_do, left_in
 from gst.config.user_tables import cells_to_do, read_rows
-from gstlib.conditions import rounded_form, stage_settings
-from gstlib.errors import FAULTS, ConfigError, InputsError
+from gstlib.conditions import rounded_form
+from gstlib.errors import ConfigError, InputsError
+from gstlib.settings import Settings, json_schema
+from gstlib.settings.contradictions import near
 from gstlib.use.evidence import FEWEST_PATCHES
 
-__all__ = ["asked_of_files", "complete", "config_problems", "config_schema", "read_config"]
+__all__ = ["asked_of_files", "complete", "config_problems", "read_config"]
 __all__ += ["read_config_file"]
 __all__ += ["read_study", "read_unfinished", "refuse_config", "refuse_study", "value_problems"]
 
-_SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 # No length, force or seed is larger; sums and squares of such numbers stay finite.
 _LARGEST_NUMBER = 1e15
 # Control characters but for tabs and ends of lines, and halves of characters.
@@ -99,7 +99,7 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
     if config["published"] is not None:
         read_rows(config["published"], "published").refuse()
     patches = _patches_of(config)
-    refuse_config(accepted_patches(config, [*patches.patch]), source)
+    refuse_config(_accepted_patches(config, [*patches.patch]), source)
     faults = improbable(config, patches)
     if stopping := [each for each in faults if not each.is_accepted(config["accept"])]:
         raise InputsError(stopping)
@@ -144,6 +144,17 @@ def _refuse_without_scans(config: Mapping, grades: pd.Series) -> None:
         )
 
 
+def _accepted_patches(config: Mapping, patches: Collection[str]) -> Iterator[str]:
+    """Each entry of ``accept`` for a patch that is not among the `patches` of the table."""
+    for entry in config["accept"]:
+        name, colon, patch = entry.partition(":")
+        if colon and patch not in patches:
+            yield (
+                f"'accept' has {entry!r}, and no patch of {config['patches']} has that name: "
+                f"{near(patch, patches)}write {name} for all patches"
+            )
+
+
 def asked_of_files(
     config: Mapping, mesh_unit: str, active_tool: Mapping | None
 ) -> dict[str, Any]:
@@ -155,7 +166,7 @@ def asked_of_files(
     is_placed = config["coupling"] == "placed"
     return {
         "mesh_unit": mesh_unit,
-        "face": stage_settings(config)["grid_macroscale"],
+        "face": Settings(**config).by_stage()["grid_macroscale"],
         "rounded": rounded_form(config),
         "scan_settings": config["scans"],
         "maximum_unmeasured": config["preprocessing"]["maximum_unmeasured"],
@@ -183,10 +194,18 @@ def config_problems(config: Mapping) -> list[str]:
     """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
     if unusable := [*_unusable_numbers(config)] or [*_to_do(config)]:
         return unusable
-    errors = sorted(_validator().iter_errors(config), key=_order)
     # the contradictions rely on correct types
-    explained = list(dict.fromkeys(map(_explain, errors)))
-    return explained or list(contradictions(config))
+    if errors := sorted(_validator().iter_errors(config), key=_order):
+        return [_explain(error) for error in errors]
+    return [*_contradictions(config), *file_problems(config)]
+
+
+def _contradictions(config: Mapping) -> list[str]:
+    try:
+        Settings(**config)
+    except SettingsError as error:
+        return [each["msg"] for each in error.errors()]
+    return []
 
 
 def _to_do(config: Mapping) -> Iterator[str]:
@@ -219,18 +238,9 @@ def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:
     return found
 
 
-def config_schema() -> dict[str, Any]:
-    """The JSON schema of a config, with the faults that the config can accept."""
-    schema = yaml.safe_load(_SCHEMA.read_text(encoding="utf-8"))
-    accept, faults = schema["properties"]["accept"], FAULTS.items()
-    listed = "; ".join(f"{name} ({meaning})" for name, meaning in faults)
-    accept["description"] = accept["description"].replace("{faults}", listed)
-    return schema
-
-
 @functools.cache
 def _validator() -> Draft202012Validator:
-    return Draft202012Validator(config_schema())
+    return Draft202012Validator(json_schema())
 
 
 def _unusable_numbers(value: Any, key: str = "") -> Iterator[str]:
@@ -253,15 +263,12 @@ def _impossible_texts(value: Any, key: str = "") -> Iterator[str]:
         yield f"'{key}' is {value!r}: leave out the character U+{ord(wrong[0]):04X}"
 
 
-def _order(error: ValidationError) -> tuple[bool, list[str]]:
-    """By key; last, what cannot go together."""
-    return error.validator == "not", [str(part) for part in error.absolute_path]
+def _order(error: ValidationError) -> list[str]:
+    return [str(part) for part in error.absolute_path]
 
 
 def _explain(error: ValidationError) -> str:
     """What is wrong with a value, and what is asked for."""
-    if error.validator == "not":
-        return error.schema["description"]
     key, value = ".".join(str(part) for part in error.absolute_path), error.instance
     if error.validator == "additionalProperties":
         return _unknown_keys(key, [*map(str, value)], error.schema["properties"])
@@ -279,8 +286,8 @@ def _explain(error: ValidationError) -> str:
 
 def _unknown_keys(section: str, given: list[str], known: Mapping) -> str:
     unknown = sorted({*given} - {*known})
-    near = {key: difflib.get_close_matches(key, known, n=1) for key in unknown}
-    meant = ", ".join(f"{names[0]} for {key}" for key, names in near.items() if names)
+    alike = {key: difflib.get_close_matches(key, known, n=1) for key in unknown}
+    meant = ", ".join(f"{names[0]} for {key}" for key, names in alike.items() if names)
     hint = f"did you mean {meant}? " if meant else ""
     place = f"'{section}' has" if section else "there are"
     remedy = f"remove or correct them ({hint}known: {sorted(known)})"

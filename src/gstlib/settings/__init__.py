@@ -1,0 +1,243 @@
+"""The settings of a study: every key of its config, typed and checked.
+
+`Settings` is the one source of the keys, their types, bounds, defaults and meanings. From it come
+the schema that a config is checked against (`json_schema`), the defaults, and config/README.md.
+"""
+
+from typing import Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from gstlib.conditions import load_force, load_point, study_modulus, study_radius
+from gstlib.errors import FAULTS
+from gstlib.settings.contradictions import contradictions
+from gstlib.settings.sections import (
+    Counterface,
+    Gesture,
+    Grinding,
+    Inputs,
+    Interlayer,
+    Load,
+    Macroscale,
+    Material,
+    Microscale,
+    Preprocessing,
+    Registration,
+    Scans,
+    Section,
+    Selection,
+    Specimen,
+    Square,
+    Texts,
+    Texture,
+    Traces,
+    Uncertainty,
+    Use,
+    Validation,
+    WearLaw,
+)
+
+__all__ = ["Settings", "json_schema"]
+
+
+class Settings(Section):
+    """The settings of one study, as its config file has them; each key has a default.
+
+    Lengths, forces and pressures carry their unit in the key. A value of another type or beyond its
+    bounds, an unknown key, and values that contradict each other raise a `pydantic.ValidationError`
+    that lists them all.
+
+    Examples
+    --------
+    >>> settings = Settings(square={"size_mm": 4.0}, load={"pressure_MPa": 22.0})
+    >>> settings.square.size_mm, settings.load.force_N, settings.wear_steps
+    (4.0, None, 5)
+    """
+
+    results: str = Field("results", min_length=1, pattern="^[A-Za-z0-9._/-]+$")
+    """Folder that receives every result of the study; letters without accents, digits, and . _ - /
+    in its name."""
+    title: str = Field("synthetic specimen", min_length=1)
+    """Name of the specimen, for the head of the page."""
+    seed: int = Field(1, ge=0)
+    """Seed of all random draws of the analysis (bootstrap, permutations, intervals)."""
+    accept: Texts = Field(
+        [],
+        description="Faults that do not stop the study. Each message gives the name of its fault. "
+        "A name accepts the fault everywhere, and name:patch (such as placement:loc3) accepts it "
+        "for one patch. The page then shows the fault, and no answer. The faults: "
+        + "; ".join(f"{name} ({meaning})" for name, meaning in FAULTS.items())
+        + ".",
+    )
+    patches: str | None = "config/patches.tsv"
+    """Patch table (TSV or CSV), one row per scanned place; see config/README.md. With null,
+    nothing is scanned yet: the study presses the mesh alone, and proposes places to scan."""
+    published: str | None = None
+    """CSV of published figures to print beside the computed ones, or null."""
+    coupling: Literal["placed", "levelled"] = "placed"
+    """How a patch takes its place in the stone. With placed, the scans are laid on the mesh and
+    pressed with it at the macroscale, and each patch keeps its plane in the stone and yields to
+    the pressures around it; levelled is solved, too, to compare. With levelled, the paper's
+    way, the mesh alone is pressed, and each patch as its scan was levelled."""
+    reference_draws: int | None = Field(4, ge=1, le=1000)
+    """How often the whole square is pressed at the scans' resolution, to tell what pressing it at
+    two scales costs. What was not scanned is drawn anew each time; a synthetic specimen's true
+    surface is known and pressed once. Each takes about 20 s and 1.7 GB for 3000 × 3000 points.
+    With null, or with levelled coupling, nothing is compared."""
+    most_drawn_patches: int = Field(40, ge=1, le=10_000)
+    """Largest number of patches in a figure with one panel per patch, and of patches with figures
+    of their own. Of more patches, a selection is drawn, in even steps from the most heavily
+    loaded to the least; tables have all."""
+    inputs: Inputs | None = None
+    specimen: Specimen | None = Specimen()
+    square: Square = Square()
+    material: Material = Material()
+    load: Load = Load(force_N=550.0)
+    macroscale: Macroscale = Macroscale()
+    scans: Scans = Scans()
+    preprocessing: Preprocessing = Preprocessing()
+    registration: Registration = Registration()
+    traces: Traces = Traces()
+    texture: Texture = Texture()
+    uncertainty: Uncertainty = Uncertainty()
+    selection: Selection = Selection()
+    microscale: Microscale = Microscale()
+    counterface: Counterface | None = Counterface(radius_mm=200.0)
+    gesture: Gesture | None = None
+    grinding: Grinding | None = Grinding()
+    pressure_cap_MPa: float | None = Field(2000.0, gt=0, le=100_000)
+    """Largest pressure (MPa) that an element bears, for a case beside each patch's contact
+    (cases.csv); null for none."""
+    wear_steps: int = Field(5, ge=1, le=100)
+    """Steps of Archard's law, by which square and patches wear down to the measured losses; their
+    error falls as one over their number."""
+    wear_law: WearLaw = WearLaw()
+    use: Use | None = Use()
+    interlayer: Interlayer | None = None
+    validation: Validation = Validation()
+
+    @model_validator(mode="after")
+    def _refuse_contradictions(self) -> Self:
+        faults = [
+            InitErrorDetails(
+                type=PydanticCustomError("contradiction", "{text}", {"text": text}), input=None
+            )
+            for text in contradictions(self)
+        ]
+        if faults:
+            raise ValidationError.from_exception_data("Settings", faults)
+        return self
+
+    def by_stage(self) -> dict[str, dict[str, Any]]:
+        """The arguments that the settings give to the function of each stage, by its name."""
+        size_mm, patch_mm = self.square.size_mm, self.scans.size_mm
+        modulus = study_modulus(self.material.model_dump())
+        load = self.load.model_dump()
+        force_N = load_force(load, size_mm)
+        tolerance = self.macroscale.tolerance
+        at_load = {"modulus": modulus, "tolerance": tolerance, "force_N": force_N}
+        # The paper's square stays on its mean plane, and a flat presses it.
+        through, face_mm = None, None
+        if self.coupling == "placed":
+            through, face_mm = load_point(load, size_mm), self.macroscale.face_mm
+        errors, use = self.uncertainty, {} if self.use is None else self.use.model_dump()
+        strikes = {name: use.pop(name) for name in ("scatter_mm", "stroke_mm") if use}
+        wear_law = self.wear_law.model_dump()
+        return {
+            "grid_macroscale": {
+                **self.square.model_dump(),
+                "grid": self.macroscale.grid,
+                "interpolation": self.macroscale.interpolation,
+                "face_mm": face_mm,
+            },
+            "prepare_scans": {
+                "scans": self.scans.model_dump(),
+                "preprocessing": self.preprocessing.model_dump(),
+            },
+            "compose_surface": {
+                "patch_mm": patch_mm,
+                "s_filter_um": self.microscale.s_filter_um,
+                "placement_um": errors.placement_um,
+                "seed": self.seed,
+            },
+            "infer_use": {
+                "stated": {
+                    "force_N": force_N,
+                    "through": through,
+                    "load_point_mm": errors.load_point_mm,
+                    "radius_mm": study_radius(self.model_dump()),
+                    "radius_fraction": errors.radius_fraction,
+                    **strikes,
+                },
+                "modulus": modulus,
+                "patch_mm": patch_mm,
+                "sampling": use | {"seed": self.seed},
+                "wear_law": wear_law,
+            },
+            "solve_macroscale": at_load | {"through": through},
+            "solve_square": at_load,
+            "couple_scales": {"patch_mm": patch_mm},
+            "place_patches": {
+                "patch_mm": patch_mm,
+                "placement_um": errors.placement_um,
+                "accept": self.accept,
+                **self.scans.mould.model_dump(),
+            },
+            "register_patches": self.registration.model_dump() | self.traces.model_dump(),
+            "select_patches": {
+                "selection": self.selection.model_dump(),
+                "max_noise_fraction": self.validation.max_noise_fraction,
+            },
+            "solve_patches": self.microscale.model_dump() | {"contact_modulus_MPa": modulus},
+            "fit_wear": {
+                "patch_mm": patch_mm,
+                "steps": self.wear_steps,
+                "interlayer": self.interlayer and self.interlayer.model_dump(),
+                "wear_law": wear_law,
+            },
+            "predict_wear": {"pressure_cap": self.pressure_cap_MPa},
+            "score_wear": {
+                "expected_most_worn": self.validation.expected_most_worn,
+                "seed": self.seed,
+                "resamples": self.validation.resamples,
+            },
+        }
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of a config: sections in place, and a list of types where there are several.
+
+    Examples
+    --------
+    >>> json_schema()["properties"]["wear_steps"]["maximum"]
+    100
+    """
+    schema = Settings.model_json_schema()
+    definitions = schema.pop("$defs")
+
+    def in_place(rule: Any) -> Any:
+        if isinstance(rule, list):
+            return [in_place(part) for part in rule]
+        if not isinstance(rule, dict):
+            return rule
+        rule = dict(rule)
+        if name := rule.pop("$ref", "").rpartition("/")[2]:
+            rule = definitions[name] | rule
+        rule = {key: in_place(part) for key, part in rule.items()}
+        if several := rule.pop("anyOf", None):
+            rule = _merged(several) | rule
+        if isinstance(rule.get("enum"), list):  # which says the type, too
+            rule.pop("type", None)
+        if isinstance(text := rule.get("description"), str):
+            rule["description"] = " ".join(text.split())
+        return rule
+
+    return in_place(schema)
+
+
+def _merged(rules: list[dict[str, Any]]) -> dict[str, Any]:
+    """One rule for values that fit one of several."""
+    merged = {key: part for rule in rules for key, part in rule.items()}
+    types = [rule["type"] for rule in rules]
+    return merged | {"type": types if types[1:] else types[0]}
