@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import gstlib
+import pandas as pd
 import pytest
 
 
@@ -34,6 +35,17 @@ print(sorted(loaded()), gstlib.contact_modulus(1, 0, 1, 0), gstlib.bem.__name__,
         [sys.executable, "-c", program], check=True, capture_output=True, text=True
     )
     assert result.stdout == "[] 0.5 gstlib.bem ['numpy', 'scipy']\n"
+
+
+def test_a_study_opens_without_a_config_and_refuses_wrong_settings():
+    empty = pd.DataFrame({"patch": [], "t1": []})
+    readers = {"read_mesh": lambda: None, "read_scan": lambda *_: None}
+    for settings in (gstlib.Settings(), {}, {"seed": 1.0}):
+        assert gstlib.Study(settings, empty, **readers).config["load"]["force_N"] == 550
+    wrong = {"seed": "5", "colour": 1}, {"load": {}, "counterface": {"mesh": "a"}}
+    for settings, places in zip(wrong, (["seed", "colour"], ["pose", "load"]), strict=True):
+        with pytest.raises(ValueError, match=rf"(?s){places[0]}.*{places[1]}"):
+            gstlib.Study(settings, empty, **readers)
 
 
 def test_the_program_itself_goes_by_the_rooms():

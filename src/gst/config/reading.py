@@ -196,7 +196,7 @@ def config_problems(config: Mapping) -> list[str]:
         return unusable
     # the contradictions rely on correct types
     if errors := sorted(_validator().iter_errors(config), key=_order):
-        return [_explain(error) for error in errors]
+        return list(dict.fromkeys(map(_explain, errors)))  # each missing key has an error
     return [*_contradictions(config), *file_problems(config)]
 
 
