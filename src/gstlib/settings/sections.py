@@ -19,6 +19,8 @@ __all__ = [
     "Macroscale",
     "Material",
     "Microscale",
+]
+__all__ += [
     "Mould",
     "Pose",
     "Preprocessing",
@@ -28,14 +30,8 @@ __all__ = [
     "Selection",
     "Specimen",
     "Square",
-    "Texts",
-    "Texture",
-    "Traces",
-    "Uncertainty",
-    "Use",
-    "Validation",
-    "WearLaw",
 ]
+__all__ += ["Texts", "Texture", "Traces", "Uncertainty", "Use", "Validation", "WearLaw"]
 
 AnyType = TypeVar("AnyType")
 # A key without a default: it may be left out.
@@ -50,32 +46,14 @@ Radius = Annotated[float, Field(ge=1, le=100_000)]
 Radii = Annotated[list[Radius], Field(min_length=2, max_length=2)]
 Modulus = Annotated[float, Field(ge=500, le=2_000_000)]
 Poisson = Annotated[float, Field(gt=-1, le=0.5)]
-Steps = Annotated[
-    int,
-    Field(
-        ge=1,
-        le=1000,
-        description="Load steps, at equal increments of the far-field displacement.",
-    ),
-]
-Tolerance = Annotated[
-    float,
-    Field(
-        ge=1e-12,
-        le=1e-6,
-        description="Largest violation of the contact conditions, relative to the largest rigid "
-        "interpenetration.",
-    ),
-]
-Displacement = Annotated[
-    float,
-    Field(
-        gt=0,
-        le=100_000,
-        description="Far-field displacement (µm) beyond which a target pressure counts as out of "
-        "reach.",
-    ),
-]
+_STEPS = "Load steps, at equal increments of the far-field displacement."
+Steps = Annotated[int, Field(ge=1, le=1000, description=_STEPS)]
+_TOLERANCE = """Largest violation of the contact conditions, relative to the largest rigid
+interpenetration."""
+Tolerance = Annotated[float, Field(ge=1e-12, le=1e-6, description=_TOLERANCE)]
+_DISPLACEMENT = """Far-field displacement (µm) beyond which a target pressure counts as out of
+reach."""
+Displacement = Annotated[float, Field(gt=0, le=100_000, description=_DISPLACEMENT)]
 
 
 class Section(BaseModel):
