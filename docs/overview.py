@@ -13,8 +13,9 @@ from pathlib import Path
 from PIL import Image, PngImagePlugin
 
 from gst.page.figures.microscale import overview_figure
-from gst.page.figures.study import Study
+from gst.page.figures.study import result_of
 from gst.page.figures.style import save_figure
+from gst.page.results import Results
 from gstlib.io.files import sha256
 from gstlib.io.tables import read_table
 
@@ -25,7 +26,7 @@ def main(results: Path, picture: Path) -> None:
     counted = scores[scores.in_statistics].sort_values("mcc")
     patch = counted.patch.iloc[(len(counted) - 1) // 2]
     config = json.loads((results / "provenance.json").read_text(encoding="utf-8"))["config"]
-    study = Study(
+    study = Results(
         files={
             "contacts": sorted(results.glob("microscale/[0-9]*")),
             "t1": sorted(results.glob("surfaces/T1/[0-9]*")),
@@ -44,7 +45,7 @@ def main(results: Path, picture: Path) -> None:
         study.square("contact"),
         study.pressures,
         study.tool,
-        study.result(patch),
+        result_of(study, patch),
         patch_size_mm=config["scans"]["size_mm"],
         force_N=config["load"]["force_N"],
     )

@@ -2,15 +2,13 @@
 
 In docs/reference: tables.md, the columns of every table of results, from their schema; choices.md,
 the modelling choices marked ``# ASSUME:`` in the code, by stage; cli.md, what `gst --help` says.
-config/README.md: the tables of keys, from `gstlib.settings` and the JSON schemas.
-workflow/report/tables: the captions of the tables. With --check, write nothing, and end with exit
-code 1 if one of them is out of date.
+config/README.md: the tables of keys, from `gstlib.settings` and the JSON schemas. With --check, write
+nothing, and end with exit code 1 if one of them is out of date.
 """
 
 import argparse
 import itertools
 import re
-import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +16,7 @@ import click
 import yaml
 
 from gst.cli import main as gst
-from gst.config.tables import TABLES, Column, Table
+from gst.config.tables import TABLES
 from gstlib.settings import json_schema
 
 ROOT = Path(__file__).parents[1]
@@ -145,20 +143,6 @@ def results() -> Iterator[str]:
             yield "\n".join(rows)
 
 
-def caption(listed: Table) -> str:
-    """The caption of a table of results, with a line for each column; for Snakemake's report."""
-    text = textwrap.fill(listed.caption, 110, break_long_words=False, break_on_hyphens=False)
-    columns = "\n".join(itertools.starmap(described, listed.columns.items()))
-    source = "{# made by `make docs` from workflow/schemas/tables.yaml #}"
-    return f"{source}\n{{% set config = snakemake.config %}}\n{text}\n\n{columns}\n"
-
-
-def described(name: str, column: Column) -> str:
-    """What is said of a column under its table."""
-    unit = f" ({column.unit})" if column.unit else ""
-    return f"- ``{name}``{unit}: {column.meaning}."
-
-
 def filled(document: str, parts: dict[str, str]) -> str:
     """The document with each part between its marks replaced."""
     for name, content in parts.items():
@@ -188,19 +172,14 @@ def main() -> None:
         "docs/reference/choices.md": {"choices": "\n\n".join(choices())},
         "docs/reference/cli.md": {"commands": "```\n" + "\n\n".join(commands()) + "\n```"},
     }
-    captions = ROOT / "workflow/report/tables"
-    files = {captions / f"{name}.rst": caption(listed) for name, listed in TABLES.items()}
-    for name, parts in documents.items():
-        files[ROOT / name] = filled((ROOT / name).read_text(encoding="utf-8"), parts)
     stale = []
-    for file, new in files.items():
-        if not file.exists() or file.read_text(encoding="utf-8") != new:
-            stale.append(file.relative_to(ROOT).as_posix())
+    for name, parts in documents.items():
+        old = (ROOT / name).read_text(encoding="utf-8")
+        new = filled(old, parts)
+        if new != old:
+            stale.append(name)
             if not check:
-                file.parent.mkdir(exist_ok=True)
-                file.write_text(new, encoding="utf-8")
-    for file in sorted({*captions.glob("*.rst")} - {*files}):
-        stale.append(f"{file.relative_to(ROOT).as_posix()} (to be deleted)")
+                (ROOT / name).write_text(new, encoding="utf-8")
     if check and stale:
         raise SystemExit(f"out of date: {', '.join(stale)}; run `make docs`")
 

@@ -14,9 +14,10 @@ from contacts import contact_of
 from gst.page.figures import macroscale, maps, microscale, style, tables, use
 from gst.page.figures.maps import draw_footprints
 from gst.page.figures.microscale import PatchResult
-from gst.page.figures.study import Study, evenly
 from gst.page.figures.study import draw as draw_study
+from gst.page.figures.study import predicted_loss
 from gst.page.figures.tool import PressedFace, check_figure, draw_square, draw_stone
+from gst.page.results import Results, evenly
 from gst.page.verdict import MODELS
 from gstlib.errors import InputError
 from gstlib.surfaces.frames import Frame
@@ -303,7 +304,7 @@ def run(folder, *names, most=2, **columns):
     pictures = {f"{name}_png": folder / f"{name}.png" for name in names}
     if "patch" in names:
         pictures |= {"patch_png": folder / "patch", "load_curves_svg": folder / "load_curves.svg"}
-    study = Study(files, "123", "13", most, size_mm=5.0, patch_mm=0.85, force_N=550.0)
+    study = Results(files, "123", "13", most, size_mm=5.0, patch_mm=0.85, force_N=550.0)
     draw_study(study, pictures, note=None)
 
 
@@ -320,9 +321,9 @@ def test_study_shows_the_loss_that_the_study_predicts(tmp_path):
         [PREDICTED, 2 * PREDICTED], pd.Index(["archard", "interlayer"], name="model")
     )
     models.to_dataset(name="depth").to_netcdf(tmp_path / "1.h5", engine="h5netcdf")
-    study = Study({"depths": [tmp_path]})
-    xr.testing.assert_allclose(study.predicted("1").drop_vars("model"), 2 * PREDICTED)
-    assert study.predicted("2") is None
+    study = Results({"depths": [tmp_path]})
+    xr.testing.assert_allclose(predicted_loss(study, "1").drop_vars("model"), 2 * PREDICTED)
+    assert predicted_loss(study, "2") is None
 
 
 def test_study_refuses_a_table_of_other_patches(tmp_path):

@@ -12,8 +12,10 @@ from gst import ROOT
 from gst.config.reading import read_config
 from gst.config.tables import TABLES
 from gst.page import page
+from gst.page.captions import caption_html, table_caption
 from gst.page.figures.style import STONE
 from gst.page.figures.tool import coloured_tool
+from gst.page.study_page import reported
 from gst.page.verdict import Answer
 from gst.run.chain import given_to, step_of, write_record
 from gstlib.surfaces.frames import Frame
@@ -85,22 +87,21 @@ def test_messages_are_told_once_with_their_steps(tmp_path):
         step = step_of(tmp_path / f"logs/{name}.log", {}, [], [])
         write_record(tmp_path, step, given_to(tmp_path, step), {"WARNING": warned})
     steps = ["absent", *list(texts)[:-1]]
-    found = page.reported(tmp_path, steps, "WARNING")
+    found = reported(tmp_path, steps, "WARNING")
     assert [tuple(message.values()) for message in found] == [
         ("patches 12, a-1: check their places", ["place patches"], ["12", "a-1"]),
         ("a.plu: only Z, is read", ["prepare T0 scans", "score wear"], []),
         ("all", ["score wear"], []),
     ]
-    assert page.reported(tmp_path, steps, "ERROR") == []
+    assert reported(tmp_path, steps, "ERROR") == []
 
 
 @pytest.mark.parametrize("name", TABLES)
 @pytest.mark.parametrize("study", ["config", "interlayer", "two_tools", "m12"])
 def test_the_caption_of_a_table_explains_its_columns_with_any_config(name, study):
     config = read_config(ROOT / f"config/{study}.yaml")
-    template = (ROOT / f"workflow/report/tables/{name}.rst").read_text(encoding="utf-8")
-    text = re.sub(r"<[^>]+>", "", page.caption_html(template, config=config))
-    assert not re.search(r"[{}`]|None|made by", text)
+    text = re.sub(r"<[^>]+>", "", caption_html(table_caption(name), config=config))
+    assert not re.search(r"[{}`]|None", text)
     for column, said in TABLES[name].columns.items():
         assert f"{column}{said.unit and f' ({said.unit})'}: " in text
 

@@ -10,6 +10,7 @@ import pytest
 import scipy.ndimage
 import xarray as xr
 from contacts import interface, mesh_face, rough
+from gst.page.captions import table_caption
 from gstlib.contact import Load, contact_at_pressure
 from gstlib.coupling.intervals import Errors
 from gstlib.errors import ConfigError
@@ -81,7 +82,7 @@ def test_a_doubtful_contact_of_the_stone_is_told(tmp_path, caplog):
 
 
 def test_cases_and_what_they_tell_are_named_in_their_caption():
-    text = (WORKFLOW / "report/tables/cases.rst").read_text(encoding="utf-8")
+    text = table_caption("cases")
     said = "study", "grinding", "slip share", "mean traction"
     said += "tangential displacement", "cap", "share at the cap", "deepest yield"
     assert [name for name in said if f"``{name}``" not in " ".join(text.split())] == []

@@ -13,6 +13,7 @@ import pytest
 from gst.config.tables import TABLES, write_table
 from gst.page.figures import study as figures
 from gst.page.figures.style import BLUE, save_figure
+from gst.page.results import Results
 from gst.run.provenance import commit, program_hash
 from gstlib.conditions import study_modulus
 from gstlib.contact import Interface, Load, contact_at_pressure
@@ -224,7 +225,7 @@ def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results
     folders = {"contacts": "microscale", "others": "microscale/levelled", "registered": "change"}
     folders |= {"t1": "surfaces/T1"}
     files |= {name: [results / of / "1"] for name, of in folders.items()}
-    study = figures.Study(files, patches, patches, 100, {}, 5.0, 0.85, 550.0, "mm")
+    study = Results(files, patches, patches, 100, {}, 5.0, 0.85, 550.0, "mm")
     for name in ("overview", "forces", "two_scales"):  # with the rule's files and settings
         figure = figures.figure_of(name, study)
         save_figure(figure, tmp_path / "again.png", source_note="synthetic specimen")

@@ -17,6 +17,7 @@ from gst.config.poses import batches_of, poses_of, reach_of
 from gst.run.provenance import commit, program_hash, source_hash
 from gst.run.scheduler import adapt, steps_of
 from gst.config.tables import TABLES
+from gst.page.captions import table_caption
 from gstlib.conditions import rounded_form, study_poisson, study_radius
 from gstlib.io.files import sha256
 from gstlib.preprocess.mesh import elements_around
@@ -181,11 +182,13 @@ SHOWN = {}
 
 def table(name, category):
     """A table of `gst.config.tables`, with its place on the page and in the report."""
-    caption, title = f"tables/{name}.rst", TABLES[name].title
-    file = f"{RESULTS}/{TABLES[name].file}"
-    SHOWN[file] = caption, category, title
-    place = {"caption": f"../report/{caption}", "category": category}
-    return report(file, labels={"what": f"table: {title}"}, **place)
+    title, file = TABLES[name].title, f"{RESULTS}/{TABLES[name].file}"
+    SHOWN[file] = f"tables/{name}.rst", category, title
+    # Snakemake reads captions from files: this one is there as long as the process.
+    caption = workflow.snakemake_tmp_dir / f"{name}.rst"
+    if workflow.is_main_process:
+        caption.write_text(table_caption(name), encoding="utf-8")
+    return report(file, caption=str(caption), category=category, labels={"what": f"table: {title}"})
 
 
 def picture(name, category, title):

@@ -227,13 +227,11 @@ rule write_page:
         mem_mb=growing(650, mesh=12),
     params:
         # Of the program, wherever it lies: `program` is the hash of these files, too.
-        captions=[caption for caption, _, _ in CAPTIONED.values()],
-        titles=[[category, title] for _, category, title in CAPTIONED.values()],
+        described=[list(described) for described in CAPTIONED.values()],
         # The study's own, whose records and warnings the page takes, each as this config asks for it;
         # none that other configs left in the folder, or of other studies in the same run.
         steps=hashes_of(steps_of(workflow, Path(RESULTS)), Path(RESULTS)),
         places=columns("patch", "x_mm", "y_mm", "rotation_deg", "t0", "t1"),
-        patch_mm=PATCH_MM,
         mesh_unit=MESH_UNIT,
         active_tool=ACTIVE_TOOL,
         config=config,

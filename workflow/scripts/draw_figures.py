@@ -3,7 +3,8 @@
 import math
 from pathlib import Path
 
-from gst.page.figures.study import Study, draw
+from gst.page.figures.study import draw
+from gst.page.results import Results
 from gst.run.logs import run_script
 
 PICTURES = "_png", "_svg", "_pdf", "_jpg"
@@ -25,7 +26,7 @@ def main(
     """`files` are those that the figures show, and their pictures (see `draw`)."""
     pictures = {name: file for name, file in files.items() if name.endswith(PICTURES)}
     shown = patches, worn, most_drawn_patches
-    study = Study(files, *shown, places, size_mm, patch_mm, force_N, mesh_unit)
+    study = Results(files, *shown, places, size_mm, patch_mm, force_N, mesh_unit)
     draw(study, pictures, note)
 
 

@@ -2,9 +2,14 @@
 
 from pathlib import Path
 
-from gst import ROOT
-from gst.page.study_page import StudyPage, refuse_edited
+from gst.page.captions import caption_html, caption_of
+from gst.page.page import Shown
+from gst.page.results import Results
+from gst.page.study_page import refuse_edited, write_contents, write_json, write_study_page
+from gst.run.chain import certified_inputs, versions_of
 from gst.run.logs import run_script
+from gst.run.provenance import study_provenance
+from gstlib.conditions import load_force
 
 
 def main(
@@ -12,29 +17,49 @@ def main(
     record: Path,
     contents: Path,
     *,
-    captions: list[str],
-    titles: list[list[str]],
+    shown: list[Path],
+    behind: Path | list,
+    made_from: list[Path],
+    described: list[list[str]],
     steps: dict[str, str],
     places: dict[str, list],
-    patch_mm: float,
     mesh_unit: str,
-    active_tool: dict | None,
     config: dict,
-    config_faults: list[dict],
     tables: dict[str, str],
     commit: str | None,
     program: str,
+    config_faults: list[dict],
+    active_tool: dict | None,
     **files: Path | list[Path],
 ) -> None:
-    """`files` are the inputs (see `StudyPage`), `captions` names of files of the program.
+    """`shown` are figures and tables on the page, and `behind` is packed with them.
 
+    Each is `described` by its caption, category and title. `files` are as in `write_study_page`;
     `tables` are those of the config, with their SHA-256 as the run began.
+
+    Raises an `InputError` if a result is not as its step made it, or a step was asked something
+    else than the config says.
     """
     refuse_edited(tables)
-    files["captions"] = [ROOT / "workflow/report" / caption for caption in captions]
-    told = titles, steps, places, patch_mm, mesh_unit, active_tool, config, config_faults
-    study = StudyPage(files, *told)
-    study.write(page, record, contents, commit=commit, program=program)
+    inputs = certified_inputs(page.parent, steps, made_from)
+    study = Results(
+        {**files, **{file.name: file for file in shown}},
+        places=places,
+        size_mm=config["square"]["size_mm"],
+        patch_mm=config["scans"]["size_mm"],
+        force_N=load_force(config["load"], config["square"]["size_mm"]),
+        mesh_unit=mesh_unit,
+    )
+    all_files = [*shown, *([behind] if behind else [])]
+    entries = [
+        Shown(file, category, title, caption_html(caption_of(caption), config=config))
+        for file, (caption, category, title) in zip(all_files, described, strict=True)
+    ]
+    about = {"config_faults": config_faults, "active_tool": active_tool, "steps": list(steps)}
+    write_study_page(page, study, config, entries[: len(shown)], **about)
+    write_contents(contents, page, entries)
+    versions = versions_of(page.parent, steps)
+    write_json(record, study_provenance(config, inputs, commit, program, versions))
 
 
 if "snakemake" in globals():

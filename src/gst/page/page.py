@@ -7,27 +7,19 @@ Needs the extra ``workflow``.
 
 import base64
 import io
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gst.page.verdict import MODELS
 from gst.page.viewer import coarsen, packed, shipped, stone_data, three_js, to_script
-from gst.run.chain import messages_of
-from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import Place, outline, places_of
 from gstlib.surfaces.grid import spacing_of
-from gstlib.validation.baselines import BASELINES, ORACLE
-from gstlib.validation.scoring import own_model
-from gstlib.wear.archard import CAPPED
 
 if TYPE_CHECKING:
     import markupsafe
@@ -35,8 +27,7 @@ if TYPE_CHECKING:
 
     from gstlib.surfaces.frames import Frame
 
-__all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
-__all__ += ["reported", "tool_scene"]
+__all__ = ["Shown", "by_category", "data_url", "embedded", "render", "tool_scene"]
 
 # Faces of an active tool, which is drawn transparent over the first.
 _SECOND_FACES = 20_000
@@ -98,84 +89,6 @@ def embedded(png: bytes) -> str:
 def data_url(content: bytes, kind: str) -> str:
     """A picture of this kind, as a page has it."""
     return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
-
-
-def caption_html(template: str, **names: Any) -> str:
-    """A caption of the report (reStructuredText with Jinja) as HTML; `names` as in `snakemake`."""
-    import jinja2
-    from docutils.core import publish_parts
-
-    filled = jinja2.Template(template, undefined=jinja2.StrictUndefined)
-    text = filled.render(snakemake=SimpleNamespace(**names))
-    quiet = {"raw_enabled": False, "file_insertion_enabled": False, "report_level": 3}
-    return publish_parts(text, writer="html5", settings_overrides=quiet)["body"]
-
-
-def reported(results: Path, steps: Sequence[str], level: str) -> list[dict[str, Any]]:
-    """What a study's steps reported at a level, each once: ``text``, ``steps``, ``patches`` named.
-
-    `level` is one of `gst.run.chain.LEVELS`.
-    """
-    reporters: dict[str, list[str]] = {}
-    for name in steps:
-        step = re.sub(r"_\d+$", "", name).replace("_", " ")  # a batch is not a separate step
-        for text in messages_of(results, name, level):
-            if step not in (known := reporters.setdefault(text, [])):
-                known.append(step)
-    named = {text: re.match(r"patch(?:es)? ([\w-]+(?:, [\w-]+)*)", text) for text in reporters}
-    return [
-        {"text": text, "steps": of_text, "patches": match[1].split(", ") if match else []}
-        for text, of_text in reporters.items()
-        for match in (named[text],)
-    ]
-
-
-def patch_records(
-    tables: Mapping[str, Path], pictures: Path | None, strips: Path | None = None
-) -> list[dict[str, Any]]:
-    """What the study says about each patch: its rows of the tables (or empty dicts), and a
-    picture.
-
-    ``wear`` is the row of the study's own prediction, ``mcc`` the score of every other model by the
-    model's name in words.
-
-    `tables` are the study's, by the names of their files; `pictures` and `strips` are folders of
-    pictures of single patches, from `gst.page.figures.microscale.patch_figure` and ``patch_strip``,
-    which are given as data URLs.
-    """
-    sources = {
-        "pressure": "patch_pressures",
-        "interval": "patch_intervals",
-        "microscale": "microscale_summary",
-        "scores": "validation_patches",
-        "registration": "registration",
-        "placement": "placement",
-    }
-    rows: dict[str, dict[str, dict]] = {name: {} for name in sources}
-    for name, source in sources.items():
-        if source in tables:
-            table = read_table(tables[source]).astype(object)
-            rows[name] = {row["patch"]: row.dropna().to_dict() for _, row in table.iterrows()}
-    models: dict[str, dict[str, dict]] = {}
-    if "wear" in tables:
-        for row in read_table(tables["wear"]).to_dict("records"):
-            models.setdefault(row["patch"], {})[row["model"]] = row
-    records = []
-    for patch in rows["pressure"]:
-        picture = pictures and pictures / f"{patch}.png"
-        shown = embedded(picture.read_bytes()) if picture and picture.exists() else None
-        strip = strips and strips / f"{patch}.jpg"
-        turned = data_url(strip.read_bytes(), "jpeg") if strip and strip.exists() else None
-        of_tables = {name: of.get(patch, {}) for name, of in rows.items()}
-        of_models = models.get(patch, {})
-        of_tables["wear"] = of_models.get(own_model(list(of_models)), {})
-        of_tables["mcc"] = {
-            MODELS[name]: of_models[name]["mcc"]
-            for name in (CAPPED, *BASELINES, ORACLE)
-            if name in of_models
-        }
-        records.append({"patch": patch, "picture": shown, "strip": turned} | of_tables)
-    return records
 
 
 def tool_scene(

@@ -1,12 +1,8 @@
 """The figures of a study, drawn from its stored results."""
 
 import io
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import xarray as xr
@@ -16,134 +12,51 @@ from gst.page.figures import macroscale, microscale, places, tables
 from gst.page.figures.microscale import PatchResult
 from gst.page.figures.style import message_figure, save_figure
 from gst.page.figures.use import use_figure
-from gst.run.batches import files_of
-from gstlib.coupling.pressures import stated
-from gstlib.errors import InputError
+from gst.page.results import Results, evenly
 from gstlib.io.files import write_whole
-from gstlib.io.meshes import read_mesh
-from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_table
-from gstlib.surfaces.footprints import square_of
-from gstlib.surfaces.frames import FRAME, Frame, stored_frame
 from gstlib.validation.scoring import own_model
 
-if TYPE_CHECKING:
-    import trimesh
+__all__ = ["draw", "figure_of", "result_of"]
 
-__all__ = ["Study", "draw"]
-
-# Figures of patches in the study.
+# Figures of patches in the study, and of predicted losses: if there are none, each says so.
 OF_STUDIED = {"microscale_maps", "two_scales"}
-# Figures of predicted losses.
 OF_PREDICTED = {"validation", "wear"}
 # Patches of the figure of two scales, the most heavily loaded.
 MOST_COMPARED = 8
 
 
-def evenly(patches: Sequence[str], most: int) -> list[str]:
-    """At most `most` of the patches, in even steps."""
-    count = min(len(patches), most)
-    return [patches[place * len(patches) // count] for place in range(count)]
+def change_of(study: Results, patch: str) -> xr.Dataset | None:
+    """Height change of a patch, with T1 as it was scanned where no change is known."""
+    if patch not in study.worn:
+        return None
+    only = "t1", "change", "level_of_detection", "loss", "gain"
+    change = study.by_patch("registered", [patch], *only)[patch]
+    if change.change.isnull().all():
+        change["t1"] = study.by_patch("t1", [patch], "height")[patch].height
+    return change
 
 
-@dataclass(frozen=True)
-class Study:
-    """Files and settings that the figures are drawn from; each figure needs some of them."""
-
-    files: Mapping[str, Any]  # by name: a file, or the folders with a file for each patch
-    patches: Sequence[str] = ()
-    worn: Sequence[str] = ()  # those with a T1
-    most_drawn_patches: int = 0  # that are drawn one by one
-    places: Mapping[str, list] | None = None  # columns ``patch, x_mm, y_mm, rotation_deg``
-    size_mm: float = math.nan  # side of the square
-    patch_mm: float = math.nan
-    force_N: float = math.nan
-    mesh_unit: str = "mm"
-
-    def data(self, name: str, *only: str) -> xr.Dataset:
-        return read_dataset(self.files[name], only or None)
-
-    def square(self, name: str, *only: str) -> xr.Dataset:
-        """The part of a face that lies in the square."""
-        return square_of(self.data(name, *only), self.size_mm)
-
-    def by_patch(self, name: str, patches: Iterable[str], *only: str) -> dict[str, xr.Dataset]:
-        """Datasets of the patches that have a file in these folders."""
-        found = files_of(self.files[name], patches)
-        return {patch: read_dataset(file, only) for patch, file in found.items()}
-
-    def table(self, name: str, *columns: str) -> pd.DataFrame:
-        return read_table(self.files[name], columns)
-
-    @cached_property
-    def pressures(self) -> pd.DataFrame:
-        table = self.table("pressures")
-        if list(table["patch"]) != list(self.patches):
-            problem, remedy = (
-                "has not one row for each patch",
-                "Delete it and run the study again.",
-            )
-            raise InputError(self.files["pressures"], problem, remedy)
-        return table
-
-    @cached_property
-    def drawn(self) -> list[str]:
-        """The patches of the study that are drawn one by one, most heavily loaded first."""
-        table = self.pressures.sort_values("pressure_MPa", ascending=False, kind="stable")
-        return evenly(list(table["patch"][table["in_study"]]), self.most_drawn_patches)
-
-    @cached_property
-    def contacts(self) -> dict[str, xr.Dataset]:
-        path = "displacement", "mean_pressure", "contact_fraction", "stiffness"
-        drawn = "height", "pressure", "mean_pressure", "contact_modulus"
-        return self.by_patch("contacts", self.drawn, *drawn, *(f"path_{name}" for name in path))
-
-    @cached_property
-    def tool(self) -> "tuple[trimesh.Trimesh, Frame]":
-        """The mesh, and the frame of its square."""
-        mesh = read_mesh(self.files["mesh"], unit=self.mesh_unit)
-        return mesh, stored_frame(self.data("surface", *FRAME))
-
-    @cached_property
-    def compared(self) -> list[str]:
-        """The patches with a T1 that are drawn one by one, most heavily loaded first."""
-        table = self.pressures.sort_values("pressure_MPa", ascending=False, kind="stable")
-        worn = [patch for patch in table["patch"] if patch in self.worn]
-        return evenly(worn, self.most_drawn_patches)
-
-    def change(self, patch: str) -> xr.Dataset | None:
-        """Height change of a patch, with T1 as it was scanned where no change is known."""
-        if patch not in self.worn:
-            return None
-        only = "t1", "change", "level_of_detection", "loss", "gain"
-        change = self.by_patch("registered", [patch], *only)[patch]
-        scanned = self.by_patch("t1", [patch], "height")[patch].height
-        if change.change.isnull().all():
-            change["t1"] = scanned
-        return change
-
-    def predicted(self, patch: str) -> xr.DataArray | None:
-        """Loss of a patch as the study predicts it, if it does."""
-        found = self.by_patch("depths", [patch], "depth") if "depths" in self.files else {}
-        if patch not in found:
-            return None
-        depth = found[patch].depth
-        return depth.sel(model=own_model(list(depth.model.values)))
-
-    def result(self, patch: str) -> PatchResult:
-        """What the study found on a patch."""
-        only = "height", "pressure", "mean_pressure"
-        contact = self.by_patch("contacts", [patch], *only)[patch]
-        return PatchResult(patch, contact, self.change(patch), self.predicted(patch))
+def predicted_loss(study: Results, patch: str) -> xr.DataArray | None:
+    """Loss of a patch as the study predicts it, if it does."""
+    for depths in study.by_patch("depths", [patch], "depth").values():
+        return depths.depth.sel(model=own_model(list(depths.model.values)))
+    return None
 
 
-def _inputs(study: Study) -> Figure:
-    height = study.square("surface", "height")["height"]
-    places = pd.DataFrame(study.places)
-    return macroscale.input_figure(height, places, patch_size_mm=study.patch_mm)
+def result_of(study: Results, patch: str) -> PatchResult:
+    """The results of a study on one patch."""
+    only = "height", "pressure", "mean_pressure"
+    contact = study.by_patch("contacts", [patch], *only)[patch]
+    return PatchResult(patch, contact, change_of(study, patch), predicted_loss(study, patch))
 
 
-def _forces(study: Study) -> Figure:
+def _inputs(study: Results) -> Figure:
+    height = study.square("surface", "height").height
+    outlined = pd.DataFrame(study.places)
+    return macroscale.input_figure(height, outlined, patch_size_mm=study.patch_mm)
+
+
+def _forces(study: Results) -> Figure:
     columns = ["patch", "low_MPa", "high_MPa"]
     pressures = study.pressures.merge(study.table("intervals", *columns)[columns], on="patch")
     return macroscale.force_figure(
@@ -151,8 +64,8 @@ def _forces(study: Study) -> Figure:
     )
 
 
-def _exposure(study: Study) -> Figure:
-    if "proposed" not in study.files:
+def _exposure(study: Results) -> Figure:
+    if not study.has("proposed"):
         fields, outlined = map(study.square, ("exposure", "contact")), study.pressures
         return macroscale.exposure_figure(*fields, outlined, patch_size_mm=study.patch_mm)
     # where nothing is scanned: the square in the face
@@ -162,28 +75,28 @@ def _exposure(study: Study) -> Figure:
     return macroscale.exposure_figure(*fields, square, patch_size_mm=study.size_mm)
 
 
-def _places(study: Study) -> Figure:
+def _places(study: Results) -> Figure:
     left = study.data("exposure", "exposure", "touched")
     sizes = {"size_mm": study.size_mm, "patch_size_mm": study.patch_mm}
     return places.places_figure(*study.tool, left, study.table("proposed"), **sizes)
 
 
-def _overview(study: Study) -> Figure:
+def _overview(study: Results) -> Figure:
     return microscale.overview_figure(
         study.square("contact"),
         study.pressures,
         study.tool,
-        study.result(study.drawn[0]) if study.drawn else None,
+        result_of(study, study.drawn[0]) if study.drawn else None,
         patch_size_mm=study.patch_mm,
         force_N=study.force_N,
     )
 
 
-def _load_curves(study: Study) -> Figure:
+def _load_curves(study: Results) -> Figure:
     return microscale.load_curves_figure(study.square("contact"), study.contacts)
 
 
-def _two_scales(study: Study) -> Figure:
+def _two_scales(study: Results) -> Figure:
     drawn = study.drawn[:MOST_COMPARED]
     others = study.by_patch("others", drawn, "height", "pressure")
     touches = study.data("reference", "contact").contact.isel(draw=0)
@@ -194,36 +107,35 @@ def _two_scales(study: Study) -> Figure:
     )
 
 
-def _wear(study: Study) -> Figure:
+def _wear(study: Results) -> Figure:
     patches = study.table("patches_table", "patch", "in_statistics")
     in_statistics = patches.patch[patches.in_statistics.astype(bool)]
     wear, profile = study.table("wear"), study.table("wear_profile")
     return tables.wear_figure(wear, profile, study.table("intervals"), in_statistics)
 
 
-def _validation(study: Study) -> Figure:
-    under = study.pressures[["patch"]].assign(stated_MPa=stated(study.pressures))
-    losses = study.table("registration", "patch").merge(under, on="patch")
+def _validation(study: Results) -> Figure:
+    losses = study.table("registration", "patch").merge(study.by_stated_pressure, on="patch")
     patches = study.table("patches_table", "patch")
     return tables.validation_figure(patches, losses, study.table("summary"))
 
 
-def _use(study: Study) -> Figure:
-    found = study.data("use")
-    if not found.sizes:
-        return message_figure(f"How the tool was used {found.attrs['answer']}.")
+def _use(study: Results) -> Figure:
+    use = study.data("use")
+    if not use.sizes:
+        return message_figure(f"How the tool was used {use.attrs['answer']}.")
     return use_figure(
-        found,
+        use,
         study.table("use_table", "parameter"),
-        study.table("predicted_losses", "patch") if "predicted_losses" in study.files else None,
-        study.square("surface", "height")["height"],
+        study.table("predicted_losses", "patch") if study.has("predicted_losses") else None,
+        study.square("surface", "height").height,
         pd.DataFrame(study.places),
         patch_size_mm=study.patch_mm,
     )
 
 
 # Figures that are not of a single patch.
-_FIGURES: dict[str, Callable[[Study], Figure]] = {
+_FIGURES: dict[str, Callable[[Results], Figure]] = {
     "inputs": _inputs,
     "contact_steps": lambda study: macroscale.contact_steps_figure(
         study.data("contact"), size_mm=study.size_mm
@@ -242,16 +154,16 @@ _FIGURES: dict[str, Callable[[Study], Figure]] = {
 }
 
 
-def figure_of(name: str, study: Study) -> Figure:
+def figure_of(name: str, study: Results) -> Figure:
     """A figure that is not of a single patch."""
     return _FIGURES[name](study)
 
 
-def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
+def figures_by_patch(name: str, study: Results) -> Iterator[tuple[str, Figure]]:
     """`preparation` or `patch`: a figure for each of the patches."""
     if name == "patch":
         for patch in study.compared:
-            yield patch, microscale.patch_figure(study.result(patch))
+            yield patch, microscale.patch_figure(result_of(study, patch))
         return
     for patch in evenly(study.patches, study.most_drawn_patches):
         epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
@@ -262,7 +174,7 @@ def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
         yield patch, microscale.preparation_figure(scans, patch=patch)
 
 
-def draw(study: Study, pictures: Mapping[str, Path], note: str | None) -> None:
+def draw(study: Results, pictures: Mapping[str, Path], note: str | None) -> None:
     """Draw figures of a study, each with a `note` on the source, if there is one.
 
     `pictures` are by the figure's name and, after ``_``, its kind: the PNG, for some an SVG or a
@@ -270,18 +182,20 @@ def draw(study: Study, pictures: Mapping[str, Path], note: str | None) -> None:
     a folder for those of `microscale.patch_strip`.
     """
     for name in (each.removesuffix("_png") for each in pictures if each.endswith("_png")):
-        png, empty = pictures[f"{name}_png"], None
+        png = pictures[f"{name}_png"]
         vector = pictures.get(f"{name}_svg") or pictures.get(f"{name}_pdf")
-        if name in OF_STUDIED and not study.drawn:
-            empty = message_figure("No patch is in the microscale study.")
-        elif name in OF_PREDICTED and not len(study.table("wear")):
-            empty = message_figure("No loss of a patch could be predicted from the others'.")
         if name in ("preparation", "patch"):
-            for patch, figure in [("none", empty)] if empty else figures_by_patch(name, study):
+            for patch, figure in figures_by_patch(name, study):
                 save_figure(figure, png / f"{patch}.png", source_note=note)
+            continue
+        if name in OF_STUDIED and not study.drawn:
+            figure = message_figure("No patch is in the microscale study.")
+        elif name in OF_PREDICTED and study.table("wear").empty:
+            figure = message_figure("No loss of a patch could be predicted from the others'.")
         else:
-            save_figure(empty or figure_of(name, study), png, vector, source_note=note)
+            figure = figure_of(name, study)
+        save_figure(figure, png, vector, source_note=note)
     for patch in study.compared if "strip_jpg" in pictures else ():
         content = io.BytesIO()
-        microscale.patch_strip(study.result(patch)).save(content, "jpeg", quality=80)
+        microscale.patch_strip(result_of(study, patch)).save(content, "jpeg", quality=80)
         write_whole(pictures["strip_jpg"] / f"{patch}.jpg", content.getvalue())
