@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["inspected_figure", "pressed_figure"]
 
-_ROOM = (0.55, 0.25, 0.3, 0.85)
 # From where a mesh is seen: the directions to the right, and towards the eye.
 _VIEWS = {
     "from +z": ((1, 0, 0), (0, 0, 1)),
@@ -31,7 +30,7 @@ _VIEWS = {
 def inspected_figure(content: "xr.DataArray | trimesh.Trimesh", name: str) -> Figure:
     """The content of a file, from `gst.check.inspecting.inspect_file`, under the file's name."""
     if isinstance(content, xr.DataArray):
-        figure, (axes,) = panels(1, 2, 1.0, _ROOM)
+        figure, (axes,) = panels(1, 2)
         draw_map(axes, content, ticks=True, **HEIGHTS)
         axes.set_title(f"{plain_text(name)}, without its plane")
         return figure
@@ -46,7 +45,7 @@ def inspected_figure(content: "xr.DataArray | trimesh.Trimesh", name: str) -> Fi
 @styled
 def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure:
     """The heights with the contact over them, and area and displacement along the path."""
-    figure, (left, area, depth) = panels(3, 2, 1.0, _ROOM)
+    figure, (left, area, depth) = panels(3, 2)
     final, table = contact.final, contact.table()
     draw_map(left, height, marks={VERMILION: final.contact.values}, ticks=True, **HEIGHTS)
     left.set_title(

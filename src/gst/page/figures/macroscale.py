@@ -20,8 +20,6 @@ from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 __all__ = ["contact_steps_figure", "draw_places", "exposure_figure", "force_figure"]
 __all__ += ["input_figure"]
 
-_ROOM = (0.55, 0.25, 0.3, 0.85)
-
 
 def draw_places(
     axes: Axes, height: xr.DataArray, patches: pd.DataFrame, patch_size_mm: float
@@ -37,7 +35,7 @@ def input_figure(
     height: xr.DataArray, patches: pd.DataFrame, *, patch_size_mm: float
 ) -> Figure:
     """Heights of the square (y, x), mm, and where the patches were scanned (Fig. 3)."""
-    figure, (axes,) = style.panels(1, 2, 1.0, _ROOM)
+    figure, (axes,) = style.panels(1, 2)
     draw_places(axes, height, patches, patch_size_mm)
     return figure
 
@@ -65,7 +63,7 @@ def contact_steps_figure(contact: xr.Dataset, *, size_mm: float, steps: int = 8)
     touched, overlapping = 100 * elastic.mean(), 100 * rigid.mean()
     title = f"last step: contact {touched:.2f} %\nrigid interpenetration {overlapping:.1f} %"
     drawn.append((title, height, {"marks": {BLACK: elastic, AMBER: rigid & ~elastic}}))
-    figure = maps.draw_maps(drawn, 3, style.MAPS, head=0)
+    figure = maps.draw_maps(drawn, 3)
     square = outline(Place(size_mm / 2, size_mm / 2), size_mm)
     for panel in figure.axes:
         panel.add_patch(Polygon(square, fill=False, edgecolor=VERMILION, linewidth=0.7))
@@ -98,7 +96,7 @@ def exposure_figure(
         exposure["shown"].values, exposure["pressure"].values, strict=True
     ):
         drawn.append((f"pose {pose + 1}", height, {"marks": {BLACK: pressure > 0}}))
-    figure = maps.draw_maps(drawn, 4, (0.05, 0.05, 0.25, 0.4), head=0)
+    figure = maps.draw_maps(drawn, 4)
     for panel in figure.axes[: len(fields)]:
         maps.draw_footprints(panel, patches, patch_size_mm, colour=BLUE)
     return figure
@@ -113,7 +111,7 @@ def force_figure(
     `contact` is the square's; `pressures` is ``patch_pressures.csv`` with the interval of each
     patch, ``low_MPa, high_MPa``.
     """
-    figure, (square, bars) = style.panels(2, 2, 1.0, _ROOM)
+    figure, (square, bars) = style.panels(2, 2)
     label = "contact force per element (N), square-root scale"
     maps.draw_forces(square, contact, bar=label, ticks=True)
     maps.draw_footprints(square, pressures, patch_size_mm, colour=BLUE)

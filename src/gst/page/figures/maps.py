@@ -2,7 +2,7 @@
 
 Maps show the stone from outside, in the square's own axes: x runs to the right and y upwards from
 the reference corner, at the lower left. A pixel of a panel has the mean colour of the elements
-under it, so marks cover the same share of the picture as of the surface.
+under it: marks cover the same share of the picture as of the surface.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,9 +27,8 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
-from PIL import Image
 
-from gst.page.figures.style import DPI, PALE, VERMILION, panels, short
+from gst.page.figures.style import PALE, VERMILION, panels, short
 from gstlib.surfaces.footprints import outline, places_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
@@ -89,7 +88,6 @@ def draw_map(
     Parameters
     ----------
     axes : matplotlib Axes
-        A panel of the final size: the picture is drawn at its resolution.
     field : (y, x) xarray.DataArray
         The grid; heights in mm, drawn in µm unless there are `values`.
     values : (ny, nx) ndarray, optional
@@ -104,14 +102,13 @@ def draw_map(
         Draw axes in mm; without them, add a `scale_bar`.
     """
     norm = norm or height_norm(field)
-    inches = axes.get_position(original=True).size * axes.figure.get_size_inches()
-    pixels = round(float(min(inches)) * DPI)
-    image = picture_of(field, pixels, values, cmap=cmap, norm=norm, marks=marks)
+    picture = picture_of(field, values, cmap=cmap, norm=norm, marks=marks)
     dy, dx = spacing_of(field)
     left, right = float(field.x[0]) - dx / 2, float(field.x[-1]) + dx / 2
     bottom, top = float(field.y[0]) - dy / 2, float(field.y[-1]) + dy / 2
     extent = (left, right, bottom, top)
-    axes.imshow(np.asarray(image), origin="lower", extent=extent, interpolation="nearest")
+    # where elements are smaller than pixels, a pixel has their mean colour
+    axes.imshow(picture, origin="lower", extent=extent, interpolation="antialiased")
     axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.set(xlabel="x (mm)", ylabel="y (mm)") if ticks else axes.set(xticks=[], yticks=[])
     axes.spines[:].set_visible(True)
@@ -128,52 +125,39 @@ def draw_map(
 
 def picture_of(
     field: xr.DataArray,
-    pixels: int,
     values: np.ndarray | None = None,
     *,
     cmap: Colormap = RELIEF_MAP,
     norm: Normalize | None = None,
     marks: Mapping[str, np.ndarray] | None = None,
-) -> Image.Image:
-    """What `draw_map` draws, at most so many `pixels` wide; its first row is that of the field."""
+) -> np.ndarray:
+    """What `draw_map` draws: (ny, nx, 3), uint8; its first row is that of the field."""
     values = field.values * MM_TO_UM if values is None else values
     norm = norm or height_norm(field)
     picture = cmap(norm(values), bytes=True)[..., :3]
-    return _smaller(picture, {PALE: np.isnan(values), **(marks or {})}, pixels)
+    return _marked(picture, {PALE: np.isnan(values), **(marks or {})})
 
 
-def raking(height: xr.DataArray, pixels: int) -> Image.Image:
-    """Heights (mm) lit from the upper left, at most so many `pixels` wide; as `picture_of`."""
+def raking(height: xr.DataArray) -> np.ndarray:
+    """Heights (mm) lit from the upper left; as `picture_of`."""
     # Not by matplotlib's LightSource, which stretches the brightness of each picture by itself: two
     # could not be compared.
-    known = height.fillna(height.mean().fillna(0)).values  # where nothing is measured, level
-    slope_y, slope_x = (_STEEPER * of for of in np.gradient(known, *spacing_of(height)))
+    level = height.fillna(height.mean().fillna(0)).values  # where nothing is measured
+    slope_y, slope_x = (_STEEPER * slope for slope in np.gradient(level, *spacing_of(height)))
     towards = (slope_x - slope_y + np.sqrt(2)) / 2 / np.sqrt(1 + slope_y**2 + slope_x**2)
     grey = np.round(255 * towards.clip(0, 1)).astype(np.uint8)
-    return _smaller(np.stack(3 * [grey], axis=-1), {PALE: np.isnan(height.values)}, pixels)
+    return _marked(np.stack(3 * [grey], axis=-1), {PALE: np.isnan(height.values)})
 
 
-def _smaller(picture: np.ndarray, marks: Mapping[str, np.ndarray], pixels: int) -> Image.Image:
-    """A picture (ny, nx, 3) with marked elements; a pixel has the mean colour of those under it."""
+def _marked(picture: np.ndarray, marks: Mapping[str, np.ndarray]) -> np.ndarray:
     for colour, mask in marks.items():
         picture[np.asarray(mask, dtype=bool)] = np.round(np.multiply(to_rgb(colour), 255))
-    image = Image.fromarray(picture)
-    image.thumbnail((pixels, pixels), Image.Resampling.BOX, reducing_gap=None)
-    return image
+    return picture
 
 
-def draw_maps(
-    maps: Sequence[tuple[str, xr.DataArray, Mapping]],
-    columns: int,
-    room: tuple[float, float, float, float] = (0.05, 0.05, 0.2, 0.02),
-    *,
-    head: float = 0.25,
-) -> Figure:
-    """Small multiples: for each map its title, its field and further arguments of `draw_map`.
-
-    `columns`, `room` and `head` are as in `style.panels`.
-    """
-    figure, axes = panels(len(maps), columns, 1.0, room, head=head)
+def draw_maps(maps: Sequence[tuple[str, xr.DataArray, Mapping]], columns: int) -> Figure:
+    """Small multiples: for each map its title, its field and further arguments of `draw_map`."""
+    figure, axes = panels(len(maps), columns)
     for panel, (title, field, look) in zip(axes, maps, strict=True):
         draw_map(panel, field, **look)
         panel.set_title(title, fontsize=7)

@@ -37,7 +37,6 @@ _UNKNOWN = "#ffffff"
 _TILE = 280  # side (pixels) of one of the pictures that the page shows in turn
 _AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": PURPLE}
 _OF_PATH: dict[str, Any] = {"marker": ".", "markersize": 2, "lw": 1}
-_BELOW = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.025)}  # the last panels of a row
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def preparation_figure(prepared: Mapping[str, xr.Dataset], *, patch: str) -> Fig
         before, after = (scan.attrs[f"Sq_{when}_um"] for when in ("before", "after"))
         title = f"patch {patch}, {epoch}: Sq {before:.3g} µm, prepared {after:.3g} µm"
         drawn.append((title, scan["measured"], maps.HEIGHTS | {"marks": marks}))
-    return maps.draw_maps(drawn, 2, (0.05, 0.05, 0.3, 0.4), head=0)
+    return maps.draw_maps(drawn, 2)
 
 
 @styled
@@ -81,7 +80,7 @@ def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
         pressure = float(contact["mean_pressure"])
         title = f"patch {patch}: {pressure:.1f} MPa, {100 * touching.mean():.2f} %"
         drawn.append((title, contact["height"], {"marks": {BLACK: touching}}))
-    return maps.draw_maps(drawn, 4, head=0)
+    return maps.draw_maps(drawn, 4)
 
 
 def _agreement(predicted: xr.DataArray, change: xr.Dataset) -> dict[str, np.ndarray]:
@@ -124,14 +123,14 @@ def two_scales_figure(
         look = {"marks": {BLUE: true}}
         drawn.append((f"{patch} whole square", of_variant[patch]["height"], look))
     columns = (len(contacts) + 1) * min(2, len(reference))
-    figure = maps.draw_maps(drawn, columns, (0.03, 0.03, 0.3, 0.03), head=0.75)
+    figure = maps.draw_maps(drawn, columns)
     pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
     figure.suptitle(
         "Contact of the patches against one contact of the whole square at the scans' resolution\n"
         f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
     )
     names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": PURPLE}
-    style.colour_legend(figure, names, bbox_to_anchor=(0.5, 1 - 0.45 / figure.get_figheight()))
+    style.colour_legend(figure, names)
     return figure
 
 
@@ -174,14 +173,14 @@ def patch_figure(result: PatchResult) -> Figure:
             agreement = _agreement(predicted, change)
             drawn.append(("predicted and measured loss", t0, {"marks": agreement}))
 
-    figure = maps.draw_maps(drawn, 3, (0.05, 0.05, 0.3, 0.35), head=0.2)
+    figure = maps.draw_maps(drawn, 3)
     pressure, overlap = float(contact["mean_pressure"]), change.attrs["overlap"]
     covers = "T1 was not found on T0" if nowhere else f"T1 covers {100 * overlap:.0f} % of T0"
     figure.suptitle(f"patch {result.patch}: {style.short(pressure)} MPa, {covers}")
     if agreement:
         percent = {c: 100 * mask.sum() / known for c, mask in agreement.items()}
         named = {f"{name} {percent[c]:.1f} %": c for name, c in _AGREEMENT.items()}
-        style.colour_legend(figure, named, **_BELOW)
+        style.colour_legend(figure, named)
     return figure
 
 
@@ -214,13 +213,13 @@ def patch_strip(result: PatchResult) -> "Image.Image":
     assert change is not None  # it has a T1
     t0, t1 = result.contact["height"], change["t1"]
     agreement = {} if predicted is None else _agreement(predicted, change)
-    tiles = [maps.raking(t0, _TILE), maps.raking(t1, _TILE)]
-    tiles.append(maps.picture_of(t0, _TILE, marks=agreement))
+    tiles = maps.raking(t0), maps.raking(t1), maps.picture_of(t0, marks=agreement)
     strip = Image.new("RGB", (3 * _TILE, _TILE))
     for number, tile in enumerate(tiles):
         # rows of a picture run down, those of a scan upwards
-        flipped = tile.transpose(Image.Transpose.FLIP_TOP_BOTTOM)
-        strip.paste(flipped.resize((_TILE, _TILE)), (number * _TILE, 0))
+        image = Image.fromarray(tile[::-1])
+        image.thumbnail((_TILE, _TILE), Image.Resampling.BOX, reducing_gap=None)
+        strip.paste(image.resize((_TILE, _TILE)), (number * _TILE, 0))
     return strip
 
 
@@ -244,7 +243,7 @@ def overview_figure(
     if result is not None and result.change is not None and result.predicted is not None:
         agreement = _agreement(result.predicted, result.change)
     count = 2 + (result is not None) + (agreement is not None)
-    figure, (whole, forces, *axes) = style.panels(count, 4, 1.0, (0.05, 0.05, 0.4, 0.2))
+    figure, (whole, forces, *axes) = style.panels(count, 4)
     draw_tool(whole, *tool, square["pressure"])
     whole.set_title("1  the tool and its square\npressures on it in colour")
     maps.draw_forces(forces, square)
@@ -258,7 +257,7 @@ def overview_figure(
         if agreement is not None:
             maps.draw_map(axes[1], result.contact["height"], marks=agreement)
             axes[1].set_title("4  measured loss\nagainst the predicted one")
-            style.colour_legend(figure, _AGREEMENT, **_BELOW)
+            style.colour_legend(figure, _AGREEMENT)
     return figure
 
 
@@ -281,7 +280,7 @@ def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -
     All are contacts with their paths; `square` is the part of the face's that lies in the square,
     on which the force is that of its own elements.
     """
-    figure, axes = style.panels(5, 3, 1.2, (0.5, 0.4, 0.3, 0.45))
+    figure, axes = style.panels(5, 3, 1.05)
     of_patches, stiffness, of_square = axes[:2], axes[2], axes[3:]
     reached = [float(contact["mean_pressure"]) for contact in contacts.values()]
     colours = list(colormaps["viridis"](0.88 * np.array(reached) / max([*reached, 1e-9])))

@@ -22,8 +22,15 @@ if TYPE_CHECKING:
 __all__ = ["places_figure"]
 
 _PAGE = (7.4, 9.6)  # inches: fits A4 and letter
-_LINE = 0.21  # of the table, inches
-_STOPS = {"place": 0.0, "x (mm)": 0.75, "y (mm)": 1.3, "N/mm": 1.85, "touched": 2.45}
+_HEADS = "place", "x (mm)", "y (mm)", "N/mm", "touched"
+_NOTE = (
+    "E: most exposed. C: control, touched in no pose (dashed).\n"
+    "N/mm: pressure times sliding, all poses, mean of the place.\n"
+    "Touched: poses that touch its most often touched point."
+)
+_X_AND_Y = (
+    "x and y: from the reference corner to the middle of a place, along the square's edges"
+)
 
 
 @styled
@@ -41,9 +48,10 @@ def places_figure(
     `mesh` is the stone, mm; `exposure` has ``exposure, touched`` (y, x) of the face, from
     `gstlib.macroscale.gesture.exposure`; `places` is ``places.csv``.
     """
-    figure = Figure(figsize=_PAGE)
-    stone, face = _panel(figure, 0.3, 5.75, 2.9), _panel(figure, 4.2, 5.75, 2.9)
-    square = _panel(figure, 0.55, 1.1, 4.1)
+    figure = Figure(figsize=_PAGE, layout="constrained")
+    grid = {"height_ratios": [3, 4], "width_ratios": [4, 3], "left": 0.05, "right": 0.99}
+    panels = figure.subplots(2, 2, gridspec_kw=grid)
+    (stone, face), (square, table) = panels
     view = Frame(np.mean(mesh.bounds, axis=0), frame.x_axis, frame.normal)
     draw_stone(stone, coarsen(mesh, faces=FACES), view)
     draw_square(stone, view, frame, size_mm)
@@ -54,21 +62,11 @@ def places_figure(
     face.plot(*corners[[0, 1, 2, 3, 0]].T, color=VERMILION)
     face.plot(*corners[0], "o", color=VERMILION)
     maps.scale_bar(face)
-    face.set_title("the face: what any pose touches; the square, and its corner")
+    face.set_title("the face: what any pose touches;\nthe square, and its corner")
     _draw_places(square, exposure.exposure, places, (size_mm, patch_size_mm))
-    _write_table(figure, places)
-    figure.text(0.3 / _PAGE[0], 0.975, "Where to scan", fontsize=13, va="top")
-    said = (
-        "x and y: from the reference corner to the middle of a place, along the square's edges"
-    )
-    figure.text(0.3 / _PAGE[0], 0.949, said, color=GREY, va="top")
+    _write_table(table, places)
+    figure.suptitle(f"Where to scan\n{_X_AND_Y}", x=0.02, ha="left")
     return figure
-
-
-def _panel(figure: Figure, left: float, bottom: float, side: float) -> Axes:
-    """A square panel; lengths in inches."""
-    width, height = _PAGE
-    return figure.add_axes((left / width, bottom / height, side / width, side / height))
 
 
 def _draw_places(
@@ -88,27 +86,28 @@ def _draw_places(
     maps.mark_corner(axes)
 
 
-def _write_table(figure: Figure, places: pd.DataFrame) -> None:
+def _write_table(axes: Axes, places: pd.DataFrame) -> None:
     """The places and their distances, beside the map of the square."""
     rows = [
-        (
+        [
             place.place,
             f"{place.x_mm:.2f}",
             f"{place.y_mm:.2f}",
             short(place.exposure_N_per_mm),
             f"{100 * place.touched:.0f} %",
-        )
+        ]
         for place in places.itertuples()
     ]
-    left, top = 4.85, 5.1
-    for line, cells in enumerate([tuple(_STOPS), *rows]):
-        for stop, cell in zip(_STOPS.values(), cells, strict=True):
-            at = (left + 0.85 * stop) / _PAGE[0], (top - line * _LINE) / _PAGE[1]
-            figure.text(*at, cell, color=BLACK if line else GREY, fontsize=8 if line else 7)
-    note = (
-        "E: most exposed. C: control, touched in no pose (dashed).\n"
-        "N/mm: pressure times sliding, all poses, mean of the place.\n"
-        "Touched: poses that touch its most often touched point."
+    axes.set_axis_off()
+    table = axes.table(rows, colLabels=_HEADS, loc="upper left", edges="open", cellLoc="left")
+    table.auto_set_font_size(False)
+    axes.text(
+        0,
+        0,
+        _NOTE,
+        fontsize=6,
+        color=GREY,
+        va="bottom",
+        transform=axes.transAxes,
+        in_layout=False,
     )
-    bottom = top - (len(rows) + 1) * _LINE
-    figure.text(left / _PAGE[0], bottom / _PAGE[1], note, fontsize=6, color=GREY, va="top")

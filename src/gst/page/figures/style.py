@@ -1,8 +1,7 @@
 """The look of every figure, the layout of its panels, and its files.
 
-Panels are placed by hand, in inches: an automatic layout costs more time than the drawing. Colours
-are safe for colour-blind readers: Okabe and Ito's for classes, perceptually uniform maps for
-numbers.
+Matplotlib's constrained layout places the panels; each figure is as high as it needs. Colours are
+safe for colour-blind readers: Okabe and Ito's for classes, perceptually uniform maps for numbers.
 """
 
 import io
@@ -39,19 +38,18 @@ PURPLE = "#CC79A7"
 CLASSES = BLUE, VERMILION, AMBER, GREEN, PURPLE, BLACK  # whose names legends give
 STONE = "#b9b2a6"
 
-# Room (inches) for titles and labels at the left, right, top and bottom of a panel.
-MAPS = (0.05, 0.05, 0.4, 0.05)
-CHARTS = (0.6, 0.15, 0.35, 0.45)
-_FOOT = 0.2  # inches for the source note
-WIDTH = (
-    7.2  # inches, of every figure: text has one size wherever figures are shown side by side
-)
+# Inches, of every figure: text has one size wherever figures are shown side by side.
+WIDTH = 7.2
 
 _STYLE = {
     "figure.dpi": DPI,
     "savefig.dpi": DPI,
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same glyphs everywhere
     "font.size": 8,
+    "figure.constrained_layout.h_pad": 0.05,
+    "figure.constrained_layout.w_pad": 0.03,
+    "figure.constrained_layout.hspace": 0.0,
+    "figure.constrained_layout.wspace": 0.0,
     "axes.titlesize": 8,
     "axes.titley": 1.0,  # searching for the best place takes longer than drawing
     "axes.labelsize": 8,
@@ -88,13 +86,10 @@ def save_figure(
     `source_note` is small print in the corner, which marks pictures of a synthetic specimen.
     """
     if source_note:
-        look: dict[str, Any] = {
-            "fontsize": 6.5,
-            "color": GREY,
-            "style": "italic",
-            "va": "bottom",
-        }
-        figure.text(0.99, 0.04 / figure.get_figheight(), source_note, ha="right", **look)
+        look: dict[str, Any] = {"fontsize": 6.5, "color": GREY, "style": "italic"}
+        figure.supxlabel(source_note, x=0.99, ha="right", **look)
+    if any(panel.get_box_aspect() for panel in figure.axes):
+        fit_height(figure)
     # Level 2 packs these images almost as well as the default level, in a third of the time.
     options: dict[str, dict[str, Any]] = {
         "png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 2}},
@@ -108,48 +103,39 @@ def save_figure(
             write_whole(path, content.getvalue())
 
 
-def panels(
-    count: int,
-    columns: int,
-    aspect: float = 1.0,
-    room: tuple[float, float, float, float] = MAPS,
-    *,
-    head: float = 0.0,
-) -> tuple[Figure, list[Axes]]:
-    """A figure of equal panels, row by row; all lengths are in inches.
+def panels(count: int, columns: int, aspect: float | None = None) -> tuple[Figure, list[Axes]]:
+    """A figure of equal panels, row by row.
 
-    Parameters
-    ----------
-    count, columns : int
-        Number of panels, and the panels of a full row; a row with fewer is centred.
-    aspect : float
-        Height of a panel over its width.
-    room : (left, right, top, bottom)
-        Room around each panel.
-    head : float
-        Room at the top of the figure, for a title or a legend.
+    Panels are square, as maps are. Those of charts share out what axes and titles leave of the
+    figure: `aspect` is the height over the width of their share.
     """
-    left, right, top, bottom = room
-    cell = WIDTH / columns
-    panel_width = cell - left - right
-    panel_height = aspect * panel_width
-    row_height = top + panel_height + bottom
-    height = head + -(-count // columns) * row_height + _FOOT
-    figure = Figure(figsize=(WIDTH, height))
-    axes = []
-    for row, column in (divmod(number, columns) for number in range(count)):
-        absent = max(0, (row + 1) * columns - count)
-        x = (column + absent / 2) * cell + left
-        y = height - head - row * row_height - top - panel_height
-        place = x / WIDTH, y / height, panel_width / WIDTH, panel_height / height
-        axes.append(figure.add_axes(place))
-    return figure, axes
+    rows = -(-count // columns)
+    height = rows * WIDTH / columns * (aspect or 1) + (0 if aspect else rows)  # room for titles
+    layout = "constrained" if aspect else "compressed"
+    figure = Figure(figsize=(WIDTH, height), layout=layout)
+    # The layout starts from wide panels: one that is narrower than its title shrinks further.
+    place = {"left": 0.05, "right": 0.99, "wspace": 0, "hspace": 0}
+    across = columns if aspect else min(count, columns)  # a row of few maps is centred
+    grid = figure.add_gridspec(rows, across, **place)
+    box = None if aspect else 1
+    places = [grid[divmod(number, across)] for number in range(count)]
+    return figure, [figure.add_subplot(place, box_aspect=box) for place in places]
+
+
+def fit_height(figure: Figure) -> None:
+    """Take off the height that the panels, and the texts above and below them, do not need."""
+    figure.draw_without_rendering()
+    boxes = [panel.get_tightbbox() for panel in figure.axes]
+    top, bottom = max(box.y1 for box in boxes), min(box.y0 for box in boxes)
+    texts = [*figure.texts, *figure.legends]
+    around = sum(text.get_window_extent().height + 0.06 * DPI for text in texts)
+    figure.set_size_inches(WIDTH, (top - bottom + around) / figure.dpi + 0.08)
 
 
 def colour_legend(parent: Figure | Axes, colours: Mapping[str, str], **place: Any) -> None:
     """A legend in one row that names the `colours`; at the top of a figure by default."""
     handles = [Patch(color=colour, label=label) for label, colour in colours.items()]
-    place = {"loc": "upper center", "ncols": len(handles), "columnspacing": 1} | place
+    place = {"loc": "outside lower center", "ncols": len(handles), "columnspacing": 1} | place
     parent.legend(handles=handles, **place)
 
 
@@ -170,8 +156,9 @@ def write_all(
 ) -> None:
     """Write a text beside each of some points; where two would collide, the upper one moves up.
 
-    The limits of the axes must be final. `look` has a sequence, of a value for each text, or none.
+    The limits of the axes must be final; the panels are laid out. `look` has a sequence, of a value for each text, or none.
     """
+    axes.figure.draw_without_rendering()
     width, height = 3.8 * max(map(len, texts), default=0), 7.0  # of a text, in points
     places = axes.transData.transform(np.asarray(at).reshape(-1, 2)) * 72 / axes.figure.dpi
     heights = places[:, 1].copy()

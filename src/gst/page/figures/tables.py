@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gst.page.figures import style
-from gst.page.figures.style import AMBER, BLACK, BLUE, CHARTS, GREEN, GREY, VERMILION, styled
+from gst.page.figures.style import AMBER, BLACK, BLUE, GREEN, GREY, VERMILION, styled
 from gst.page.verdict import MODELS, TOUCHED
 from gstlib.validation.baselines import ORACLE
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
@@ -38,7 +38,7 @@ def validation_figure(
     `patches` and `summary` are ``validation_patches.csv`` and ``validation_summary.csv``; `losses`
     is ``registration.csv`` with ``stated_MPa``, from `gstlib.coupling.pressures.stated`.
     """
-    figure, (agreement, extent) = style.panels(2, 2, 0.9, (0.5, 0.15, 0.45, 0.45))
+    figure, (agreement, extent) = style.panels(2, 2, 1.0)
     _draw_agreement(agreement, summary)
     in_statistics = set(patches.patch[patches.in_statistics.astype(bool)])
     known = losses[losses.above_noise.astype(bool)].dropna(subset="mean_wear_depth_um")
@@ -50,6 +50,7 @@ def validation_figure(
     ):
         at = known.stated_MPa[those], known.mean_wear_depth_um[those]
         look = {"color": colour, "mfc": fill, "label": name, "clip_on": False, "zorder": 3}
+        look["in_layout"] = False  # an empty one would lie at the corner of the figure
         extent.plot(*at, "o", **look)
     extent.set(xlabel="pressure under the load as stated (MPa)", ylabel="loss per area (µm)")
     extent.set(xlim=(0, None), ylim=(0, None))
@@ -65,8 +66,7 @@ def validation_figure(
         for row in summary[summary.statistic == name].dropna(subset="value").itertuples():
             interval = f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
             tested = f"p = {row.p_value:.2g}" if math.isfinite(row.p_value) else "not tested"
-            said = f"\n{words}: ρ = {row.value:.2g}{interval}, {tested}"
-            title += said.replace("-", "−")
+            title += f"\n{words}: ρ = {row.value:.2g}{interval}, {tested}".replace("-", "−")
     extent.set_title(title, fontsize=6.5)
     extent.legend(loc="upper left")
     return figure
@@ -84,15 +84,8 @@ def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
         axes.plot(row.value, place, marker, color=colour, mfc=fill)
         if row.Index in attainable:
             axes.plot(attainable[row.Index], place, "|", color=colour, ms=9)
-        axes.annotate(
-            MODELS[row.Index],
-            (0, place - 0.42),
-            (2, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=6.5,
-            color=colour,
-        )
+        at = 0, place - 0.42
+        style.write_beside(axes, MODELS[row.Index], at, color=colour, in_layout=False)
     axes.set(xlim=(0, 1), ylim=(len(means) - 0.5, -0.7), yticks=[])
     axes.set_xlabel("mean MCC of predicted and measured loss")
     count = int(means.n.max()) if len(means) else 0
@@ -107,7 +100,7 @@ def texture_figure(table: pd.DataFrame) -> Figure:
         table[table["epoch"] == epoch].set_index("patch") for epoch in ("T0", "T1")
     )
     after, places = after.reindex(before.index), np.arange(len(before))
-    figure, axes = style.panels(len(_TEXTURE), 2, 0.5, CHARTS, head=0.1)
+    figure, axes = style.panels(len(_TEXTURE), 2, 0.6)
     for panel, (column, title) in zip(axes, _TEXTURE.items(), strict=True):
         panel.set_title(title)
         old, new = before[column], after[column]
@@ -133,7 +126,7 @@ def wear_figure(
     `in_statistics` are drawn; `limits` is ``patch_intervals.csv``: a volume and its interval are
     proportional to the pressure.
     """
-    figure, (volumes, heights) = style.panels(2, 2, 1.0, (0.7, *CHARTS[1:]), head=0.25)
+    figure, (volumes, heights) = style.panels(2, 2, 1.05)
     table, profile = (of[of.patch.isin(list(in_statistics))] for of in (table, profile))
     units = 1e5  # µm³
     models = [model for model in _LOOKS if model in set(table.model)]
@@ -155,16 +148,14 @@ def wear_figure(
     style.write_all(volumes, *named, color=[BLUE] * len(named[0]))
     volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
     volumes.set_title("How much did each patch lose?")
-    figure.legend(*volumes.get_legend_handles_labels(), loc="upper center", ncols=3)
+    figure.legend(*volumes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
 
     means = profile.groupby(["model", "band"], sort=False).loss_um.mean()
     for model, (colour, marker) in ({"measured": (BLACK, "x")} | _LOOKS).items():
         if model in means:
             look = {"mfc": "none", "ls": "--"} if model == CAPPED else {}
             heights.plot(means[model], means[model].index, color=colour, marker=marker, **look)
-    heights.annotate(
-        "× measured", (means["measured"][3], 3), (8, -3), textcoords="offset points"
-    )
+    style.write_beside(heights, "× measured", (means["measured"][3], 3), (8, 0), fontsize=8)
     bands = ["highest\nquarter", "second", "third", "lowest\nquarter"]
     heights.set_yticks(range(1, len(bands) + 1), bands)
     heights.invert_yaxis()

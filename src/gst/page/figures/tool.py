@@ -214,7 +214,7 @@ def check_figure(
     `pressed` gives a panel with the gap between the tools.
     """
     count = 2 + (height is not None) + (pressed is not None)
-    figure, panels = style.panels(count, 2, 1.0, (0.55, 0.25, 0.3, 0.85))
+    figure, panels = style.panels(count, 2)
     mesh = coarsen(mesh, faces=FACES)
     views = {
         "along the square's normal": frame.axes[2],

@@ -13,7 +13,6 @@ from gstlib.use.outcome import strikes_of
 
 __all__ = ["use_figure"]
 
-_ROOM = (0.55, 0.25, 0.3, 0.85)
 _BINS = 24
 # Uses of which a strike is drawn.
 _STRIKES = 500
@@ -38,7 +37,7 @@ def use_figure(
     is the square's.
     """
     panels = 2 if losses is None else 3
-    figure, (square, radius, *others) = style.panels(panels, 2, 1.0, _ROOM)
+    figure, (square, radius, *others) = style.panels(panels, 2)
     stated = table.set_index("parameter").stated
     maps.draw_map(square, height, ticks=True, **maps.HEIGHTS)
     maps.draw_footprints(square, patches, patch_size_mm, colour=BLACK)
