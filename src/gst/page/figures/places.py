@@ -101,13 +101,5 @@ def _write_table(axes: Axes, places: pd.DataFrame) -> None:
     axes.set_axis_off()
     table = axes.table(rows, colLabels=_HEADS, loc="upper left", edges="open", cellLoc="left")
     table.auto_set_font_size(False)
-    axes.text(
-        0,
-        0,
-        _NOTE,
-        fontsize=6,
-        color=GREY,
-        va="bottom",
-        transform=axes.transAxes,
-        in_layout=False,
-    )
+    look = {"fontsize": 6, "color": GREY, "in_layout": False}
+    axes.text(0, 0, _NOTE, transform=axes.transAxes, **look)

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 
 from gstlib.io.files import write_whole
 
-__all__ = ["AMBER", "BLACK", "BLUE", "CHARTS", "CLASSES", "DPI", "GREY", "LEGIBLE", "MAPS"]
+__all__ = ["AMBER", "BLACK", "BLUE", "CLASSES", "DPI", "GREY", "LEGIBLE"]
 __all__ += ["PALE", "PURPLE", "STONE", "VERMILION", "WIDTH", "colour_legend", "message_figure"]
 __all__ += [
     "name_patches",
@@ -156,7 +156,8 @@ def write_all(
 ) -> None:
     """Write a text beside each of some points; where two would collide, the upper one moves up.
 
-    The limits of the axes must be final; the panels are laid out. `look` has a sequence, of a value for each text, or none.
+    The limits of the axes must be final; the panels are laid out. `look` has sequences, with a
+    value for each text.
     """
     axes.figure.draw_without_rendering()
     width, height = 3.8 * max(map(len, texts), default=0), 7.0  # of a text, in points
