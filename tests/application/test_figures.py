@@ -135,7 +135,7 @@ MASKS = [
     ("two_scales", 1, style.PURPLE, (PRESSURE > 0) & (PRESSURE <= 30)),
 ]
 VECTORS = {"overview": "pdf"}  # of the others, SVG
-CASES = [("13", {}), ("1", {"most": 1}), ("13", {"in_study": False})]
+CASES = [("13", {"in_study": False})]
 CASES += [("3", {"pressure_MPa": [2.0, 9.0, 4.0], "in_study": True, "most": 1})]
 
 
