@@ -1,6 +1,5 @@
 """A study runs here as a user runs it: Snakemake in a process and a folder of its own."""
 
-import json
 import os
 import re
 import shutil
@@ -16,21 +15,11 @@ import yaml
 from filelock import FileLock
 from gst.config.reading import read_config
 from gst.config.tables import write_table
-from gstlib.io.store import read_attributes
 from gstlib.io.tables import read_table
 from gstlib.study import Study as InMemory
 from sweep import study_of
 
 ROOT = Path(__file__).parents[2]
-# A step that makes measured files, not datasets made from others.
-NOT_OF_INPUTS = {"generate_specimen"}
-# A mark that the files were checked, which no step reads, and inputs of a table made beside.
-PASSED = {"logs/inputs_passed"}
-UNREAD = {
-    "gather_exposure": {"coupling/pressures.csv"},
-    # of a generated stone, the truth stands in the place of what was measured
-    "solve_reference": {"macroscale/composite.h5"},
-}
 # as `gst study` starts it, with this interpreter: the environment under test
 SNAKEMAKE = sys.executable, "-m", "gst.run.scheduler"
 
@@ -114,36 +103,6 @@ def assert_stored(found: pd.DataFrame, file: Path, folder: Path) -> None:
     write_table(folder / file.name, found)
     again, stored = (read_table(path) for path in (folder / file.name, file))
     pd.testing.assert_frame_equal(again, stored, rtol=1e-4, atol=1e-9)
-
-
-def patch_of(name: str) -> str | None:
-    """The patch whose file this is in the folder of a batch, such as ``change/1/5.h5``."""
-    found = re.search(r"/\d+/([\w-]+?)(_T\d|_repeat)?\.h5$", name)
-    return found and found[1]
-
-
-def unrecorded(results: Path) -> set[tuple[str, str]]:
-    """Steps and inputs that the datasets of a study do not name, though their step was given them.
-
-    Every dataset has to name what it was made from; what it names beyond that, as well.
-    """
-    found = set()
-    for file in results.glob("logs/*.json"):
-        record = json.loads(file.read_text())
-        given = record["inputs"] | record["files"]
-        made = [results / name for name in record["outputs"] if name.endswith(".h5")]
-        named: set[str] = set()
-        for dataset in made:
-            named |= set(json.loads(read_attributes(dataset).get("input_sha256", "{}")).values())
-        # a batch's folder has files of patches that the step does not work on
-        patches = record["params"].get("patches")
-        if isinstance(patches, list):
-            given = {name: of for name, of in given.items() if patch_of(name) in (None, *patches)}
-        step = file.stem.partition("_T")[0].rstrip("_0123456789")
-        if made and step not in NOT_OF_INPUTS:
-            found |= {(step, name) for name, digest in given.items() if digest not in named}
-            found |= {(step, digest) for digest in named - set(given.values())}
-    return {(step, name) for step, name in found if name not in UNREAD.get(step, PASSED)}
 
 
 def fresh(folder: Path) -> Study:

@@ -8,6 +8,7 @@ import importlib.util
 import json
 import re
 
+import gstlib
 import numpy as np
 import pytest
 from gst.config.tables import TABLES, write_table
@@ -29,7 +30,7 @@ from PIL import Image
 from power import merged, specimen_config, specimen_studies, worn_patches
 from sweep import outcomes
 
-from .conftest import ROOT, in_memory, unrecorded
+from .conftest import ROOT, in_memory
 from .expected import assert_as_expected
 
 # Of the tables listed, those that this study has no use for.
@@ -56,35 +57,41 @@ def test_every_table_is_there_and_no_other(results):
     assert empty == {"tables/predicted_losses.csv", "tables/laws.csv"}
 
 
-def test_intermediates_say_what_they_are_made_from(results):
+def test_a_dataset_names_the_step_whose_record_names_it(results):
     files = [file for file in results.rglob("*.h5") if "specimen" not in file.parts]
     assert len(files) > 20
-    assert all(json.loads(read_attributes(file)["input_sha256"]) for file in files)
-    assert unrecorded(results) == set()
+    for file in files:
+        attributes, name = read_attributes(file), file.relative_to(results).as_posix()
+        records = results.glob(f"logs/{attributes['step']}*.json")
+        assert any(name in json.loads(record.read_text())["outputs"] for record in records), name
+        assert attributes["gstlib_version"] == gstlib.__version__
 
 
 def test_every_step_has_the_settings_of_the_config(results, config):
-    """As the files record them, by the folder of the file, for some are called alike."""
-    placed = {"s_filter_um": config["microscale"]["s_filter_um"], "seed": config["seed"]}
     modulus = study_modulus(config["material"])
-    named = {
-        "macroscale/surface": config["square"]
-        | {"grid": 40, "face_mm": 10.0, "radius_mm": 200.0, "interpolation": "best"},
-        "macroscale/composite": placed | {"placement_um": config["uncertainty"]["placement_um"]},
-        "macroscale/contact": {"modulus": modulus, "steps": 6},
-        "microscale/1/13": {"contact_modulus_MPa": modulus} | config["microscale"],
-        "change/1/13": {
+    s_filter_um, seed = config["microscale"]["s_filter_um"], config["seed"]
+    expected = {
+        "compose_surface": {"s_filter_um": s_filter_um, "seed": seed}
+        | {"placement_um": config["uncertainty"]["placement_um"]},
+        "grid_macroscale/gridding": config["square"] | {"grid": 40, "face_mm": 10.0},
+        "solve_macroscale": {"modulus": modulus},
+        "solve_macroscale/solving": {"steps": 6},
+        "solve_patches_1/microscale": {"contact_modulus_MPa": modulus} | config["microscale"],
+        "register_patches_1": {
             "maximum_shift_mm": config["registration"]["maximum_shift_mm"],
             "minimum_points": config["traces"]["minimum_points"],
         },
-        "surfaces/T1/1/13_T1": {"scans": config["scans"], "preprocessing": config["preprocessing"]},
-        "wear/square": {"steps": 4, "interlayer": None, "patch_mm": 0.85},
-        "wear/1/13": {"pressure_cap": 800.0},
-        "reference/patches": placed,
+        "prepare_scans_T1_1": {"settings": config["scans"]}
+        | {"preprocessing": config["preprocessing"]},
+        "fit_wear/wear": {"steps": 4, "interlayer": None, "patch_mm": 0.85},
+        "predict_wear_1": {"pressure_cap": 800.0},
+        "solve_reference/drawn": {"s_filter_um": s_filter_um, "seed": seed},
     }
-    for name, expected in named.items():
-        settings = json.loads(read_dataset(results / f"{name}.h5").attrs["settings"])
-        assert {key: settings.get(key, "lost") for key in expected} == expected, name
+    for name, values in expected.items():
+        step, _, section = name.partition("/")
+        params = json.loads((results / f"logs/{step}.json").read_text())["params"]
+        params = params[section] if section else params
+        assert {key: params.get(key, "lost") for key in values} == values, name
 
 
 def test_the_record_holds_the_whole_config_and_the_program(results, config):

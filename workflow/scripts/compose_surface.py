@@ -7,7 +7,7 @@ import pandas as pd
 
 from gst.run.batches import files_of
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.macroscale.composite import compose_surface
 
@@ -16,10 +16,9 @@ def main(
     face: Path, t0: list[Path], composite: Path, *, patches: dict[str, list], **settings: Any
 ) -> None:
     """`settings` are those of `compose_surface`."""
-    files = files_of(t0, patches["patch"])
-    scans = Stored(files, ["height"])
+    scans = Stored(files_of(t0, patches["patch"]), ["height"])
     composed = compose_surface(read_dataset(face), pd.DataFrame(patches), scans, **settings)
-    write_dataset(composite, composed, provenance([face, *files.values()], settings))
+    write_dataset(composite, composed, made_by("compose_surface"))
 
 
 if "snakemake" in globals():

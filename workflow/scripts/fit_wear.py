@@ -1,14 +1,12 @@
 """Wear the square by Archard's law, and fit law and interlayer to the losses of the patches."""
 
-import itertools
 from pathlib import Path
 
 import pandas as pd
 import xarray as xr
 
-from gst.run.batches import files_of
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gst.run.stored import active_tool_of, changes_of, contact_of, contacts_of
 from gstlib.io.store import write_dataset
 from gstlib.io.tables import read_pressures, read_table
@@ -38,11 +36,8 @@ def main(
         gesture = Gesture(*tool, pressed.load.through, pd.DataFrame(poses))
     tables = read_pressures(pressures), read_table(registration)
     maps = PatchMaps(contacts_of(contacts, patches), changes_of(registered, patches))
-    of_patches = (files_of(folders, patches).values() for folders in (contacts, registered))
-    sources = [contact, pressures, registration, *itertools.chain(*of_patches)]
-    sources += [second] if second else []
     worn = fit_wear(pressed, *tables, maps, gesture=gesture, **wear)
-    made = provenance(sources, wear)
+    made = made_by("fit_wear")
     write_dataset(square, worn.path if worn else xr.Dataset(), made)
     if fitted is not None:
         write_dataset(fitted, worn.fitted_interlayer if worn else xr.Dataset(), made)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
 from gstlib.macroscale.active_tool import stated_tool
@@ -27,9 +27,7 @@ def main(
     stone = read_mesh(mesh, unit=mesh_unit)
     tool = stated_tool(active_tool, rounded)
     gridded, of_other = grid_macroscale(stone, source=mesh, active_tool=tool, **gridding)
-    settings = {"mesh_unit": mesh_unit, "radius_mm": rounded[0], "angle_deg": rounded[1]}
-    inputs = [mesh, *([counterface] if active_tool else [])]
-    made = provenance(inputs, settings | gridding)
+    made = made_by("grid_macroscale")
     write_dataset(face, gridded, made)
     if second is not None:
         write_dataset(second, of_other.to_dataset(name="face"), made)

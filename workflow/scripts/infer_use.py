@@ -7,7 +7,7 @@ import pandas as pd
 
 from gst.config.tables import write_table
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gst.run.stored import face_of, table_of
 from gstlib.io.store import write_dataset
 from gstlib.use.outcome import use_of_study
@@ -28,8 +28,7 @@ def main(
     found, answers, predicted = use_of_study(
         face_of(face), pd.DataFrame(patches), lost, **settings
     )
-    sources = [face, *([registration] if registration else [])]
-    write_dataset(use, found, provenance(sources, settings))
+    write_dataset(use, found, made_by("infer_use"))
     write_table(table, answers)
     if losses is not None:
         write_table(losses, predicted)

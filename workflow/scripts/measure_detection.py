@@ -6,7 +6,7 @@ import xarray as xr
 
 from gst.run.batches import files_of
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gstlib.change.change import SCAN_FIELDS, measure_detection
 from gstlib.io.store import Stored, write_dataset
 
@@ -25,8 +25,7 @@ def main(
         Stored(first, SCAN_FIELDS), Stored(second, SCAN_FIELDS), **settings
     )
     attrs = found._asdict() if found else {}  # nothing where no repeat serves
-    made = provenance([*first.values(), *second.values()], settings)
-    write_dataset(detection, xr.Dataset(attrs=attrs), made)
+    write_dataset(detection, xr.Dataset(attrs=attrs), made_by("measure_detection"))
 
 
 if "snakemake" in globals():

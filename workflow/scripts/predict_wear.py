@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from gst.run.batches import files_of
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gst.run.stored import contacts_of, dataset_of
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.wear.archard import WornSquare
@@ -24,12 +23,11 @@ def main(
 
     `settings` are those of `predict_wear`.
     """
-    files = files_of(contacts, patches)
     worn = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
     depths.mkdir(exist_ok=True)
-    for patch, found in predict_wear(contacts_of(contacts, patches), worn, **settings):
-        made = provenance([square, *([fitted] if fitted else []), files[patch]], settings)
-        write_dataset(depths / f"{patch}.h5", found, made)
+    pressed = contacts_of(contacts, patches)
+    for patch, depth in predict_wear(pressed, worn, **settings):
+        write_dataset(depths / f"{patch}.h5", depth, made_by("predict_wear"))
 
 
 if "snakemake" in globals():

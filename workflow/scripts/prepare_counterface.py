@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gstlib.io.scans import read_scan
 from gstlib.io.store import write_dataset
 from gstlib.preprocess.scans import prepare_patch
@@ -12,7 +12,8 @@ from gstlib.preprocess.scans import prepare_patch
 def main(scan: Path, surface: Path, *, settings: dict, preprocessing: dict) -> None:
     read = read_scan(scan, unit=settings["unit"], spacing_um=settings["spacing_um"])
     used = {"scans": settings, "preprocessing": preprocessing, "crop": None, "flip": ""}
-    write_dataset(surface, prepare_patch(read, epoch="T0", **used), provenance([scan], used))
+    prepared = prepare_patch(read, epoch="T0", **used)
+    write_dataset(surface, prepared, made_by("prepare_counterface"))
 
 
 if "snakemake" in globals():

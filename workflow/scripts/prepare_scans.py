@@ -4,7 +4,7 @@ import logging
 from pathlib import Path
 
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gstlib.errors import concerning
 from gstlib.io.scans import read_scan
 from gstlib.io.store import write_dataset
@@ -30,7 +30,7 @@ def main(
                 read = scan, read_scan(scan, unit=unit, spacing_um=spacing_um)
         used = {"scans": settings, "preprocessing": preprocessing, "crop": crop, "flip": flip}
         prepared = prepare_patch(read[1], epoch=epoch, **used)
-        write_dataset(surfaces / f"{patch}_{epoch}.h5", prepared, provenance([scan], used))
+        write_dataset(surfaces / f"{patch}_{epoch}.h5", prepared, made_by("prepare_scans"))
         logging.getLogger("gst").info("%s at %s: %s", patch, epoch, scan)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gst.run.stored import active_tool_of, dataset_of, face_of
 from gstlib.io.store import write_dataset
 from gstlib.macroscale.gesture import Gesture, press_poses
@@ -30,8 +30,7 @@ def main(
     tool = whole.counterface, active_tool_of(second), size_mm
     gesture = Gesture(*tool, through, pd.DataFrame(poses))
     found = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)
-    made = provenance([face, *filter(None, (use, second))], settings)
-    write_dataset(batch, found, made)
+    write_dataset(batch, found, made_by("press_poses"))
 
 
 if "snakemake" in globals():

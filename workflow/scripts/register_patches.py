@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gst.run.batches import files_of
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gstlib.change.change import SCAN_FIELDS, Detection, register_patch
 from gstlib.change.form import form_warning
 from gstlib.io.store import read_attributes, read_dataset, write_dataset
@@ -24,14 +24,12 @@ def main(
     first, second = files_of(t0, patches), files_of(t1, patches)
     measured = Detection.of(read_attributes(detection)) if detection else None
     for patch in patches:
-        files = [first[patch], second[patch]]
-        scans = [read_dataset(file, SCAN_FIELDS) for file in files]
+        scans = [read_dataset(files[patch], SCAN_FIELDS) for files in (first, second)]
         logging.getLogger("gst").info("%s", patch)
         if doubt := form_warning(*(scan.height for scan in scans)):
             logging.getLogger("gstlib").warning("patch %s: %s", patch, doubt)
         found = register_patch(*scans, patch=patch, detection=measured, **settings)
-        made = provenance([*files, *([detection] if detection else [])], settings)
-        write_dataset(registered / f"{patch}.h5", found, made)
+        write_dataset(registered / f"{patch}.h5", found, made_by("register_patches"))
 
 
 if "snakemake" in globals():

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gst.run.stored import dataset_of, face_of
 from gstlib.contact import contact_path
 from gstlib.io.store import write_dataset
@@ -27,11 +27,10 @@ def main(
     patch_mm: float,
 ) -> None:
     whole, through = as_used(face_of(face), dataset_of(use), through)
-    settings = {"force_N": force_N, "through": through, "modulus": modulus} | solving
     pressed = face_under_load(whole, force_N, through)
     solved = contact_path(*pressed, source=face, modulus=modulus, every_step=True, **solving)
     stored, size_mm = solved.to_dataset(), float(whole.size_mm)
-    write_dataset(contact, stored, provenance([face, *([use] if use else [])], settings))
+    write_dataset(contact, stored, made_by("solve_macroscale"))
     write_table(path, macroscale_table(stored))
     for doubt in plausibility_warnings(solved.final, size_mm=size_mm, patch_mm=patch_mm):
         logging.getLogger("gstlib").warning("%s", doubt)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gst.run.batches import files_of
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gst.run.stored import contact_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import read_pressures
@@ -31,9 +31,8 @@ def main(
     folders = dict(zip(variants, [contacts, others], strict=False))
     given = Stored(scans, ["height"]), read_pressures(pressures), Microscale(**microscale)
     for patch, variant, found in solve_patches(*given, variants=variants, **around):
-        files = [scans[patch], pressures, *filter(None, (counterface, composite, contact))]
-        made = provenance(files, microscale | {"variant": variant})
-        write_dataset(folders[variant] / f"{patch}.h5", found.to_dataset(), made)
+        file = folders[variant] / f"{patch}.h5"
+        write_dataset(file, found.to_dataset(), made_by("solve_patches"))
 
 
 if "snakemake" in globals():

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gst.run.batches import files_of
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gst.run.stored import contact_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.specimen.score import true_contact
@@ -25,21 +25,17 @@ def main(
 ) -> None:
     mesh, around = read_dataset(face), contact_of(macroscale)
     lying = read_dataset(truth).sel(epoch="T0") if truth else read_dataset(composite)
-    scans = Stored(files := files_of(t0, lying.patch.values), ["height"])
-    inputs = [face, macroscale, *files.values()]
+    scans = Stored(files_of(t0, lying.patch.values), ["height"])
     if truth:
-        inputs += [true_surface, truth]
         around = true_contact(lying, mesh.counterface, around, source=truth)
         surfaces = [read_dataset(true_surface).height.astype(float)]
     else:
-        inputs += [composite]
         surfaces = drawn_surfaces(mesh, lying, scans, **drawn)
     whole, on_patches = solve_reference(
         surfaces, around, lying, scans, source=true_surface or face
     )
-    write_dataset(contact, whole, provenance(inputs, drawn))
-    pressed = drawn | {"draws": on_patches.sizes["draw"]}
-    write_dataset(patches, on_patches, provenance(inputs, pressed))
+    for file, fields in ((contact, whole), (patches, on_patches)):
+        write_dataset(file, fields, made_by("solve_reference"))
 
 
 if "snakemake" in globals():

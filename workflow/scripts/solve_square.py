@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gst.run.logs import run_script
-from gst.run.provenance import provenance
+from gst.run.provenance import made_by
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.macroscale.equilibrium import solve_at_load
 
@@ -12,7 +12,7 @@ def main(face: Path, contact: Path, **settings: float) -> None:
     """`settings` are those of `solve_at_load`."""
     square = read_dataset(face, only=["height", "size_mm"])
     solved = solve_at_load(square, source=face, **settings)
-    write_dataset(contact, solved.to_dataset(), provenance([face], settings))
+    write_dataset(contact, solved.to_dataset(), made_by("solve_square"))
 
 
 if "snakemake" in globals():

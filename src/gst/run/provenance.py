@@ -4,11 +4,9 @@ import ast
 import functools
 import hashlib
 import importlib.util
-import json
 import platform
 import subprocess
 import tomllib
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
@@ -26,8 +24,8 @@ from gstlib.io.files import sha256
 __all__ = [
     "commit",
     "library_hash",
+    "made_by",
     "program_hash",
-    "provenance",
     "refuse_other_study",
     "software",
     "source_hash",
@@ -41,25 +39,9 @@ _PROGRAM = "src", "workflow", "Snakefile"
 _RECORDING = {"gst.run.chain", "gst.run.logs", "gst.run.provenance", "gst.run.received"}
 
 
-def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
-    """Attributes of a result file: hashes of its inputs by name, settings, versions and commit."""
-    paths = sorted(map(Path, inputs))
-    count = Counter(path.name for path in paths)
-    # where two have one name, the folders of stage and batch tell them apart
-    names = ["/".join(path.parts[-3 if count[path.name] > 1 else -1 :]) for path in paths]
-    digests = [_sha256(path) for path in paths]
-    hashes = dict(zip(names, digests, strict=True))
-    return {
-        "gstlib_version": gstlib.__version__,
-        "gstlib_commit": commit(gst.ROOT) or "",
-        "packages": json.dumps(_packages()),
-        "input_sha256": json.dumps(hashes, sort_keys=True),
-        "settings": json.dumps(dict(settings), sort_keys=True, default=str),
-    }
-
-
-# a job names some inputs in each file that it makes
-_sha256 = functools.cache(sha256)
+def made_by(step: str) -> dict[str, str]:
+    """Attributes of a result file: its step, whose record tells the rest, and the version."""
+    return {"step": step, "gstlib_version": gstlib.__version__}
 
 
 def refuse_other_study(config: Mapping[str, Any]) -> None:
