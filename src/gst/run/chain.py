@@ -159,7 +159,7 @@ def break_in(results: Path, config: Mapping[str, Any] | None = None) -> str | No
     With a `config`, the page must be that of this config. A measured file that is no longer in its
     place breaks nothing.
     """
-    if not (steps := _steps_in(results)):
+    if not (steps := steps_in(results)):
         return "this folder holds no finished study"
     made_with = _of(results, PAGE, "params").get("config", {})
     if config is not None and made_with != _plain(config, results):
@@ -242,11 +242,11 @@ def _breaks(
 
 def made_in(results: Path) -> list[Path]:
     """Every file of a finished study, as its steps recorded them."""
-    steps = _steps_in(results)
+    steps = steps_in(results)
     return [results / name for each in steps for name in _of(results, each, "outputs")]
 
 
-def _steps_in(results: Path) -> dict[str, str | None]:
+def steps_in(results: Path) -> dict[str, str | None]:
     """The steps of a finished study with their hashes, the page last; none if there is none."""
     steps = _of(results, PAGE, "params").get("steps")
     return {**steps, PAGE: None} if isinstance(steps, dict) else {}
