@@ -8,7 +8,7 @@ row.
 
 import io
 import os
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,8 @@ from gstlib.io.files import check_size
 __all__ = ["compare_results", "describe_changes"]
 
 _PROVENANCE = "provenance"
+# The text of each cell by table, row and column; "present" for each row and each table as a whole.
+_Cells = dict[tuple[str, str, str], str]
 
 
 def compare_results(
@@ -36,69 +38,77 @@ def compare_results(
     ``relative``, abs(after - before) over the larger magnitude, NaN for text. Raises an
     `InputError` if a folder has no tables, or a file in it cannot be read.
     """
-    sides = [_read_tables(Path(folder)) for folder in (before, after)]
-    changes: list[tuple[str, ...]] = []
-    for name in sorted({*sides[0], *sides[1]}):
-        tables = [side[name] for side in sides if name in side]
-        if len(tables) == 2:
-            changes += [(name, *change) for change in _changes(name, tables)]
-        else:
-            changes.append((name, "", "", *_where(name, sides)))
+    sides = [_cells_of(Path(folder)) for folder in (before, after)]
+    changes = []
+    for table, row, column in dict.fromkeys([*sides[0], *sides[1]]):
+        wholes = [(table, "", "")] * (row != "") + [(table, row, "")] * (column != "")
+        if all(whole in side for whole in wholes for side in sides):
+            texts = [side.get((table, row, column), "") for side in sides]
+            if texts[0] != texts[1]:
+                changes.append((table, row, column, *texts))
     columns = ["table", "row", "column", "before", "after"]
-    found = pd.DataFrame(changes, columns=columns, dtype=str)
-    old = pd.to_numeric(found.before, errors="coerce")
-    new = pd.to_numeric(found.after, errors="coerce")
+    differences = pd.DataFrame(
+        sorted(changes, key=lambda change: change[0]), columns=columns, dtype=str
+    )
+    old, new = (
+        pd.to_numeric(differences[side], errors="coerce") for side in ("before", "after")
+    )
     largest = np.maximum(old.abs(), new.abs())
     relative = (new - old).abs() / largest.where(largest != 0, 1.0)
-    found["relative"] = relative.where(np.isfinite(largest))
-    return found[~(found.relative <= tolerance)].reset_index(drop=True)
-
-
-def _where(name: str, sides: Iterable[Collection[str]]) -> list[str]:
-    """On which sides there is something."""
-    return ["present" if name in side else "" for side in sides]
+    differences["relative"] = relative.where(np.isfinite(largest))
+    return differences[~(differences.relative <= tolerance)].reset_index(drop=True)
 
 
 def describe_changes(changes: pd.DataFrame, at_most: int = 20) -> str:
     """The changes for a reader: one line each, at most the `at_most` largest per table."""
     lines = []
-    for table, found in changes.groupby("table", sort=False):
-        plural = "s" if len(found) > 1 else ""
-        lines.append(f"{table}: {len(found)} change{plural}")
-        largest_first = found.sort_values("relative", ascending=False, na_position="first")
-        lines += map(_described, largest_first.head(at_most).itertuples())
-        if len(found) > at_most:
-            lines.append(f"  ... and {len(found) - at_most} more")
+    for table, group in changes.groupby("table", sort=False):
+        lines.append(f"{table}: {len(group)} change{'s' * (len(group) > 1)}")
+        largest_first = group.sort_values("relative", ascending=False, na_position="first")
+        for change in largest_first.head(at_most).itertuples():
+            place = ", ".join(filter(None, [change.row, change.column]))
+            by = "" if np.isnan(change.relative) else f"  ({change.relative:.2g})"
+            texts = f"{change.before or '(none)'} → {change.after or '(none)'}"
+            lines.append(f"  {place}: {texts}{by}")
+        if len(group) > at_most:
+            lines.append(f"  ... and {len(group) - at_most} more")
     return "\n".join(lines)
 
 
-def _described(change: Any) -> str:
-    """One change in a line."""
-    place = ", ".join(filter(None, [change.row, change.column]))
-    old, new = change.before or "(none)", change.after or "(none)"
-    by = "" if np.isnan(change.relative) else f"  ({change.relative:.2g})"
-    return f"  {place}: {old} → {new}{by}"
-
-
-def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
-    """Every table, as text, and `provenance.json` as one, by name."""
+def _cells_of(folder: Path) -> _Cells:
+    """Every cell of the tables of results, and every value of their `provenance.json`."""
     files = sorted((folder / "tables").glob("*.csv"))
     if not files:
         raise InputError(folder, "has no tables/*.csv", "Name the results folder of a study.")
-    as_text = {"dtype": str, "keep_default_na": False}
-    tables = {}
+    cells: _Cells = {}
     try:
         for path in files:
             file = regular_file(path, folder)
             check_size(file)
-            tables[path.name] = pd.read_csv(io.BytesIO(file.read_bytes()), **as_text)
+            text = io.BytesIO(file.read_bytes())
+            cells |= _cells(path.name, pd.read_csv(text, dtype=str, keep_default_na=False))
     except ValueError as error:
         raise InputError(folder, f"cannot be read: {error}", "Run the study again.") from error
     record = folder / "provenance.json"
     if os.path.lexists(record):
         values = _values(read_json(record, folder, {"type": "object"}))
-        tables[_PROVENANCE] = pd.DataFrame(values, columns=["key", "value"], dtype=str)
-    return tables
+        cells |= _cells(_PROVENANCE, pd.DataFrame(values, columns=["key", "value"], dtype=str))
+    return cells
+
+
+def _cells(name: str, table: pd.DataFrame) -> _Cells:
+    """The cells of a table; a row is called after its key, or by its number."""
+    listed = TABLES.get(Path(name).stem)
+    key = ["key"] if name == _PROVENANCE else listed.key if listed else []
+    if not {*key} <= {*table} or table.duplicated(key or None).any():
+        key = []
+    cells = {(name, "", ""): "present"}
+    for number, record in enumerate(table.to_dict("records"), start=1):
+        row = ", ".join(f"{part}={record[part]}" for part in key if record[part])
+        row = row or f"row {number}"
+        cells[name, row, ""] = "present"
+        cells |= {(name, row, str(column)): text for column, text in record.items()}
+    return cells
 
 
 def _values(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
@@ -108,40 +118,3 @@ def _values(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
             yield from _values(part, f"{key}.{name}" if key else name)
     else:
         yield key, str(value)
-
-
-def _changes(name: str, sides: Sequence[pd.DataFrame]) -> list[tuple[str, ...]]:
-    """Row, column, text before and text after of each cell that differs."""
-    key = _key(name, sides)
-    cells = [side.set_axis(_rows(side, key)).stack() for side in sides]
-    rows = [{*side.index.get_level_values(0)} for side in cells]
-    changes: list[tuple[str, ...]] = []
-    for (row, column), old, new in pd.concat(cells, axis=1).fillna("").itertuples():
-        where = _where(row, rows)
-        if not all(where):
-            changes.append((row, "", *where))
-        elif old != new:
-            changes.append((row, column, old, new))
-    return list(dict.fromkeys(changes))
-
-
-def _rows(table: pd.DataFrame, key: list[str]) -> list[str]:
-    """A name for each row: what its key says, or its number."""
-    if not key:
-        return [f"row {number}" for number in range(1, len(table) + 1)]
-    rows = []
-    for row in table[key].to_dict("records"):
-        rows.append(", ".join(f"{part}={value}" for part, value in row.items() if value))
-    return rows
-
-
-def _key(name: str, sides: Sequence[pd.DataFrame]) -> list[str]:
-    """The columns that identify a row on every side; empty where none do."""
-    listed = TABLES.get(Path(name).stem)
-    key = listed.key if listed else []
-    if name == _PROVENANCE:
-        key = ["key"]
-    for side in sides:
-        if not {*key} <= {*side} or len({*_rows(side, key)}) < len(side):
-            return []
-    return key
