@@ -11,7 +11,7 @@ record is only read and compared. Nothing is written or deleted because a record
 import hashlib
 import json
 import os
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence, Set
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -125,8 +125,8 @@ def plan_again(
     """
     contents = _Contents(results)
     begun = [step for step in steps if any(path.exists() for path in step.outputs)]
-    why = {str(step.outputs[0]): _difference(step, contents, accepted) for step in begun}
-    return {output: reason for output, reason in why.items() if reason}
+    reasons = {str(step.outputs[0]): _difference(step, contents, accepted) for step in begun}
+    return {output: reason for output, reason in reasons.items() if reason}
 
 
 def _difference(step: Step, contents: "_Contents", accepted: Container[str]) -> str | None:
@@ -139,8 +139,13 @@ def _difference(step: Step, contents: "_Contents", accepted: Container[str]) -> 
         if name := _changed(record[part], now[part]):
             return f"{name} {'is missing' if now[part].get(name) == '' else 'has changed'}"
     if name := _changed(record["params"], now["params"]):
-        before, after = (part["params"].get(name) for part in (record, now))
-        return "the program has changed" if name == "code" else _turned(name, before, after)
+        values = [
+            json.dumps(of["params"].get(name), ensure_ascii=False) for of in (record, now)
+        ]
+        if name == "code":
+            return "the program has changed"
+        is_short = max(map(len, values)) <= 40
+        return "{} was {}, is {}".format(name, *values) if is_short else f"{name} has changed"
     if name := _changed(record["outputs"], contents.of(step.outputs)):
         return f"{name} is not as it was made"
     return _judged_otherwise(record, accepted)
@@ -148,9 +153,10 @@ def _difference(step: Step, contents: "_Contents", accepted: Container[str]) -> 
 
 def _judged_otherwise(record: Record, accepted: Container[str]) -> str | None:
     """A fault that a step accepted and a config does not, or the other way round, in words."""
-    now = {name: name in accepted for name in record["faults"]}
-    name = _changed(record["faults"], now)
-    return name and f"whether {name} is accepted has changed"
+    for name, was_accepted in sorted(record["faults"].items()):
+        if was_accepted != (name in accepted):
+            return f"whether {name} is accepted has changed"
+    return None
 
 
 def break_in(results: Path, config: Mapping[str, Any] | None = None) -> str | None:
@@ -165,7 +171,7 @@ def break_in(results: Path, config: Mapping[str, Any] | None = None) -> str | No
     if config is not None and made_with != _plain(config, results):
         return "the results were made with another config"
     accepted = made_with.get("accept", ())
-    return next(_breaks(results, steps, config, accepted), None)
+    return next(_breaks(results, steps, places_of(config), accepted), None)
 
 
 def check_chain(results: Path) -> None:
@@ -182,7 +188,7 @@ def certified_inputs(
     Raises an `InputError` if a step was asked something else, or if a file is not as its step made
     it, or not as a step read it.
     """
-    _refuse(results, next(_breaks(results, steps, files), None))
+    _refuse(results, next(_breaks(results, steps, places_of(files)), None))
     read: dict[str, str] = {}
     for each in steps:
         read |= _of(results, each, "files")
@@ -208,35 +214,40 @@ def _refuse(results: Path, problem: str | None) -> None:
 def _breaks(
     results: Path,
     steps: Mapping[str, str | None],
-    named: Any,
+    places: Set[Path],
     accepted: Container[str] | None = None,
 ) -> Iterator[str]:
-    """Every break between these steps, in a sentence; `named` is that of `places_of`."""
-    places, contents = places_of(named), _Contents(results)
+    """Every break between these steps, in a sentence; `places` are those of measured files."""
     records = {}
-    for name, asked in steps.items():
+    for name, step_hash in steps.items():
         record = read_record(results, name)
         if record is None:
             yield f"no record says what the step {name} made"
             continue
         records[name] = record
-        if asked not in (None, _hash(record["params"])):
+        if step_hash not in (None, _hash(record["params"])):
             yield f"the step {name} was made with other params or files than the config gives"
         if accepted is not None and (fault := _judged_otherwise(record, accepted)):
             yield f"{fault} since the step {name} was made"
-    # who made a file is named before those that read it
-    for part, did in (("outputs", "made"), ("inputs", "read"), ("files", "read")):
+    yield from _changed_files(results, records, places)
+
+
+def _changed_files(
+    results: Path, records: Mapping[str, Record], places: Set[Path]
+) -> Iterator[str]:
+    """Every file that is not as the records have it; its maker is named before its readers."""
+    contents = _Contents(results)
+    for part, verb in (("outputs", "made"), ("inputs", "read"), ("files", "read")):
         for name, record in records.items():
-            paths = {results / each: of for each, of in record[part].items()}
-            if part == "files":  # the others, which may be gone
-                paths = {Path(each): of for each, of in record[part].items()}
-                paths = {path: of for path, of in paths.items() if is_readable(path, places)}
-            for path, digest in paths.items():
+            for file, digest in record[part].items():
+                path = Path(file) if part == "files" else results / file
+                if part == "files" and not is_readable(path, places):
+                    continue  # what was measured may be gone
                 if contents.digest(path) != digest:
                     yield (
-                        f"{path} is not as the step {name} {did} it"
+                        f"{path} is not as the step {name} {verb} it"
                         if os.path.exists(path)
-                        else f"{path}, which the step {name} {did}, is missing"
+                        else f"{path}, which the step {name} {verb}, is missing"
                     )
 
 
@@ -327,9 +338,3 @@ def _changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> str | None:
     """The first name whose value differs, came or went."""
     names = sorted({*before, *after})
     return next((name for name in names if before.get(name) != after.get(name)), None)
-
-
-def _turned(name: str, before: Any, after: Any) -> str:
-    was, now = (json.dumps(value, ensure_ascii=False) for value in (before, after))
-    is_short = max(len(was), len(now)) <= 40
-    return f"{name} was {was}, is {now}" if is_short else f"{name} has changed"

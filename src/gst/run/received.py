@@ -7,7 +7,7 @@ resolved. Neither a pipe nor a link can therefore stop the program or lead it el
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +15,8 @@ from gst import ROOT
 from gstlib.errors import InputError
 from gstlib.io.files import check_size
 
-__all__ = [
-    "CONTENTS",
-    "OUTPUTS",
-    "RECORD",
-    "is_readable",
-    "places_of",
-    "read_json",
-    "read_provenance",
-]
-__all__ += ["regular_file"]
+__all__ = ["CONTENTS", "OUTPUTS", "RECORD", "is_readable", "places_of", "read_json"]
+__all__ += ["read_provenance", "regular_file"]
 
 _LARGEST_JSON = 1 << 26  # bytes: digests of half a million files
 _DEEPEST = 50  # lists in lists, ten times as many as in a config
@@ -35,45 +27,45 @@ _OBJECT_OR_NULL = {"type": ["object", "null"]}
 _TEXT_BY_NAME = {"type": "object", "additionalProperties": _TEXT}
 # Of a file that was missing there is no digest.
 _DIGESTS = {"type": "object", "additionalProperties": {"type": "string", "minLength": 1}}
-_FAULTS = {"type": "object", "additionalProperties": {"type": "boolean"}}
 
 
-def _form(*required: str, **properties: Any) -> dict[str, Any]:
-    """The JSON schema of an object with these properties, and with any others."""
-    return {"type": "object", "required": [*required], "properties": properties}
+def _form(required: Iterable[str] | None = None, **properties: Any) -> dict[str, Any]:
+    """The JSON schema of an object with these properties, all `required` by default, and others."""
+    names = [*properties] if required is None else [*required]
+    return {"type": "object", "required": names, "properties": properties}
 
 
 RECORD = _form(
-    "params",
-    "inputs",
-    "files",
-    "outputs",
-    "messages",
-    "faults",
-    "software",
-    params=_form("makes", makes=_TEXTS, steps=_TEXT_BY_NAME, config=_form(accept=_TEXTS)),
-    faults=_FAULTS,
-    software=_TEXT_BY_NAME,
+    params=_form(["makes"], makes=_TEXTS, steps=_TEXT_BY_NAME, config=_form([], accept=_TEXTS)),
     inputs=_DIGESTS,
-    outputs=_DIGESTS,
     files=_TEXT_BY_NAME,
+    outputs=_DIGESTS,
     messages={"type": "object", "additionalProperties": _TEXTS},
+    faults={"type": "object", "additionalProperties": {"type": "boolean"}},
+    software=_TEXT_BY_NAME,
 )
 # What every version of a record has.
-OUTPUTS = _form("outputs", outputs=_DIGESTS)
-_ENTRY = dict.fromkeys(("file", "category", "title", "caption"), _TEXT)
-CONTENTS = {"type": "array", "items": _form(*_ENTRY, **_ENTRY)}
-_INPUTS = _form("mesh", mesh=_TEXT, mesh_unit=_TEXT, scan_folder=_TEXT_OR_NULL)
+OUTPUTS = _form(outputs=_DIGESTS)
+CONTENTS = {
+    "type": "array",
+    "items": _form(file=_TEXT, category=_TEXT, title=_TEXT, caption=_TEXT),
+}
+_INPUTS = _form(["mesh"], mesh=_TEXT, mesh_unit=_TEXT, scan_folder=_TEXT_OR_NULL)
 _CONFIG = {
     "title": _TEXT,
     "patches": _TEXT_OR_NULL,
     "published": _TEXT_OR_NULL,
-    "gesture": _form(table=_TEXT_OR_NULL) | _OBJECT_OR_NULL,
+    "gesture": _form([], table=_TEXT_OR_NULL) | _OBJECT_OR_NULL,
     "inputs": _INPUTS | _OBJECT_OR_NULL,
-    "scans": _form("size_mm", size_mm={"type": "number"}),
+    "scans": _form(size_mm={"type": "number"}),
 }
-_SOFTWARE = {"gstlib": _TEXT, "commit": _TEXT_OR_NULL, "program": _TEXT, "python": _TEXT}
-_SOFTWARE["packages"] = _form("snakemake") | _TEXT_BY_NAME
+_SOFTWARE = _form(
+    gstlib=_TEXT,
+    commit=_TEXT_OR_NULL,
+    program=_TEXT,
+    python=_TEXT,
+    packages=_form(snakemake=_TEXT) | _TEXT_BY_NAME,
+)
 
 
 def places_of(named: Any) -> set[Path]:
@@ -144,10 +136,6 @@ def read_provenance(
 
     Raises as `read_json`.
     """
-    form = _form(
-        *parts,
-        config=_form(*keys, **_CONFIG),
-        inputs=_TEXT_BY_NAME,
-        software=_form(*_SOFTWARE, **_SOFTWARE),
-    )
+    config = _form(keys, **_CONFIG)
+    form = _form(parts, config=config, inputs=_TEXT_BY_NAME, software=_SOFTWARE)
     return read_json(results / "provenance.json", results, form)
