@@ -4,6 +4,7 @@ import os
 import py_compile
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -14,7 +15,8 @@ from types import SimpleNamespace
 import gst
 import pytest
 from gst.run import running
-from gst.run.running import former_layout, lay_out, run_study
+from gst.run.owned import LOCK, RESULTS, locked
+from gst.run.running import lay_out, run_study
 from gst.run.scheduler import end
 from gstlib.errors import InputError
 
@@ -119,19 +121,6 @@ def test_stale_bytecode_of_an_edited_module_is_not_run(tmp_path, monkeypatch):
     assert stored.stat().st_mtime_ns == before
 
 
-def test_results_of_a_former_layout_are_named_until_there_are_new_ones(tmp_path):
-    assert former_layout(tmp_path) is None
-    for name in ("logs/prepare.sha256", "surfaces/1_T0.h5"):
-        (tmp_path / name).parent.mkdir()
-        (tmp_path / name).touch()
-    said = former_layout(tmp_path)
-    assert said is not None
-    assert str(tmp_path / "logs/prepare.sha256") in said
-    (tmp_path / "logs/grid_macroscale.json").touch()
-    assert former_layout(tmp_path) is None
-    assert (tmp_path / "surfaces/1_T0.h5").exists()
-
-
 @pytest.mark.parametrize("path", ["", ":"])
 def test_the_folder_of_a_study_is_on_no_path_of_modules(tmp_path, monkeypatch, path):
     """An entry without a name would put it on that of the processes that are started."""
@@ -153,6 +142,35 @@ def test_the_folder_of_a_study_is_on_no_path_of_modules(tmp_path, monkeypatch, p
     running._snakemake(environment={})
     assert started["PYTHONPATH"] == source
     assert started["PYTHONSAFEPATH"] == "1"
+
+
+def holders():
+    """The text of a lock, and the words of the refusal, if it is not taken over."""
+    with subprocess.Popen(["true"]) as dead:
+        pass
+    here = socket.gethostname()
+    yield f"{dead.pid}\n{here}\n", None
+    yield f"{os.getpid()}\n{here}\n", f"kill {os.getpid()}"
+    yield "12\nelsewhere\n", "started on elsewhere may still be at work"
+
+
+def test_one_run_at_a_time_writes_into_a_folder(folder):
+    results = folder / "results"
+    results.mkdir()
+    for holder, refusal in holders():
+        (results / LOCK).write_text(holder)
+        refused = pytest.raises(InputError, match=refusal) if refusal else nullcontext()
+        with refused, locked(results):
+            pass
+        assert (results / LOCK).exists() == bool(refusal)
+    with pytest.raises(InputError, match="at work"):
+        run_study("mine.yaml", **USUAL)
+    (results / LOCK).unlink()
+    around = os.environ | {RESULTS: str(results.resolve())}
+    with subprocess.Popen(["cat"], stdin=subprocess.PIPE, env=around) as job:
+        with pytest.raises(InputError, match=f"kill {job.pid}"):
+            run_study("mine.yaml", **USUAL)
+        job.communicate()
 
 
 @pytest.mark.parametrize("name", [".snakemake", ".snakemake/log"])

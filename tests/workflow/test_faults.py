@@ -4,21 +4,13 @@ import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 from pathlib import Path
 
-from gst.run.owned import CLAIMS, LOCK, RESULTS
+from gst.run.owned import CLAIMS, LOCK
 
 NOT_FOR_USERS = ("Traceback", "RuleException", "CalledProcessError", 'File "', "InputFunction")
-
-
-def begin(study):
-    """`gst study` up to Snakemake, which only says what its rules are."""
-    result = study.gst("study", study.config, "--list-rules")
-    assert ("solve_patches" in result.stdout + result.stderr) == (result.returncode == 0)
-    return result
 
 
 def test_a_failed_step_shows_its_own_error_and_nothing_else(tiny):
@@ -28,29 +20,11 @@ def test_a_failed_step_shows_its_own_error_and_nothing_else(tiny):
     result = tiny.run()
     assert result.returncode != 0
     said = result.stdout + result.stderr
-    for words in ("composite.h5", "240 MPa cannot be reached", "Lower the load"):
-        assert said.count(words) == 1, said
-    assert "step: Pressing the stone with 24000" in said
+    assert said.count("240 MPa cannot be reached") == 1, said
     assert "log:  results-tiny/logs/solve_macroscale.log" in said
-    assert "Repeat the same command to continue from there." in said
+    assert "Stopped with " in said
     assert not [word for word in NOT_FOR_USERS if word in said], said
     assert not (tiny.results / "macroscale/contact.h5").exists()
-
-
-def test_what_is_deleted_is_planned_again(tiny):
-    for names, rules in (
-        (("macroscale/contact.h5",), {"solve_macroscale", "couple_scales"}),
-        (("coupling/pressures.csv",), {"couple_scales"}),
-        (("index.html", "contents.json", "provenance.json"), {"write_page"}),
-        (("reference/contact.h5",), {"solve_reference", "compare_scales"}),
-        (("microscale/levelled/1/7.h5",), {"solve_patches", "compare_scales"}),
-    ):
-        kept = {tiny.results / name: (tiny.results / name).read_bytes() for name in names}
-        for file in kept:
-            file.unlink()
-        assert rules <= tiny.planned(), names
-        for file, content in kept.items():
-            file.write_bytes(content)
 
 
 def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
@@ -58,11 +32,12 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
     results, folder = tiny.results, tiny.results.name
     cut, edited = results / "change/1/7.h5", results / "tables/wear.csv"
     gone, record = results / "figures/patch/7.png", results / "logs/compare_scales.json"
-    whole = {file: file.read_bytes() for file in (cut, edited, gone)}
+    lost = results / "microscale/levelled/1/7.h5"
+    whole = {file: file.read_bytes() for file in (cut, edited, gone, lost)}
     before = tiny.tables()
     cut.write_bytes(whole[cut][:9])
     edited.write_bytes(whole[edited].replace(b"0.", b"99.", 1))
-    for file in (gone, record, results / "logs/solve_macroscale.log"):
+    for file in (gone, lost, record, results / "logs/solve_macroscale.log"):
         file.unlink()
     said = tiny.gst("study", tiny.config, "--plan").stdout
     for step, why in (
@@ -144,38 +119,6 @@ def test_ctrl_c_ends_a_run_in_a_sentence(study):
     assert process.returncode == 1
     assert said.endswith("Repeat the same command to continue from there.\n")
     assert len(said.splitlines()) < 8
-    assert not (study.results / LOCK).exists()
-
-
-def test_two_folders_with_the_same_results_do_not_run_at_once(study):
-    """The lock of a dead process is taken over; that of another machine is not."""
-    lock = study.results / LOCK
-    lock.parent.mkdir()
-    dead = subprocess.Popen(["true"])
-    dead.wait()
-    for holder, said in (
-        (f"{dead.pid}\n{socket.gethostname()}\n", None),
-        (f"{os.getpid()}\n{socket.gethostname()}\n", f"kill {os.getpid()}"),
-        ("12\nelsewhere\n", "started on elsewhere may still be at work"),
-    ):
-        lock.write_text(holder)
-        result = begin(study)
-        assert result.returncode == (2 if said else 0), result.stderr
-        assert (said or "") in result.stderr
-        assert lock.exists() == bool(said)
-        lock.unlink(missing_ok=True)
-
-
-def test_results_with_a_live_job_are_refused(study):
-    study.results.mkdir()
-    around = os.environ | {RESULTS: str(study.results.resolve())}
-    with subprocess.Popen(["cat"], stdin=subprocess.PIPE, env=around) as process:
-        result = begin(study)
-        process.communicate()
-    assert result.returncode == 2
-    said = result.stderr.strip()
-    assert said.startswith(f"ERROR: {study.results.name}: a run or its jobs are still at work")
-    assert said.endswith(f"Wait, or end them: kill {process.pid}")
     assert not (study.results / LOCK).exists()
 
 

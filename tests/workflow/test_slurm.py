@@ -143,7 +143,7 @@ def test_a_study_with_faults_of_jobs_is_the_one_of_one_machine(finished_tiny, tm
     assert set(re.findall(r"localrule (\w+)", run.record())) == {"all", "pass_inputs"}
     shown = run.log.read_text()
     assert re.search(r"\d+ of \d+ steps done", shown)
-    assert re.search(r"All \d+ steps are done", shown)
+    assert "Finished: " in shown
     # the same study as on one machine
     assert study.tables() == finished_tiny.tables()
     assert study.fields() == finished_tiny.fields()

@@ -27,7 +27,7 @@ from gst.run.provenance import refuse_other_study
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
-__all__ = ["former_layout", "lay_out", "remove_results", "run_study"]
+__all__ = ["lay_out", "remove_results", "run_study"]
 
 # Folders of the results with what one stage gives to the next, which no reader needs.
 BETWEEN = {
@@ -93,8 +93,6 @@ def run_study(
     results = Path(read["results"])
     refuse_other_study(read)
     check_links(results)
-    if former := former_layout(results):
-        print(former, file=sys.stderr)
     plan = plan or not _PLANNING.isdisjoint(options)
     command: list[object] = ["--configfile", config, "--workflow-profile", folder]
     command += ["--cores", cores] if cores else []
@@ -159,18 +157,6 @@ def _check_bytecode() -> None:
             with suppress(OSError):
                 if int.from_bytes(stored.read_bytes()[4:8], "little") != 3:
                     py_compile.compile(str(source), invalidation_mode=_CHECKED)
-
-
-def former_layout(results: Path) -> str | None:
-    """What to know of a folder with results of a former layout, until it has records of a run."""
-    old = sorted([*results.glob("logs/*.sha256"), *results.glob("surfaces/*_T*.h5")])
-    if not old or any(results.glob("logs/*.json")):
-        return None
-    return (
-        f"{results} holds results of a former layout, such as {old[0]}. They stay as they are, and "
-        "the study makes its own beside them; to keep the two apart, name another folder as "
-        "results."
-    )
 
 
 def remove_results(config: Path, *, intermediate: bool) -> None:
