@@ -247,9 +247,7 @@ def _metadata(
     }
     context = ["https://w3id.org/ro/crate/1.1/context", {"sha256": "http://schema.org/sha256"}]
     graph = {"@context": context, "@graph": [descriptor, whole, *described, *people]}
-    # through JSON once more, which puts the two halves of a character together
-    text = json.dumps(json.loads(json.dumps(graph)), indent=1, ensure_ascii=False)
-    return f"{text}\n".encode()
+    return (json.dumps(graph, indent=1, ensure_ascii=False) + "\n").encode()
 
 
 def _zipped(files: Iterable[_File]) -> bytes:

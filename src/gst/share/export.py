@@ -47,22 +47,17 @@ def export_study(results: Path, to: Path) -> list[Path]:
         remedy = "Remove the files of an earlier export, or give another folder with --to."
         raise InputError(to, f"has the file {min(there).name} already", remedy)
     written = []
-    for name, content in _whole(results):
-        if Path(name).name != name:
-            problem = f"holds the name of a file outside the export: {name!r}"
-            raise InputError(results, problem, "Run the study again.")
-        written.append(to / name)
-        write_whole(written[-1], content)
-    return written
-
-
-def _whole(results: Path) -> Iterator[tuple[str, bytes]]:
-    """The same as `_files`; fields of another form than a study writes are refused."""
     try:
-        yield from _files(results)
+        for name, content in _files(results):
+            if Path(name).name != name:
+                problem = f"holds the name of a file outside the export: {name!r}"
+                raise InputError(results, problem, "Run the study again.")
+            written.append(to / name)
+            write_whole(written[-1], content)
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         problem = f"have a field that no study writes so ({error!s:.200})"
         raise InputError(results, problem, "Run the study again.") from error
+    return written
 
 
 def _files(results: Path) -> Iterator[tuple[str, bytes]]:
@@ -86,10 +81,10 @@ def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
     # what was filled from around it was not measured
     yield "T0", before.height.where(~before.filled)
     if change := files.get("change"):
-        found = read_dataset(change, only=["t1", "change"])
-        if found.attrs["registration_found"]:
-            yield "T1", found.t1
-            loss = -found.change
+        registered = read_dataset(change, only=["t1", "change"])
+        if registered.attrs["registration_found"]:
+            yield "T1", registered.t1
+            loss = -registered.change
             yield "loss", loss.assign_attrs(units="mm", long_name="measured height loss")
     if wear := files.get("wear"):
         for depth in read_dataset(wear, only=["depth"]).depth:
