@@ -357,7 +357,7 @@ def export(results, to) -> None:
 )
 @click.option("--license", "licence", help="Licence of the results, such as CC-BY-4.0 (SPDX).")
 def package(results, output, authors, licence) -> None:
-    """Pack a finished study into one zip for an archive or a paper (a Workflow Run RO-Crate)."""
+    """Pack a finished study into one zip for an archive or a paper (an RO-Crate)."""
     from gst.share.crate import pack_study
 
     output = output or Path(f"{results.resolve().name}.zip")
