@@ -23,7 +23,8 @@ from gstlib.errors import GstError
 
 __all__ = ["main"]
 
-
+# How a config begins that `gst new` wrote.
+_MADE_BY_NEW = "# Made by `gst new`"
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 
 
@@ -43,20 +44,15 @@ class _Path(click.Path):
 
 _PATH = _Path(path_type=Path)
 _POSITIVE = click.FloatRange(min=0, min_open=True)
-_UNIT = click.option(
-    "--unit",
-    type=click.Choice(["m", "cm", "mm", "um", "nm", "in"]),
-    help="Unit of files that do not state one.",
-)
+_UNITS = click.Choice(["m", "cm", "mm", "um", "nm", "in"])
+_UNIT = click.option("--unit", type=_UNITS, help="Unit of files that do not state one.")
 _SPACING = click.option(
-    "--spacing-um",
-    type=_POSITIVE,
-    help="Point spacing (µm) of text files that do not state it.",
+    "--spacing-um", type=_POSITIVE, help="Point spacing of texts that do not state it, µm."
 )
-
-
-# How a config begins that `gst new` wrote.
-_MADE_BY_NEW = "# Made by `gst new`"
+_OUTPUT = click.option(
+    "--output", type=_PATH, help="The file; by default named after its source, here."
+)
+_RESULTS = click.argument("results", type=_PATH)
 
 
 def _in_its_folder(_context: click.Context, _parameter: click.Parameter, config: Path) -> Path:
@@ -78,10 +74,6 @@ _CONFIG = click.argument(
     "config", type=_PATH, default="config/config.yaml", callback=_in_its_folder
 )
 
-# What messages name by its key in the config is an option of `gst inspect`.
-_OF_INSPECT = {"scans.unit in the config": "--unit", "mesh_unit:": "--unit"}
-_OF_INSPECT |= {"scans.spacing_um in the config": "--spacing-um"}
-
 
 class _Commands(click.Group):
     """Commands that end with the message of an error and exit code 2."""
@@ -94,10 +86,11 @@ class _Commands(click.Group):
             super().invoke(ctx)
         except (GstError, OSError) as error:  # such as a name that is too long
             click.echo(f"ERROR: {error}", err=True)
-            ctx.exit(2)
         except (EOFError, KeyboardInterrupt):
             click.echo("Broken off.", err=True)
-            ctx.exit(2)
+        else:
+            return
+        ctx.exit(2)
 
 
 @click.group(cls=_Commands, context_settings=_SETTINGS)
@@ -112,33 +105,13 @@ def main() -> None:
 
 @main.command()
 @click.argument("folder", type=_PATH)
-@click.option("--mesh", type=_PATH, help="The mesh of the tool: the study is made from files.")
-@click.option(
-    "--scans", type=_PATH, multiple=True, help="A folder of scans, or a scan; may be repeated."
-)
-@click.option(
-    "--overview",
-    type=_PATH,
-    help="A larger map of the face, on which the scans are found; among --scans, it is known by "
-    "its size.",
-)
-@click.option(
-    "--names",
-    help="How scans are named, where words such as before and after do not tell it: "
-    '"{patch}_{epoch}".',
-)
-@click.option(
-    "--like",
-    type=click.Choice(gst.SHIPPED),
-    help="Instead, the shipped config to start from, such as config (the synthetic specimen) or "
-    "tiny (the same in a minute).",
-)
+@click.option("--mesh", type=_PATH, help="The mesh of the tool.")
+@click.option("--scans", type=_PATH, multiple=True, help="Scans, or their folder; repeatable.")
+@click.option("--overview", type=_PATH, help="A larger map of the face that shows the scans.")
+@click.option("--names", help="A pattern of the names, such as {patch}_{epoch}.")
+@click.option("--like", type=click.Choice(gst.SHIPPED), help="A shipped config, not files.")
 def new(folder, mesh, scans, overview, names, like) -> None:
-    """Set up a study in FOLDER, from a mesh and scans or like one that is shipped.
-
-    From files: what they tell is written into a config and a patch table, what they do not tell is
-    marked TODO there, and both are said.
-    """
+    """Set up a study in FOLDER: from files, or as shipped."""
     if like and (mesh or scans):
         raise click.UsageError("give --like, or --mesh and --scans, not both")
     if (overview or names) and not scans:
@@ -153,23 +126,16 @@ def new(folder, mesh, scans, overview, names, like) -> None:
     from gst.run.running import lay_out
 
     like = like or "own"
-    for copy in lay_out(folder, like):
-        click.echo(copy)
-    click.echo(
-        f"Fill them in, then: cd {shlex.quote(str(folder))}; gst check config/{like}.yaml"
-    )
+    click.echo("\n".join(map(str, lay_out(folder, like))))
+    again = f"cd {shlex.quote(str(folder))}; gst check config/{like}.yaml"
+    click.echo(f"Fill them in, then: {again}")
 
 
 @main.command()
 @click.argument("folder", type=_PATH, callback=_in_its_folder)
 @click.option("--browser/--no-browser", default=True, help="Open the page in the browser.")
 def place(folder, browser) -> None:
-    """Open a page that takes the study in FOLDER, as `gst new` made it, to its result.
-
-    On it you say where the scans lie on the tool and how it was used, check the study and run it.
-    All of that is kept in FOLDER's config and patch table, so the page may be closed and opened
-    again. It needs no network, and is on this machine alone.
-    """
+    """Take the study in FOLDER to its result, on a page."""
     from gst.setup.place import serve
 
     serve(folder, browser=browser)
@@ -180,24 +146,19 @@ def place(folder, browser) -> None:
 @click.option("--fix", is_flag=True, help="Show and, once confirmed, apply what has one cure.")
 @click.option("--yes", is_flag=True, help="With --fix: confirm it at once.")
 def check(config, fix, yes) -> None:
-    """Check CONFIG, patch table, mesh and scans, and say what a run would do.
-
-    All problems are listed at once.
-    """
+    """Check all files of CONFIG, and say what a run would do."""
     from gst.check.checking import check_study
-
-    if not fix:
-        check_study(config)
-        return
     from gst.check.fixing import Cure, offer
 
-    cures: list[Cure] = []
+    cures: list[Cure] | None = [] if fix else None
     try:
         check_study(config, cures)
     except GstError as error:
         if not cures:
             raise
         click.echo(f"ERROR: {error}", err=True)
+    if not fix:
+        return
     if not cures:
         click.echo("Nothing that has one cure needs mending.")
     elif offer(config, cures, is_confirmed=yes):
@@ -209,18 +170,11 @@ def check(config, fix, yes) -> None:
 @main.command(context_settings={"ignore_unknown_options": True})
 @_CONFIG
 @click.argument("options", metavar="[SNAKEMAKE OPTIONS]...", nargs=-1, type=click.UNPROCESSED)
-@click.option("--cores", help="Jobs at a time; by default as in the profile, which has 2.")
-@click.option(
-    "--profile",
-    default="default",
-    help="default, slurm, or the path of your own, such as ./profiles/mine.",
-)
+@click.option("--cores", help="Jobs at a time; by default as in the profile: 2.")
+@click.option("--profile", default="default", help="default, slurm, or the path of your own.")
 @click.option("--plan", is_flag=True, help="Only show what would run.")
 def study(config, options, cores, profile, plan) -> None:
-    """Run the study of CONFIG in this folder.
-
-    Options and rules of Snakemake may follow CONFIG, such as --report FILE for its report.
-    """
+    """Run CONFIG's study here, with options of Snakemake."""
     if str(config).startswith("-"):
         raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
     from gst.run.running import run_study
@@ -230,16 +184,9 @@ def study(config, options, cores, profile, plan) -> None:
 
 @main.command()
 @_CONFIG
-@click.option(
-    "--intermediate",
-    is_flag=True,
-    help="Of a finished study, only what its stages gave to each other.",
-)
+@click.option("--intermediate", is_flag=True, help="Only what stages gave to each other.")
 def clean(config, intermediate) -> None:
-    """Remove the results of CONFIG's study; asks first.
-
-    Only files that records of the study name are removed, and folders that are empty then.
-    """
+    """Remove the results of CONFIG's study; asks first."""
     from gst.run.running import remove_results
 
     remove_results(config, intermediate=intermediate)
@@ -251,59 +198,28 @@ def clean(config, intermediate) -> None:
 @_SPACING
 @click.option("--pictures", type=_PATH, help="A folder for a picture (PNG) of each file.")
 def inspect(files, unit, spacing_um, pictures) -> None:
-    """Show what scans and meshes contain: size, spacing, units, unmeasured share, Sq, stage.
+    """Show what scans, meshes, and folders of them contain."""
+    from gst.check.inspecting import describe_files
 
-    Of a folder, the scans and meshes in it. If a file cannot be read, the others are still shown.
-    """
-    from gst.check.inspecting import files_in, inspect_file
-
-    failed = False
-    for file in (file for given in files for file in files_in(given)):
-        try:
-            facts, content = inspect_file(file, unit=unit, spacing_um=spacing_um)
-            if pictures is not None:
-                from gst.page.figures.inspected import inspected_figure
-                from gst.page.figures.style import save_figure
-
-                facts["picture"] = pictures / f"{file.name}.png"
-                save_figure(inspected_figure(content, file.name), facts["picture"])
-        except GstError as error:
-            failed, said = True, str(error)
-            for key, option in _OF_INSPECT.items():
-                said = said.replace(key, option)
-            click.echo(f"ERROR: {said}", err=True)
-            continue
-        width = max(map(len, facts))
-        shown = {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in facts.items()}
-        lines = [f"  {name.ljust(width)}  {value}\n" for name, value in shown.items()]
-        click.echo(f"{file}\n{''.join(lines)}")
-    if failed:
+    if not describe_files(files, unit=unit, spacing_um=spacing_um, pictures=pictures):
         sys.exit(2)
 
 
 @main.command()
 @click.argument("scan", type=_PATH)
 @click.option("--pressure", type=_POSITIVE, required=True, help="Mean pressure, MPa.")
-@click.option(
-    "--modulus", type=_POSITIVE, default=10346.0, help="Contact modulus E*, MPa, of sandstones."
-)
+@click.option("--modulus", type=_POSITIVE, default=10346.0, help="Contact modulus E*, MPa.")
 @click.option("--periodic", is_flag=True, help="Let the surface repeat itself.")
 @_UNIT
 @_SPACING
-@click.option(
-    "--output", type=_PATH, help="The picture; by default SCAN's name and .png, here."
-)
-def press(scan, pressure, modulus, periodic, unit, spacing_um, output) -> None:
-    """Press one SCAN on a flat: the curve of its contact, and a picture of it.
-
-    It is cleaned and levelled as in a study, but lies alone: it warns of much force on its rim.
-    """
+@_OUTPUT
+def press(scan, output, **options) -> None:
+    """Press one SCAN on a flat: its curve and its picture."""
     from gst.page.figures.inspected import pressed_figure
     from gst.page.figures.style import save_figure
     from gst.share.press import press_scan
 
-    options = {"periodic": periodic, "unit": unit, "spacing_um": spacing_um}
-    height, contact, doubts = press_scan(scan, pressure=pressure, modulus=modulus, **options)
+    height, contact, doubts = press_scan(scan, **options)
     for doubt in doubts:
         click.echo(f"WARNING: {scan}: {doubt}", err=True)
     click.echo(contact.table().to_string(index=False, float_format="{:.5g}".format))
@@ -319,13 +235,10 @@ def press(scan, pressure, modulus, periodic, unit, spacing_um, output) -> None:
     "--tolerance",
     type=click.FloatRange(min=0),
     default=0.0,
-    help="Relative difference up to which numbers count as equal.",
+    help="Relative difference up to which numbers are equal.",
 )
 def diff(before, after, tolerance) -> None:
-    """Show what differs between two result folders: tables, config, inputs and versions.
-
-    The exit code is 1 if a table differs; a change of the rest alone is shown, too, but gives 0.
-    """
+    """Show differences of two results; exit code 1 of tables."""
     from gst.share.difference import compare_results, describe_changes
 
     changes = compare_results(before, after, tolerance)
@@ -336,13 +249,10 @@ def diff(before, after, tolerance) -> None:
 
 
 @main.command()
-@click.argument("results", type=_PATH)
-@click.option("--to", type=_PATH, help="The folder; by default `export` in the results folder.")
+@_RESULTS
+@click.option("--to", type=_PATH, help="The folder; by default `export` in RESULTS.")
 def export(results, to) -> None:
-    """Write a study's surfaces (x3p) and tool (PLY) for other programs.
-
-    MountainsMap and Gwyddion open the surfaces; CloudCompare, MeshLab and Blender the tool.
-    """
+    """Write surfaces (x3p) and tool (PLY) for other programs."""
     from gst.share.export import export_study
 
     to = to or results / "export"
@@ -350,14 +260,12 @@ def export(results, to) -> None:
 
 
 @main.command()
-@click.argument("results", type=_PATH)
-@click.option("--output", type=_PATH, help="The zip; by default the folder's name and .zip.")
-@click.option(
-    "--author", "authors", multiple=True, help="Author of the study; may be repeated."
-)
-@click.option("--license", "licence", help="Licence of the results, such as CC-BY-4.0 (SPDX).")
+@_RESULTS
+@_OUTPUT
+@click.option("--author", "authors", multiple=True, help="An author of the study; repeatable.")
+@click.option("--license", "licence", help="Licence, such as CC-BY-4.0 (SPDX).")
 def package(results, output, authors, licence) -> None:
-    """Pack a finished study into one zip for an archive or a paper (an RO-Crate)."""
+    """Pack a finished study into one zip (an RO-Crate)."""
     from gst.share.crate import pack_study
 
     output = output or Path(f"{results.resolve().name}.zip")

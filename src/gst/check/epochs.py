@@ -2,7 +2,7 @@
 
 import itertools
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -51,12 +51,12 @@ def epochs_on_each_other(study: Study) -> tuple[list[GstError], str]:
     problems: list[GstError] = [*_unregistered(study)]
     table = study.registration
     unlike = [*_unlike_their_patch(study, table)]
-    problems += unlike
     named = {patch for fault in unlike for patch in fault.patches}
-    problems += [*other_heights(table[~table.patch.isin(named)]), *exchanged_epochs(table)]
+    problems += [*unlike, *other_heights(table[~table.patch.isin(named)])]
+    problems += exchanged_epochs(table)
     # that much may be noise is no news of scans so coarse
-    for odd in rise_warnings(table, max_noise_fraction=np.inf):
-        _log.warning("%s", odd)
+    for doubt in rise_warnings(table, max_noise_fraction=np.inf):
+        _log.warning("%s", doubt)
     return problems, _shifts(study, table[table.found.astype(bool)])
 
 
@@ -71,7 +71,7 @@ def _unregistered(study: Study) -> Iterator[InputError]:
             yield error.about(files[patch], f"patch {patch}: {error.problem}")
 
 
-class _Laid(NamedTuple):
+class _Way(NamedTuple):
     """How a T1 lies as it should not."""
 
     is_inverted: bool
@@ -83,93 +83,83 @@ class _Laid(NamedTuple):
 
     def lay(self, surface: xr.DataArray, *, is_flipped: bool = False) -> xr.DataArray:
         """The surface, laid so; or laid so in its file, if it was flipped since."""
+        is_reversed, turn = ORIENTATIONS[self.orientation]
         name = self.orientation
-        if is_flipped:  # which reverses the sense of turns
-            is_reversed, turn = ORIENTATIONS[name]
-            other = is_reversed, turn if turn == 180 else -turn
-            name = next(each for each, way in ORIENTATIONS.items() if way == other)
-        heights, (dy, dx) = oriented(surface.values, name), spacing_of(surface)
+        if is_flipped and turn != 180:  # which reverses the sense of turns
+            name = next(
+                each for each in ORIENTATIONS if ORIENTATIONS[each] == (is_reversed, -turn)
+            )
+        heights, spacing = oriented(surface.values, name), spacing_of(surface)
         return make_surface(
-            -heights if self.is_inverted else heights,
-            (dx, dy) if ORIENTATIONS[name][1] % 180 else (dy, dx),
+            -heights if self.is_inverted else heights, spacing[::-1] if turn % 180 else spacing
         )
 
 
 # T1 as it is has been tried.
-_LAID = [_Laid(*way) for way in itertools.product((False, True), ORIENTATIONS)][1:]
+_WAYS = [_Way(*way) for way in itertools.product((False, True), ORIENTATIONS)][1:]
+
+
+def _heights(study: Study, patch: str) -> list[xr.DataArray]:
+    """The prepared scans of a patch before and after use."""
+    return [study.prepared[patch, epoch].height for epoch in ("T0", "T1")]
 
 
 def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultError]:
     """Faults of the T1 that match otherwise, or nowhere if none matches; warnings of the others."""
-    files, doubts = study.patches.set_index("patch"), set()
+    rows, shift_mm = (
+        study.patches.set_index("patch"),
+        study.config["registration"]["maximum_shift_mm"],
+    )
+    doubts: dict[str, str] = {}
     lost = table.patch[~table.found.astype(bool)].tolist()
     for row in table.itertuples():
-        scans = [study.prepared[row.patch, epoch].height for epoch in ("T0", "T1")]
+        patch, scans = row.patch, _heights(study, row.patch)
         if doubt := form_warning(*scans):
-            doubts.add(row.patch)
-            _log.warning("%s: patch %s: %s", files.t1[row.patch], row.patch, doubt)
-        elif fault := _filtered(study, row.patch, scans):
-            lost = [patch for patch in lost if patch != row.patch]
-            yield fault
+            doubts[patch] = doubt
+        elif removed := _without_long_waves(*scans, shift_mm):
+            lost = [other for other in lost if other != patch]
+            yield _filtered(rows, patch, *removed)
         elif not row.found and is_one_way(row.detail_correlation, row.slope_correlation):
-            doubts.add(row.patch)
-            _log.warning(
-                "%s: patch %s: its striae match those of T0, but no detail shows where along them. "
-                "Scan a larger area, or one with a pit or a scar",
-                files.t1[row.patch],
-                row.patch,
+            doubts[patch] = (
+                "its striae match those of T0, but no detail shows where along them. Scan a larger "
+                "area, or one with a pit or a scar"
             )
-    laid = _laid_otherwise(study, [patch for patch in lost if patch not in doubts])
-    for how, patches in laid.items():
-        yield _laid_fault(study, patches, str(how))
-    lost = [patch for patch in lost if patch not in itertools.chain(*laid.values())]
-    tried = 0
-    for patch in [*lost]:
-        others = [name for name in study.patches.patch if name != patch][: _MOST_TRIED - tried]
-        tried += len(others)
-        if other := _found_on(study, patch, others):
-            lost.remove(patch)
-            problem = (
-                f"as T1 of patch {patch}, it is not found on {files.t0[patch]}, but on T0 of "
-                f"patch {other}"
-            )
-            remedy = "Correct t1 in the patch table."
-            yield FaultError(UNMATCHED, files.t1[patch], problem, remedy, [patch])
-    yield from _matching_nothing(files.t1, lost, doubts, whole=len(lost) == len(table))
-
-
-def _matching_nothing(
-    files: pd.Series, lost: list[str], doubts: set[str], *, whole: bool
-) -> Iterator[FaultError]:
-    """A fault if T1 of the `whole` table match nothing, else a warning of those without a doubt."""
+        if patch in doubts:
+            _log.warning("%s: patch %s: %s", rows.t1[patch], patch, doubts[patch])
+    without_doubt = [patch for patch in lost if patch not in doubts]
+    for way, patches in _laid_otherwise(study, without_doubt, shift_mm).items():
+        lost = [patch for patch in lost if patch not in patches]
+        yield _laid_fault(rows.t1, patches, str(way), len(study.worn))
+    others = _other_patches(study, lost, shift_mm)
+    for patch, other in others.items():
+        problem = (
+            f"as T1 of patch {patch}, it is not found on {rows.t0[patch]}, but on T0 of patch "
+            f"{other}"
+        )
+        remedy = "Correct t1 in the patch table."
+        yield FaultError(UNMATCHED, rows.t1[patch], problem, remedy, [patch])
+    lost = [patch for patch in lost if patch not in others]
     remedy = (
         "Check the names in the patch table and registration.maximum_shift_mm, and that no form "
         "was taken out of one of the two."
     )
-    if lost and whole:
+    if lost and len(lost) == len(table):
         problem = f"none of the {len(lost)} T1 scans matches its T0"
-        yield FaultError(UNMATCHED, ", ".join(files[lost]), problem, remedy)
+        yield FaultError(UNMATCHED, ", ".join(rows.t1[lost]), problem, remedy)
     elif lost := [patch for patch in lost if patch not in doubts]:
         every = "its T1 is" if len(lost) == 1 else "their T1 are"
         problem = f"patch {', '.join(lost)}: {every} not found on T0"
-        _log.warning("%s: %s. %s", ", ".join(files[lost]), problem, remedy)
+        _log.warning("%s: %s. %s", ", ".join(rows.t1[lost]), problem, remedy)
 
 
-def _filtered(study: Study, patch: str, scans: Sequence[xr.DataArray]) -> FaultError | None:
+def _filtered(rows: pd.DataFrame, patch: str, epoch: str, length_mm: float) -> FaultError:
     """The fault of a patch, one of whose scans has lost its long waves to a filter."""
-    before, after = scans
-    shift_mm = study.config["registration"]["maximum_shift_mm"]
-    removed = _without_long_waves(before, after, shift_mm)
-    if removed is None:
-        return None
-    epoch, length_mm = removed
-    other = "T0" if epoch == "T1" else "T1"
-    file = study.patches.set_index("patch").loc[patch, epoch.lower()]
+    other, length_um = "T0" if epoch == "T1" else "T1", float(f"{length_mm * 1e3:.2g}")
     return FaultError(
         UNMATCHED,
-        f"{file} ({at_epoch(patch, epoch)})",
-        f"it fits {other} only in waves shorter than {float(f'{length_mm * 1e3:.2g}'):g} µm, as "
-        "after a filter that removes the longer ones",
+        f"{rows.loc[patch, epoch.lower()]} ({at_epoch(patch, epoch)})",
+        f"it fits {other} only in waves shorter than {length_um:g} µm, as after a filter that "
+        "removes the longer ones",
         "Export both scans with no more than a plane removed.",
         [patch],
     )
@@ -202,17 +192,18 @@ def _times(one: np.ndarray | xr.DataArray, other: np.ndarray | xr.DataArray) -> 
     return float(one.std() / max(other.std(), np.finfo(float).tiny))
 
 
-def _laid_otherwise(study: Study, lost: list[str]) -> dict[_Laid, list[str]]:
+def _laid_otherwise(
+    study: Study, patches: list[str], maximum_shift_mm: float
+) -> dict[_Way, list[str]]:
     """Patches whose T1 matches its T0 if its file is laid otherwise, by how it then lies."""
-    laid: dict[_Laid, list[str]] = {}
-    shift_mm = study.config["registration"]["maximum_shift_mm"]
+    laid: dict[_Way, list[str]] = {}
     rows, mould = study.patches.set_index("patch"), study.config["scans"]["mould"]
-    for number, patch in enumerate(lost):
-        before, after = (study.prepared[patch, epoch].height for epoch in ("T0", "T1"))
+    for number, patch in enumerate(patches):
+        before, after = _heights(study, patch)
         is_flipped = mould_of(mould, rows.loc[patch].get("flip", ""))["flip"] is not None
         matches = {
-            how: _match(before, how.lay(after, is_flipped=is_flipped), shift_mm)
-            for how in (_LAID if number < _MOST_LAID else [*laid])
+            way: _match(before, way.lay(after, is_flipped=is_flipped), maximum_shift_mm)
+            for way in (_WAYS if number < _MOST_LAID else laid)
         }
         best = max(matches, key=matches.__getitem__, default=None)
         if best is not None and matches[best] > _SURE_MATCH:
@@ -220,33 +211,36 @@ def _laid_otherwise(study: Study, lost: list[str]) -> dict[_Laid, list[str]]:
     return laid
 
 
-def _laid_fault(study: Study, patches: list[str], how: str) -> FaultError:
-    """That these T1 match if they are laid otherwise."""
-    files = study.patches.set_index("patch").t1
-    if len(patches) == len(study.worn) > 1:
-        who = f"all {len(patches)} T1 match their T0"
-    else:
-        who = f"T1 of patch {', '.join(patches)} match{'es' * (len(patches) == 1)} T0"
-    problem = f"{who} only {how}"
+def _laid_fault(files: pd.Series, patches: list[str], way: str, count: int) -> FaultError:
+    """The fault of T1 that match if they are laid otherwise; `count` is that of all T1."""
+    who = f"T1 of patch {', '.join(patches)} match{'es' * (len(patches) == 1)} T0"
+    if len(patches) == count > 1:
+        who = f"all {count} T1 match their T0"
     remedy = (
         "scans.mould and flip hold for both epochs: export T1 so that it lies as T0 does, or scan "
         "both epochs on the stone, or both on moulds."
     )
-    return FaultError(UNMATCHED, ", ".join(files[patches]), problem, remedy, patches)
+    return FaultError(
+        UNMATCHED, ", ".join(files[patches]), f"{who} only {way}", remedy, patches
+    )
 
 
-def _found_on(study: Study, patch: str, others: list[str]) -> str | None:
-    """The first of the other patches whose T0 shows most of this one's T1.
+def _other_patches(study: Study, lost: list[str], maximum_shift_mm: float) -> dict[str, str]:
+    """By patch, the first other one whose T0 shows most of its T1.
 
     A T1 that lies between two patches shows a part of the other, too, and is no mistake of names.
     """
-    after = study.prepared[patch, "T1"].height
-    shift_mm = study.config["registration"]["maximum_shift_mm"]
-    for other in others:
-        match = _registered(study.prepared[other, "T0"].height, after, shift_mm)
-        if match is not None and match.overlap >= _MOSTLY:
-            return other
-    return None
+    pairs = (
+        (patch, other) for patch in lost for other in study.patches.patch if other != patch
+    )
+    others: dict[str, str] = {}
+    for patch, other in itertools.islice(pairs, _MOST_TRIED):
+        if patch not in others:
+            before, after = study.prepared[other, "T0"], study.prepared[patch, "T1"]
+            match = _registered(before.height, after.height, maximum_shift_mm)
+            if match is not None and match.overlap >= _MOSTLY:
+                others[patch] = other
+    return others
 
 
 def _match(before: xr.DataArray, after: xr.DataArray, maximum_shift_mm: float) -> float:
@@ -269,16 +263,16 @@ def _registered(
     return match if match.found else None
 
 
-def _shifts(study: Study, found: pd.DataFrame) -> str:
+def _shifts(study: Study, registered: pd.DataFrame) -> str:
     """How far each T1 that was found is shifted."""
-    if found.empty:
+    if registered.empty:
         return ""
-    shifts_um = np.hypot(found.shift_x_um, found.shift_y_um)
-    points_um = [1e3 * max(spacing_of(study.prepared[patch, "T0"])) for patch in found.patch]
-    together = int((shifts_um < _CO_LOCATED * np.array(points_um)).sum())
-    most = float(f"{shifts_um.max():.2g}")
-    said = f"found on {len(found)} patches, shifted by up to {most:g} µm"
+    shifts_um = np.hypot(registered.shift_x_um, registered.shift_y_um)
+    points_mm = [max(spacing_of(study.prepared[patch, "T0"])) for patch in registered.patch]
+    together = int((shifts_um < 1e3 * _CO_LOCATED * np.array(points_mm)).sum())
+    count, most = len(registered), float(f"{shifts_um.max():.2g}")
+    line = f"found on {count} patches, shifted by up to {most:g} µm"
     if together:
-        which = "all" if together == len(found) else f"{together} of them"
-        said += f"; {which} co-located already (shifted by less than half a point)"
-    return said
+        which = "all" if together == count else f"{together} of them"
+        line += f"; {which} co-located already (shifted by less than half a point)"
+    return line

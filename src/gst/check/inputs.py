@@ -53,17 +53,19 @@ _LARGE_BODY = 0.01
 _COARSE = 128
 # If spacings of T0 and T1 differ by more than this share, the magnifications differ.
 _SAME_SPACING = 1e-3
-# What to do where a scan of a patch has the very heights of another of its scans.
+# What to do where a scan has the very heights of an earlier one of its patch, by their epochs.
 _COPIED = {
-    "T1": {
-        "T0": "Give the scan that was made after use, or leave t1 empty in the patch table."
-    },
-    REPEAT: {
-        "T0": "Give the second scan without use, or leave repeat empty in the patch table.",
-        "T1": "Leave repeat empty if the patch was used in between, otherwise t1.",
-    },
+    (
+        "T1",
+        "T0",
+    ): "Give the scan that was made after use, or leave t1 empty in the patch table.",
+    (
+        REPEAT,
+        "T0",
+    ): "Give the second scan without use, or leave repeat empty in the patch table.",
+    (REPEAT, "T1"): "Leave repeat empty if the patch was used in between, otherwise t1.",
 }
-_AT = {"T1": "at T1", REPEAT: "in its repeat"}
+_OTHER_PATCH = "Correct their names in the patch table: each patch has scans of its own."
 # Scans that a message names, of those of which the same holds.
 _NAMED = 4
 # Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
@@ -90,9 +92,11 @@ class Inputs:
 
 
 class _Piece(NamedTuple):
-    """What comparisons need to know about a scan, or the piece cut from it."""
+    """A scan of a patch, or the piece cut for it from a larger scan."""
 
     path: Path
+    heights: xr.DataArray  # mm, with fewer points
+    facts: dict[str, Any]  # its row of the table
     grid: tuple[tuple[int, ...], tuple[float, float]]  # (ny, nx), and (dy, dx) in mm
     content: tuple  # hash of its file's heights, and which piece of them it is
     amplitude: Amplitude
@@ -119,9 +123,7 @@ class Asked:
 
 
 def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Asked) -> Inputs:
-    """Read the mesh and every scan of a study.
-
-    If the mesh is None, it is not checked.
+    """Read the mesh, unless it is None, and every scan of a study.
 
     Notes
     -----
@@ -129,25 +131,31 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
     """
     stone, frame, face, problems = _read_stone(mesh, asked)
     heights = square_of(face.height, asked.face["size_mm"]) if face is not None else None
-    read = _read_scans(scans, asked, heights)
-    problems += read.problems
-    problems += _unlike_epochs(read.pieces)
-    problems += _same_scans(read.pieces)
-    at_t0 = {patch: piece for (patch, epoch), piece in read.pieces.items() if epoch == "T0"}
-    problems += _unlike_counterface(read.pieces.get((COUNTERFACE, "")), at_t0)
+    pieces, unreadable = _read_scans(scans, asked, heights)
+    at_t0 = {patch: piece for (patch, epoch), piece in pieces.items() if epoch == "T0"}
+    rows = [piece.facts for piece in pieces.values()]
+    problems += unreadable
+    problems += [*_unlike_t0(pieces), *_same_scans(pieces)]
+    problems += _unlike_counterface(pieces.get((COUNTERFACE, "")), at_t0)
     if asked.reference:
         problems += _no_reference(at_t0, asked.face["size_mm"])
-    problems += _thin_interlayer(read.rows, asked)
+    if asked.interlayer is not None:
+        spacings = [row[f"spacing_{axis}_um"] for row in rows for axis in "xy"]
+        problems += thinner_than_a_point(asked.interlayer, max(spacings, default=0.0))
     edge_mm = heights.attrs["mesh_edge_mm"] if heights is not None else None
-    amplitudes = {patch: piece.amplitude for patch, piece in at_t0.items()}
-    for fault in other_units(amplitudes, edge_mm):
+    for fault in other_units({name: at_t0[name].amplitude for name in at_t0}, edge_mm):
         if asked.placed:
             problems.append(fault)
         else:
             _log.warning("%s: %s. %s", fault.source, fault.problem, fault.remedy)
-    table = pd.DataFrame(read.rows, columns=[*columns_of("inputs"), "range_um"])
-    stopping = unaccepted(problems, asked.accept)
-    return Inputs(table, stone, frame, face, read.coarse, stopping)
+    return Inputs(
+        pd.DataFrame(rows, columns=[*columns_of("inputs"), "range_um"]),
+        stone,
+        frame,
+        face,
+        {use: piece.heights for use, piece in pieces.items() if use[1]},
+        unaccepted(problems, asked.accept),
+    )
 
 
 def _read_stone(
@@ -155,20 +163,20 @@ def _read_stone(
 ) -> "tuple[trimesh.Trimesh | None, Frame | None, xr.Dataset | None, list[GstError]]":
     """The mesh, the frame of the square and the face, as far as they can be had."""
     stone = frame = face = None
+    if mesh is None:
+        return stone, frame, face, []
     try:
-        if mesh is not None:
-            stone = read_mesh(mesh, unit=asked.mesh_unit)
-            frame = _find_frame(stone, asked, source=str(mesh))
-            _mind_other_bodies(stone, frame, asked, source=str(mesh))
-            # the fastest interpolation: to look at, and to hold scans against
-            settings = {**asked.face, "interpolation": "linear", "source": str(mesh)}
-            tool = stated_tool(asked.active_tool, asked.rounded)
-            with accepting(asked.accept):
-                face = grid_macroscale(stone, **settings, active_tool=tool)[0]
-            return stone, frame, face, list(thin_stone(face.height, source=mesh))
+        stone = read_mesh(mesh, unit=asked.mesh_unit)
+        frame = _find_frame(stone, asked, source=str(mesh))
+        _warn_of_other_bodies(stone, frame, asked, source=str(mesh))
+        # the fastest interpolation: to look at, and to hold scans against
+        settings = {**asked.face, "interpolation": "linear", "source": str(mesh)}
+        tool = stated_tool(asked.active_tool, asked.rounded)
+        with accepting(asked.accept):
+            face = grid_macroscale(stone, **settings, active_tool=tool)[0]
+        return stone, frame, face, list(thin_stone(face.height, source=mesh))
     except GstError as error:
         return stone, frame, face, [error]
-    return stone, frame, face, []
 
 
 def _find_frame(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> Frame:
@@ -184,79 +192,63 @@ def _find_frame(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> Frame
             except ConfigError:
                 continue
             problem = f"{error.problem}; with mesh_unit: {unit} it would be on the stone"
-            raise ConfigError(error.source, problem, error.remedy) from None
+            raise error.about(error.source, problem) from None
         raise
-
-
-class _Scans(NamedTuple):
-    """What the scans contain: rows of the table, pieces, and what cannot be used."""
-
-    rows: list[dict[str, Any]]
-    pieces: _Pieces
-    coarse: dict[tuple[str, str], xr.DataArray]
-    problems: list[GstError]
 
 
 def _read_scans(
     scans: Iterable[ScanFile], asked: Asked, heights: xr.DataArray | None
-) -> _Scans:
-    """Every scan, each file read once."""
+) -> tuple[_Pieces, list[GstError]]:
+    """The pieces of all scans, and what cannot be used; each file is read once."""
     by_file: dict[Path, list[ScanFile]] = {}
     for scan in scans:
         by_file.setdefault(scan.path, []).append(scan)
-    read = _Scans([], {}, {}, [])
+    unit, spacing_um = asked.scan_settings["unit"], asked.scan_settings["spacing_um"]
+    pieces: _Pieces = {}
+    problems: list[GstError] = []
     for path, uses in by_file.items():
         try:
-            unit, spacing_um = asked.scan_settings["unit"], asked.scan_settings["spacing_um"]
             with accepting(asked.accept), concerning([use.patch for use in uses]):
                 whole = read_scan(path, unit=unit, spacing_um=spacing_um)
         except GstError as error:
-            read.problems.append(error)
+            problems.append(error)
             continue
         for use in uses:
-            _add_piece(read, whole, use, asked, heights)
-    return read
+            try:
+                pieces[use.patch, use.epoch] = _cut(whole, use, asked, heights)
+            except InputError as error:
+                named = f"{path} ({at_epoch(use.patch, use.epoch)})" if use.epoch else path
+                problems.append(error.about(named, error.problem))
+    return pieces, problems
 
 
-def _add_piece(
-    read: _Scans, whole: xr.DataArray, use: ScanFile, asked: Asked, heights: xr.DataArray | None
-) -> None:
-    """What a patch has of a scan."""
+def _cut(
+    whole: xr.DataArray, use: ScanFile, asked: Asked, heights: xr.DataArray | None
+) -> _Piece:
+    """The piece of a scan that belongs to a patch."""
     settings, path = asked.scan_settings, use.path
-    try:
-        piece = cut_patch(
-            whole,
-            crop=use.crop,
-            size_mm=settings["size_mm"],
-            epoch=use.epoch or "T0",
-            mould_flip=mould_of(settings["mould"], use.flip)["flip"],
-        )
-        check_unmeasured(piece, asked.maximum_unmeasured)
-    except InputError as error:
-        named = f"{path} ({at_epoch(use.patch, use.epoch)})" if use.epoch else path
-        read.problems.append(error.about(named, error.problem))
-        return
-    if use.epoch:
-        times = max(1, int(settings["size_mm"] / max(spacing_of(piece))) // _COARSE)
-        read.coarse[use.patch, use.epoch] = coarser(piece, times)
-    place = use.place if use.epoch == "T0" else None
-    amplitude = Amplitude.of(path, piece, heights, place)
-    same = hash(whole.values.tobytes()), use.crop
-    grid = piece.shape, spacing_of(piece)
-    read.pieces[use.patch, use.epoch] = _Piece(path, grid, same, amplitude)
-    facts = scan_facts(piece)
+    piece = cut_patch(
+        whole,
+        crop=use.crop,
+        size_mm=settings["size_mm"],
+        epoch=use.epoch or "T0",
+        mould_flip=mould_of(settings["mould"], use.flip)["flip"],
+    )
+    check_unmeasured(piece, asked.maximum_unmeasured)
+    facts = scan_facts(piece) | {"patch": use.patch, "epoch": use.epoch, "file": path.name}
     facts["range_um"] = facts["highest_um"] - facts["lowest_um"]
-    read.rows.append(facts | {"patch": use.patch, "epoch": use.epoch, "file": path.name})
+    times = max(1, int(settings["size_mm"] / max(spacing_of(piece))) // _COARSE)
+    return _Piece(
+        path,
+        coarser(piece, times),
+        facts,
+        (piece.shape, spacing_of(piece)),
+        (hash(whole.values.tobytes()), use.crop),
+        Amplitude.of(path, piece, heights, use.place if use.epoch == "T0" else None),
+    )
 
 
-def _thin_interlayer(rows: list[dict[str, Any]], asked: Asked) -> Iterator[GstError]:
-    """An interlayer that is thinner than two points of a scan are apart."""
-    if asked.interlayer is not None:
-        spacings = [row[f"spacing_{axis}_um"] for row in rows for axis in "xy"]
-        yield from thinner_than_a_point(asked.interlayer, max(spacings, default=0.0))
-
-
-def _mind_other_bodies(
+def _warn_of_other_bodies(
     stone: "trimesh.Trimesh", frame: Frame, asked: Asked, *, source: str
 ) -> None:
     """Warn of what is large and apart from the stone, such as the table on which it was scanned."""
@@ -265,12 +257,11 @@ def _mind_other_bodies(
     size_mm = asked.face["size_mm"]
     middle = np.array(frame.origin) + size_mm / 2 * (frame.axes[0] + frame.axes[1])
     body = connected_component_labels(stone.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
-    away = np.linalg.norm(stone.vertices - middle, axis=1)
     areas = np.bincount(
         body[stone.faces[:, 0]], weights=stone.area_faces, minlength=body.max() + 1
     )
     nearest = np.full(len(areas), np.inf)
-    np.minimum.at(nearest, body, away)
+    np.minimum.at(nearest, body, np.linalg.norm(stone.vertices - middle, axis=1))
     is_other = (areas > _LARGE_BODY * areas.sum()) & (
         nearest > (asked.face["face_mm"] or size_mm)
     )
@@ -284,27 +275,31 @@ def _mind_other_bodies(
         )
 
 
-def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
-    """Refuse scans of a patch that cannot be compared: different spacings, or equal heights."""
-    copied: dict[tuple[str, str], list[str]] = {}
-    for patch, epoch in pieces:
-        if epoch in _COPIED and (patch, "T0") in pieces:
-            yield from _unlike(patch, pieces[patch, "T0"], pieces[patch, epoch])
-            for other in _COPIED[epoch]:
-                first = pieces.get((patch, other))
-                if first is not None and first.content == pieces[patch, epoch].content:
-                    copied.setdefault((epoch, other), []).append(patch)
-    # Two scans never have the same noise: one was copied, and would show no wear, or no error.
-    for (epoch, other), patches in copied.items():
-        patch = patches[0]
-        yield FaultError(
-            SAME_SCAN,
-            pieces[patch, epoch].path,
-            f"patch {patch} has the same heights {_AT[epoch]} as at {other} "
-            f"({pieces[patch, other].path}){_and_so([f'patch {name}' for name in patches[1:]])}",
-            _COPIED[epoch][other],
-            patches,
-        )
+def _unlike_t0(pieces: _Pieces) -> Iterator[GstError]:
+    """Later scans that differ from T0 of their patch in spacing, or in the unit of heights."""
+    for (patch, epoch), later in pieces.items():
+        first = pieces.get((patch, "T0"))
+        if epoch not in ("T1", REPEAT) or first is None:
+            continue
+        (_, spacing_0), (_, spacing_1) = first.grid, later.grid
+        if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
+            yield InputError(
+                later.path,
+                f"its points are {_apart(spacing_1)} apart, those of {first.path} "
+                f"{_apart(spacing_0)}",
+                "Scan both epochs of a patch with the same objective, or resample one.",
+            )
+        before, after = first.amplitude.spread, later.amplitude.spread
+        if before and after and not 1 / UNIT_FACTOR <= after / before <= UNIT_FACTOR:
+            yield FaultError(
+                WRONG_UNIT,
+                later.path,
+                f"its heights vary {after / before:.3g} times as much as those of "
+                f"{first.path}: one of the two is in another unit",
+                "Export both epochs of a patch in one unit. "
+                + unit_remedy(later.amplitude.states_unit),
+                [patch],
+            )
 
 
 def _apart(spacing: tuple[float, float]) -> str:
@@ -313,53 +308,32 @@ def _apart(spacing: tuple[float, float]) -> str:
     return " × ".join(steps) + " µm"
 
 
-def _unlike(patch: str, first: _Piece, second: _Piece) -> Iterator[GstError]:
-    """Two scans of a patch that differ in spacing, or in the unit of their heights."""
-    (_, spacing_0), (_, spacing_1) = first.grid, second.grid
-    if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
-        yield InputError(
-            second.path,
-            f"its points are {_apart(spacing_1)} apart, those of {first.path} {_apart(spacing_0)}",
-            "Scan both epochs of a patch with the same objective, or resample one.",
-        )
-    before, after = first.amplitude.spread, second.amplitude.spread
-    if before and after and not 1 / UNIT_FACTOR <= after / before <= UNIT_FACTOR:
-        yield FaultError(
-            WRONG_UNIT,
-            second.path,
-            f"its heights vary {after / before:.3g} times as much as those of "
-            f"{first.path}: one of the two is in another unit",
-            "Export both epochs of a patch in one unit. "
-            + unit_remedy(second.amplitude.states_unit),
-            [patch],
-        )
-
-
-def _same_scans(pieces: _Pieces) -> Iterator[GstError]:
-    """The same piece of the same heights for two patches or more."""
+def _same_scans(pieces: _Pieces) -> Iterator[FaultError]:
+    """Scans with the very same heights: two never have the same noise, so one was copied."""
     alike: dict[tuple, list[tuple[str, str]]] = {}
     for use, piece in pieces.items():
         if use[0] != COUNTERFACE:
             alike.setdefault(piece.content, []).append(use)
-    for first, *rest in alike.values():
-        others = [use for use in rest if use[0] != first[0]]
-        if others:
-            yield FaultError(
-                SAME_SCAN,
-                pieces[others[0]].path,
-                f"{at_epoch(*others[0])} has the same heights as {at_epoch(*first)} "
-                f"({pieces[first].path}){_and_so([at_epoch(*use) for use in others[1:]])}",
-                "Correct their names in the patch table: each patch has scans of its own.",
-                [*dict.fromkeys(patch for patch, _ in (first, *others))],
-            )
-
-
-def _and_so(others: list[str]) -> str:
-    """That the same holds for others, of which the first are named."""
-    if not others:
-        return ""
-    named = ", ".join(others[:_NAMED]) + ", …" * (len(others) > _NAMED)
-    return f", and so {'have' if len(others) > 1 else 'has'} {len(others)} more: {named}"
+    pairs: dict[str, list] = {}  # by remedy
+    for uses in alike.values():
+        for patch, epoch in uses:
+            earlier = [use for use in uses if use[0] == patch and use[1] < epoch]
+            remedies = {_COPIED[epoch, use[1]]: use for use in earlier}
+            if patch != uses[0][0]:
+                remedies[_OTHER_PATCH] = uses[0]
+            for remedy, first in remedies.items():
+                pairs.setdefault(remedy, []).append(((patch, epoch), first))
+    for remedy, ((use, first), *others) in pairs.items():
+        more = ", ".join(at_epoch(*other) for other, _ in others[:_NAMED])
+        more += ", …" * (len(others) > _NAMED)
+        yield FaultError(
+            SAME_SCAN,
+            pieces[use].path,
+            f"{at_epoch(*use)} has the same heights as {at_epoch(*first)} ({pieces[first].path})"
+            + f"; likewise {len(others)} more: {more}" * bool(others),
+            remedy,
+            [*dict.fromkeys(patch for pair in pairs[remedy] for patch, _ in reversed(pair))],
+        )
 
 
 def _unlike_counterface(face: _Piece | None, at_t0: Mapping[str, _Piece]) -> list[GstError]:
@@ -375,10 +349,10 @@ def _unlike_counterface(face: _Piece | None, at_t0: Mapping[str, _Piece]) -> lis
 
 def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[GstError]:
     """Why the whole square cannot be pressed at the scans' resolution, if it cannot."""
-    kinds = list({piece.grid[0]: (patch, piece) for patch, piece in at_t0.items()}.values())
-    if not kinds:
+    grids = list({piece.grid[0]: (patch, piece) for patch, piece in at_t0.items()}.values())
+    if not grids:
         return
-    first = kinds[0][1]
+    first = grids[0][1]
     count = round(square_mm / first.grid[1][1])
     needed = _BYTES * count**2
     if needed > (available := os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
@@ -390,7 +364,7 @@ def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[Gst
             f"{available / 2**30:.1f} GiB",
             "Set reference_draws to null, or run the study on a larger machine.",
         )
-    for patch, other in kinds[1:2]:
+    for patch, other in grids[1:2]:
         (ny, nx), (other_ny, other_nx) = first.grid[0], other.grid[0]
         yield InputError(
             other.path,

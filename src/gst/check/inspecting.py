@@ -1,12 +1,14 @@
 """What a scan or a mesh contains, file by file: `gst inspect`."""
 
+import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
-from gstlib.errors import InputError
+from gstlib.errors import GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.scans import is_scan, read_scan
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
@@ -15,23 +17,66 @@ from gstlib.surfaces.leveling import remove_plane
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["files_in", "inspect_file", "scan_facts"]
+__all__ = ["describe_files", "inspect_file", "scan_facts"]
+
+# A message names keys of a config, in whose place `gst inspect` has options.
+_OPTIONS = {
+    "scans.unit in the config": "--unit",
+    "mesh_unit:": "--unit",
+    "scans.spacing_um in the config": "--spacing-um",
+}
 
 
-def files_in(path: Path) -> list[Path]:
+def describe_files(
+    paths: Iterable[Path],
+    *,
+    unit: str | None = None,
+    spacing_um: float | None = None,
+    pictures: Path | None = None,
+) -> bool:
+    """Print the facts of files, or of those in folders; whether all of them could be read.
+
+    `pictures` is the folder for a picture of each; the others are as in `inspect_file`.
+    """
+    all_read = True
+    for file in (file for path in paths for file in _files_in(path)):
+        try:
+            facts, content = inspect_file(file, unit=unit, spacing_um=spacing_um)
+            if pictures is not None:
+                from gst.page.figures.inspected import inspected_figure
+                from gst.page.figures.style import save_figure
+
+                facts["picture"] = pictures / f"{file.name}.png"
+                save_figure(inspected_figure(content, file.name), facts["picture"])
+        except GstError as error:
+            all_read, message = False, str(error)
+            for key, option in _OPTIONS.items():
+                message = message.replace(key, option)
+            print(f"ERROR: {message}", file=sys.stderr)
+            continue
+        width = max(map(len, facts))
+        print(file)
+        for name, value in facts.items():
+            shown = f"{value:.5g}" if isinstance(value, float) else value
+            print(f"  {name.ljust(width)}  {shown}")
+        print()
+    return all_read
+
+
+def _files_in(path: Path) -> Iterator[Path]:
     """The scans and meshes in a folder and those in it; a file itself.
 
     Raises an `InputError` if there is none.
     """
     if not path.is_dir():
-        return [path]
-    there = sorted(file for file in path.rglob("[!.]*") if file.is_file())
-    found = [file for file in there if is_mesh(file) or is_scan(file)]
-    if not found:
-        raise InputError(
-            path, "has no file with the ending of a scan or a mesh", "Name another."
-        )
-    return found
+        yield path
+        return
+    files = sorted(file for file in path.rglob("[!.]*") if file.is_file())
+    readable = [file for file in files if is_mesh(file) or is_scan(file)]
+    if not readable:
+        problem = "has no file with the ending of a scan or a mesh"
+        raise InputError(path, problem, "Name another.")
+    yield from readable
 
 
 def inspect_file(
@@ -44,25 +89,33 @@ def inspect_file(
     heights of a scan, and what it says about its instrument; vertices, faces, size and state of a
     mesh. The content is the scan (y, x) without its plane, or the mesh, both in mm.
     """
-    if is_mesh(path):
-        mesh = read_mesh(path, unit=unit)
-        file_unit = mesh.metadata["file_unit"]
-        said = f"{file_unit}, as given" if unit else f"{file_unit}, in the file"
-        if unit is None and not mesh.metadata["states_unit"]:
-            said = f"not stated: {file_unit} is assumed; give another as --unit"
-        return {"unit": said} | _mesh_facts(mesh), mesh
-    scan = read_scan(path, unit=unit, spacing_um=spacing_um)
-    said = "in the file" if scan.attrs["unit_stated"] == "yes" else f"{unit}, as given"
-    return {"unit": said} | scan_facts(scan), remove_plane(scan)[0]
+    if not is_mesh(path):
+        scan = read_scan(path, unit=unit, spacing_um=spacing_um)
+        is_stated = scan.attrs["unit_stated"] == "yes"
+        facts = {"unit": "in the file" if is_stated else f"{unit}, as given"}
+        return facts | scan_facts(scan), remove_plane(scan)[0]
+    mesh = read_mesh(path, unit=unit)
+    file_unit = mesh.metadata["file_unit"]
+    origin = f"{file_unit}, as given" if unit else f"{file_unit}, in the file"
+    if unit is None and not mesh.metadata["states_unit"]:
+        origin = f"not stated: {file_unit} is assumed; give another as --unit"
+    facts = {"unit": origin, "vertices": len(mesh.vertices), "faces": len(mesh.faces)}
+    for axis, low, high in zip("xyz", *mesh.bounds.tolist(), strict=True):
+        facts |= {f"size_{axis}_mm": high - low, f"centre_{axis}_mm": (low + high) / 2}
+    facts |= {
+        "mean_edge_mm": float(mesh.edges_unique_length.mean()),
+        "step_um": mesh.metadata["step_mm"] * MM_TO_UM,
+        "bodies": int(mesh.body_count),
+        "closed": "yes" if mesh.is_watertight else "no",
+    }
+    return facts, mesh
 
 
 def scan_facts(scan: xr.DataArray) -> dict[str, Any]:
     """Facts about a scan (mm) as it was read; Sq is about the least-squares plane."""
-    dy, dx = spacing_of(scan)
-    ny, nx = scan.shape
+    (dy, dx), (ny, nx) = spacing_of(scan), scan.shape
     level, plane = remove_plane(scan)
-    not_shown = "units", "long_name", "unit_stated"
-    own = {name: value for name, value in scan.attrs.items() if name not in not_shown}
+    hidden = "units", "long_name", "unit_stated"
     return {
         "points_x": nx,
         "points_y": ny,
@@ -76,18 +129,5 @@ def scan_facts(scan: xr.DataArray) -> dict[str, Any]:
         "tilt_x_mrad": plane.tilt_x_mrad,
         "tilt_y_mrad": plane.tilt_y_mrad,
         "Sq_um": float(np.nanstd(level.values)) * MM_TO_UM,
-        **own,
-    }
-
-
-def _mesh_facts(mesh: "trimesh.Trimesh") -> dict[str, Any]:
-    """Vertices, faces, size, mean edge, step of the coordinates and state of a mesh (mm)."""
-    facts: dict[str, Any] = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
-    for axis, low, high in zip("xyz", *mesh.bounds.tolist(), strict=True):
-        facts |= {f"size_{axis}_mm": high - low, f"centre_{axis}_mm": (low + high) / 2}
-    return facts | {
-        "mean_edge_mm": float(mesh.edges_unique_length.mean()),
-        "step_um": mesh.metadata["step_mm"] * MM_TO_UM,
-        "bodies": int(mesh.body_count),
-        "closed": "yes" if mesh.is_watertight else "no",
+        **{name: value for name, value in scan.attrs.items() if name not in hidden},
     }
