@@ -54,7 +54,7 @@ def check(after=(), before=(), spacing=SPACING):
     [
         (lambda h: -h[:, ::-1], "with the sign of its heights changed, reversed along x"),
         (lambda h: h[::-1], "reversed along y"),
-        (np.rot90, "turned by 90°"),
+        (np.rot90, "turned by -90°"),  # in the file, which is flipped since
     ],
 )
 def test_t1_that_were_all_scanned_otherwise_are_one_fault(lay, how):

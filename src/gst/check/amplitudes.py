@@ -89,6 +89,7 @@ def other_units(
     alone = [fault for patch in at_t0 for fault in _unlike_others(patch, at_t0)]
     yield from alone
     waves = [amplitude.waves for amplitude in at_t0.values() if amplitude.waves]
+    remedy = unit_remedy(all(amplitude.states_unit for amplitude in at_t0.values()))
     if at_t0 and mesh_edge_mm and not waves:
         # Bounds on their own would not tell: polish could be mistaken for a unit.
         _log.log(
@@ -97,7 +98,7 @@ def other_units(
             "heights could not be checked. Compare their range with that on the instrument. If it "
             "differs: %s",
             mesh_edge_mm,
-            _remedy(at_t0),
+            remedy,
         )
     if alone or not waves:
         return
@@ -108,14 +109,9 @@ def other_units(
             "scans",
             f"in the waves that scans and mesh both resolve, the scans are {scan * MM_TO_UM:.3g} "
             f"µm high (r.m.s.) and the mesh under them {mesh * MM_TO_UM:.3g} µm",
-            f"{_remedy(at_t0)} Check inputs.mesh_unit, too. If both units are right, the mesh does "
-            "not show how the patches lie: set coupling to levelled.",
+            f"{remedy} Check inputs.mesh_unit, too. If both units are right, the mesh does not "
+            "show how the patches lie: set coupling to levelled.",
         )
-
-
-def _remedy(at_t0: Mapping[str, Amplitude]) -> str:
-    """What to do about the unit of all scans."""
-    return unit_remedy(all(amplitude.states_unit for amplitude in at_t0.values()))
 
 
 def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[FaultError]:

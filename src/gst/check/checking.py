@@ -161,14 +161,17 @@ class _Walk:
     def answer(self) -> None:
         """Print what a run would do, and draw the square; an `InputsError` lists all faults."""
         config, inputs = self.config, self.inputs
-        lines = summary(config, self.patches, inputs, self.poses) | self.lines
+        print(f"{self.path}: {config['title']}")
+        print(summary(config, self.patches, inputs, self.poses), end="")
         if self.is_writable and inputs is not None and inputs.frame is not None:
-            lines["picture"] = "none: move your own check.png from the results first"
+            self.lines["picture"] = "none: move your own check.png from the results first"
             if picture := claim_picture(Path(config["results"])):
                 draw(picture, config, self.patches, inputs, self.poses)
-                lines["picture"] = f"{picture}: the square on the stone, and the patches in it"
-        print(f"{self.path}: {config['title']}")
-        print("\n".join(f"  {name:<11} {line}" for name, line in lines.items() if line))
+                text = f"{picture}: the square on the stone, and the patches in it"
+                self.lines["picture"] = text
+        for name, text in self.lines.items():
+            if text:
+                print(f"  {name:<11} {text}")
         if self.faults:
             print(flush=True)
             raise InputsError(self.faults)

@@ -70,35 +70,37 @@ def cures_of(study: Study) -> list[Cure]:
 
 def _of_places(study: Study) -> Iterator[Cure]:
     """Of scans that are laid wrongly, epochs exchanged, and a table mirrored or shifted."""
-    patch_mm = study.config["scans"]["size_mm"]
-    if study.patches.empty or not shows_waves(study.face.height, patch_mm):
+    patch_mm, patches = study.config["scans"]["size_mm"], study.patches.set_index("patch")
+    if patches.empty or not shows_waves(study.face.height, patch_mm):
         return
-    scans = {patch: study.prepared[patch, "T0"] for patch in study.patches.patch}
+    scans = {patch: study.prepared[patch, "T0"] for patch in patches.index}
     settings = study.settings["place_patches"] | {"accept": [PLACEMENT]}
     table = place_patches(study.face.height, study.patches, scans, **settings)
     together, mould = table.iloc[-1], Mould(**study.config["scans"]["mould"])
     if together.orientation not in ("", AS_GIVEN):
-        if not study.patches.flip.any():  # in some rows, which are another matter
+        if not patches.flip.any():  # in some rows, which are another matter
             yield _laid_right(together.orientation, mould, study.config["square"]["size_mm"])
         return
     for row in table.iloc[:-1].itertuples():
         if row.orientation:
-            flip = study.patches.set_index("patch").flip[row.patch]
+            flip = patches.flip[row.patch]
             own = mould._replace(flip={"none": None, "": mould.flip}.get(flip, flip))
             yield from _alone_laid_right(row.patch, row.orientation, own)
     if together.status == CANNOT_TELL:
         yield from _by_hand(study, scans)
-        return
     # heights that fit the mesh have the right sign, so that they rose tells the epochs
-    if _are_exchanged(study):
-        yield Cure("t0 and t1 are exchanged: heights rose with use", {}, _exchanged)
+    elif _are_exchanged(study):
+        yield Cure(
+            "t0 and t1 are exchanged: heights rose with use",
+            {},
+            lambda row: {"t0": row["t1"], "t1": row["t0"]} if row["t0"] and row["t1"] else {},
+        )
     elif together.status == SHIFTED:
         x, y = (round(float(together[f"shift_{axis}_um"])) / 1e3 for axis in "xy")
-        why = (
-            f"all patches lie {x:+g} mm along x and {y:+g} mm along y from where the table says"
-        )
         yield Cure(
-            why, {}, lambda row: {"x_mm": _plus(row, "x_mm", x), "y_mm": _plus(row, "y_mm", y)}
+            f"all patches lie {x:+g} mm along x and {y:+g} mm along y from where the table says",
+            {},
+            lambda row: {"x_mm": _plus(row, "x_mm", x), "y_mm": _plus(row, "y_mm", y)},
         )
 
 
@@ -107,11 +109,11 @@ def _by_hand(study: Study, scans: Mapping[str, "xr.Dataset"]) -> Iterator[Cure]:
     places = places_of(study.patches)
     heights = [scans[patch].height for patch in places]
     try:
-        found = match_near(study.face.height, heights, [*places.values()])
+        matches = match_near(study.face.height, heights, [*places.values()])
     except ValueError:  # the mesh is too coarse
         return
     cells = {}
-    for (patch, former), match in zip(places.items(), found, strict=True):
+    for (patch, former), match in zip(places.items(), matches, strict=True):
         off = math.dist(former[:2], match.place[:2])
         if match.found and not match.mirrored and off > max(_LEAST_MOVED, 3 * match.error_mm):
             y, x, turn = match.place
@@ -127,36 +129,33 @@ def _laid_right(orientation: str, mould: Mould, size_mm: float) -> Cure:
     """Of patches that all fit the mesh with another orientation or another table than as given."""
     look, _, mistake = orientation.partition("with ")
     right, turn = lying_right(look.strip(), mould)
-    values = {
-        f"scans.mould.{key}": value
-        for key, value in right._asdict().items()
-        if value != getattr(mould, key)
-    }
+    values = {f"scans.mould.{key}": value for key, value in right._asdict().items()}
+    former = {f"scans.mould.{key}": value for key, value in mould._asdict().items()}
 
     def cells(row: Mapping[str, str]) -> Mapping[str, object]:
-        changed = {"rotation_deg": _plus(row, "rotation_deg", turn)} if turn else {}
+        changed = _turned(row, turn)
         if mistake:
             x, y = as_measured(_number(row["x_mm"]), _number(row["y_mm"]), size_mm, mistake)
             changed |= {"x_mm": f"{round(x, 4):g}", "y_mm": f"{round(y, 4):g}"}
         return changed
 
-    why = f"the patches fit the mesh {orientation}"
-    return Cure(why, values, cells if turn or mistake else None)
+    return Cure(
+        f"the patches fit the mesh {orientation}",
+        {key: value for key, value in values.items() if value != former[key]},
+        cells if turn or mistake else None,
+    )
 
 
 def _alone_laid_right(patch: str, orientation: str, own: Mould) -> Iterator[Cure]:
     """Of one patch with another orientation; heights in its file are not inverted here."""
     right, turn = lying_right(orientation, own, is_alone=True)
-    if right.invert != own.invert:
-        return
-
-    def cells(row: Mapping[str, str]) -> Mapping[str, object]:
-        if row["patch"] != patch:
-            return {}
-        changed = {"rotation_deg": _plus(row, "rotation_deg", turn)} if turn else {}
-        return changed | ({"flip": right.flip or "none"} if right.flip != own.flip else {})
-
-    yield Cure(f"patch {patch} fits the mesh {orientation}", {}, cells)
+    flip = {"flip": right.flip or "none"} if right.flip != own.flip else {}
+    if right.invert == own.invert:
+        yield Cure(
+            f"patch {patch} fits the mesh {orientation}",
+            {},
+            lambda row: _turned(row, turn) | flip if row["patch"] == patch else {},
+        )
 
 
 def _are_exchanged(study: Study) -> bool:
@@ -165,15 +164,14 @@ def _are_exchanged(study: Study) -> bool:
         table = study.registration
     except GstError:
         return False
-    found = table[table.found.astype(bool)]
-    rose = is_more(found.gain_fraction, found.loss_fraction).sum()
-    return bool(
-        2 * rose > len(found) and not is_more(found.loss_fraction, found.gain_fraction).any()
-    )
+    matching = table[table.found.astype(bool)]
+    rose = is_more(matching.gain_fraction, matching.loss_fraction).sum()
+    fell = is_more(matching.loss_fraction, matching.gain_fraction)
+    return bool(2 * rose > len(matching) and not fell.any())
 
 
-def _exchanged(row: Mapping[str, str]) -> Mapping[str, object]:
-    return {"t0": row["t1"], "t1": row["t0"]} if row.get("t0") and row.get("t1") else {}
+def _turned(row: Mapping[str, str], turn: float) -> dict[str, str]:
+    return {"rotation_deg": _plus(row, "rotation_deg", turn)} if turn else {}
 
 
 def _plus(row: Mapping[str, str], column: str, more: float) -> str:
@@ -211,20 +209,20 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
     if not changed:
         print("What cures it cannot be written into these files.")
         return False
-    print("\n".join(["", *(f"{cure.why[0].upper()}{cure.why[1:]}." for cure in cures), ""]))
+    print("", *(f"{cure.why[0].upper()}{cure.why[1:]}." for cure in cures), "", sep="\n")
     for path in changed:
         old, new = before[path].splitlines(), after[path].splitlines()
-        shown = difflib.unified_diff(old, new, str(path), f"{path}, mended", lineterm="", n=1)
-        print("\n".join(shown))
+        lines = difflib.unified_diff(old, new, str(path), f"{path}, mended", lineterm="", n=1)
+        print(*lines, sep="\n")
     if not (is_confirmed or _confirmed()):
         return False
     for path in changed:
         if text_of(path) != before[path]:
             raise ConfigError(path, "has changed since it was read", "Run the command again.")
     for path in changed:
-        kept = keep_copy(path)
+        copy = keep_copy(path)
         save_text(path, after[path])
-        print(f"{path}: written; as it was: {kept}")
+        print(f"{path}: written; as it was: {copy}")
     return True
 
 
@@ -242,18 +240,14 @@ def keep_copy(path: Path) -> Path:
     A copy with the same content that is already there will do.
     """
     content = path.read_bytes()
-    for kept in _names_beside(path):
-        if not os.path.lexists(kept):
+    for number in itertools.count(1):
+        copy = path.with_name(f"{path.name}.bak{number if number > 1 else ''}")
+        if not os.path.lexists(copy):
             # with its mode before its content
             with contextlib.suppress(OSError):  # which `write_whole` reports
-                kept.touch(stat.S_IMODE(path.stat().st_mode))
-            write_whole(kept, content)
-        elif kept.is_symlink() or not kept.is_file() or kept.read_bytes() != content:
-            continue
-        break
-    return kept
-
-
-def _names_beside(path: Path) -> Iterator[Path]:
-    yield path.with_name(f"{path.name}.bak")
-    yield from (path.with_name(f"{path.name}.bak{number}") for number in itertools.count(2))
+                copy.touch(stat.S_IMODE(path.stat().st_mode))
+            write_whole(copy, content)
+            break
+        if copy.is_file() and not copy.is_symlink() and copy.read_bytes() == content:
+            break
+    return copy

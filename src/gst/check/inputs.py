@@ -136,7 +136,8 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
     rows = [piece.facts for piece in pieces.values()]
     problems += unreadable
     problems += [*_unlike_t0(pieces), *_same_scans(pieces)]
-    problems += _unlike_counterface(pieces.get((COUNTERFACE, "")), at_t0)
+    if (counterface := pieces.get((COUNTERFACE, ""))) is not None:
+        problems += _unlike_counterface(counterface, at_t0)
     if asked.reference:
         problems += _no_reference(at_t0, asked.face["size_mm"])
     if asked.interlayer is not None:
@@ -336,14 +337,13 @@ def _same_scans(pieces: _Pieces) -> Iterator[FaultError]:
         )
 
 
-def _unlike_counterface(face: _Piece | None, at_t0: Mapping[str, _Piece]) -> list[GstError]:
+def _unlike_counterface(face: _Piece, at_t0: Mapping[str, _Piece]) -> list[GstError]:
     """The first patch that the counterface does not fit, if any."""
-    if face is not None:
-        try:
-            for piece in at_t0.values():
-                check_grid(face.grid, piece.grid, source=face.path, patch_source=piece.path)
-        except GstError as error:
-            return [error]
+    try:
+        for piece in at_t0.values():
+            check_grid(face.grid, piece.grid, source=face.path, patch_source=piece.path)
+    except GstError as error:
+        return [error]
     return []
 
 

@@ -63,10 +63,9 @@ def read_patches(
     ignored = columns_of("places")
     table = read_rows(path, "patches", renamed={"place": "patch"}, ignored=ignored)
     rows = table.rows
-    problems = [*find_scans(rows, table.columns, scan_folder)]
-    problems += _repeated(rows)
-    problems += _out_of_square(rows, size_mm, patch_size_mm)
-    table.refuse(problems)
+    problems = find_scans(rows, table.columns, scan_folder)
+    outside = _out_of_square(rows, size_mm, patch_size_mm)
+    table.refuse([*problems, *_repeated(rows), *outside])
     return rows.sort_values(
         "patch", key=lambda ids: ids.map(natural), kind="stable", ignore_index=True
     )
@@ -87,23 +86,22 @@ def find_scans(
 ) -> Iterator[Problem]:
     """Put the names of files in place of the names that they fit; where none fits, or several."""
     is_named = not {"t0", "t1"}.isdisjoint(columns)
-    if "wear_grade" in columns:
-        if is_named and (graded := rows.index[rows.wear_grade.notna()]).size:
+    graded = rows.index[rows.wear_grade.notna()]
+    if "wear_grade" in columns and (len(graded) or not is_named):
+        if is_named:
             yield (
                 graded[0],
                 "wear_grade stands beside scans, in whose place grades are: take the column out, "
                 "or t0 and t1",
             )
-        if not is_named or graded.size:
-            return
+        return
     for line, row in rows.iterrows():
         for column, name in _names(row, is_named, folder is None).items():
-            there = [name] if folder is None else _fitting(name, Path(folder))
-            is_asked = there or row[column] or column == "t0"
-            if len(there) == 1:
-                rows.loc[line, column] = there[0]
-            elif "*" in name and is_asked:
-                fits = f"{' and '.join(there)} fit" if there else "no file fits"
+            files = [name] if folder is None else _fitting(name, Path(folder))
+            if len(files) == 1:
+                rows.loc[line, column] = files[0]
+            elif "*" in name and (files or row[column] or column == "t0"):
+                fits = f"{' and '.join(files)} fit" if files else "no file fits"
                 yield line, f"{fits} {name} in {folder}: let one fit, or name it as {column}"
         if is_named and not row.t0:
             yield line, "t0 is empty"
@@ -127,15 +125,13 @@ def _fitting(name: str, folder: Path) -> list[str]:
     place = folder / name
     if place.is_file():
         return [name]
-    if place.is_dir():
+    if place.is_dir() or not place.parent.is_dir():
         return []
     parts = [re.escape(part) for part in _composed(place.name).split("*")]
     pattern = re.compile(".*".join(parts), re.IGNORECASE)
-    there = []
-    for file in place.parent.iterdir() if place.parent.is_dir() else ():
-        if pattern.fullmatch(_composed(file.name)):
-            there.append(str(Path(name).with_name(file.name)))
-    return sorted(there)
+    files = [file.name for file in place.parent.iterdir()]
+    fitting = [file for file in files if pattern.fullmatch(_composed(file))]
+    return sorted(str(Path(name).with_name(file)) for file in fitting)
 
 
 def _composed(name: str) -> str:
@@ -155,19 +151,17 @@ def _out_of_square(rows: pd.DataFrame, size: float, patch_size: float) -> Iterat
     for row in rows.itertuples():
         angle = math.radians(row.rotation_deg)
         half = patch_size / 2 * (abs(math.cos(angle)) + abs(math.sin(angle)))
-        sides = {
-            "x = 0": half - row.x_mm,
-            f"x = {size:g}": row.x_mm + half - size,
-            "y = 0": half - row.y_mm,
-            f"y = {size:g}": row.y_mm + half - size,
-        }
-        beyond = {side: mm for side, mm in sides.items() if mm > _ROUNDING}
+        beyond = [
+            f"{mm:.4g} mm at the {axis} = {side:g} side"
+            for axis, centre in (("x", row.x_mm), ("y", row.y_mm))
+            for side, mm in ((0, half - centre), (size, centre + half - size))
+            if mm > _ROUNDING
+        ]
         if beyond:
-            said = " and ".join(
-                f"{mm:.4g} mm at the {side} side" for side, mm in beyond.items()
+            footprint = (
+                f"its footprint of {patch_size:g} mm sticks out of the {size:g} mm square"
             )
-            footprint = f"its footprint of {patch_size:g} mm"
-            yield row.Index, f"{footprint} sticks out of the {size:g} mm square by {said}"
+            yield row.Index, f"{footprint} by {' and '.join(beyond)}"
 
 
 def overlaps(patches: pd.DataFrame, size_mm: float) -> Iterator[tuple[str, str, float]]:
@@ -175,12 +169,11 @@ def overlaps(patches: pd.DataFrame, size_mm: float) -> Iterator[tuple[str, str, 
     from shapely import Polygon, STRtree
 
     places = places_of(patches)
-    names = list(places)
-    outlines = [Polygon(outline(place, size_mm)) for place in places.values()]
+    names, outlines = [*places], [Polygon(outline(place, size_mm)) for place in places.values()]
     pairs = STRtree(outlines).query(outlines, predicate="intersects").T if names else ()
-    for one, other in sorted(map(tuple, pairs)):
+    for one, other in sorted((one, other) for one, other in pairs if one < other):
         share = outlines[one].intersection(outlines[other]).area / size_mm**2
-        if one < other and share > _LEAST_OVERLAP:
+        if share > _LEAST_OVERLAP:
             yield names[one], names[other], share
 
 
@@ -206,8 +199,8 @@ def scan_files(
         place = Place(row.y_mm, row.x_mm, row.rotation_deg)
         for column, epoch in EPOCHS.items():
             if name := getattr(row, column):
-                use = row.patch, epoch, crop, place, row.flip
-                scans.append(ScanFile(Path(folder) / name, *use))
+                path = Path(folder) / name
+                scans.append(ScanFile(path, row.patch, epoch, crop, place, row.flip))
     return scans + ([ScanFile(Path(counterface), COUNTERFACE, "")] if counterface else [])
 
 
@@ -218,4 +211,4 @@ def at_epoch(patch: str, epoch: str) -> str:
 
 def natural(name: str) -> str:
     """What sorts names with "2" before "10": numbers within them are padded to equal length."""
-    return re.sub(r"\d+", lambda found: found[0].zfill(20), name)
+    return re.sub(r"\d+", lambda digits: digits[0].zfill(20), name)

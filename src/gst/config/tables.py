@@ -39,13 +39,14 @@ class Table(NamedTuple):
 def _read_schema() -> dict[str, Table]:
     # libyaml's loader, where there is one, takes a tenth of the time
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    tables = yaml.load(_SCHEMA.read_text(encoding="utf-8"), loader)
-    for name, table in tables.items():
-        for column, said in table["columns"].items():
-            described = said if isinstance(said, dict) else {"meaning": said}
-            table["columns"][column] = Column(**described)
-        tables[name] = Table(**{"file": f"tables/{name}.csv"} | table)
-    return tables
+    schema = yaml.load(_SCHEMA.read_text(encoding="utf-8"), loader)
+    for name, table in schema.items():
+        for column, rule in table["columns"].items():
+            table["columns"][column] = Column(
+                **(rule if isinstance(rule, dict) else {"meaning": rule})
+            )
+        schema[name] = Table(**{"file": f"tables/{name}.csv"} | table)
+    return schema
 
 
 TABLES = _read_schema()

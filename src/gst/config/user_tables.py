@@ -9,6 +9,7 @@ stands for an empty cell.
 """
 
 import csv
+import functools
 import io
 import itertools
 import math
@@ -75,17 +76,17 @@ class UserTable(NamedTuple):
 
     def refuse(self, more: Iterable[Problem] = ()) -> None:
         """Raise a `ConfigError` that lists all problems, and `more`, if there are any."""
-        listed = []
         problems = sorted([*self.problems, *more], key=lambda problem: problem[0])
+        listed = ""
         for line, text in problems[:_MOST_LISTED]:
             patch = self.rows.loc[line].get("patch")
-            listed.append(f"\n  - line {line}{f' (patch {patch})' if patch else ''}: {text}")
+            listed += f"\n  - line {line}{f' (patch {patch})' if patch else ''}: {text}"
         if listed:
             count = f"{len(problems)} problem{'s' * (len(problems) > 1)}"
-            listed += ["\n  - and others"] * (len(problems) > _MOST_LISTED)
+            listed += "\n  - and others" * (len(problems) > _MOST_LISTED)
             raise ConfigError(
                 self.path,
-                f"{count} in this table{''.join(listed)}\n ",
+                f"{count} in this table{listed}\n ",
                 "Correct these rows; config/README.md describes the columns. Between cells, "
                 "commas leave no room for decimal commas: use semicolons or tabs.",
             )
@@ -105,50 +106,57 @@ def read_rows(
     readers. Raises a `ConfigError` if it is no text, or has no rows, or not the columns.
     """
     path, schema = Path(path), _schema(name)
-    known = schema["properties"]
+    rules = schema["properties"]
     header, mark, lines = _read_lines(path)
-    names = {alike(name): name for name in [*ignored, *(renamed or {}), *known]}
+    columns = _columns(path, header, schema, renamed or {}, ignored)
+    numeric = {name for name, rule in rules.items() if rule["type"] != "string"}
+    validator = Draft202012Validator(schema)
+    rows: dict[int, dict[str, Any]] = {}
+    problems: list[Problem] = []
+    points: list[Problem] = []
+    has_commas = False
+    for line, cells in lines:
+        row = rows[line] = {}
+        for column, cell in zip(columns, cells, strict=False):
+            if cell and column in rules:
+                row[column] = _number(cell, mark) if column in numeric else cell
+            if column in numeric and mark in (";", "\t"):
+                has_commas |= "," in cell
+                if "." in cell and _NUMBER.fullmatch(cell):
+                    points.append(
+                        (line, f"{column} is {cell!r}, and others have decimal commas")
+                    )
+        problems += [(line, _explain(error)) for error in validator.iter_errors(row)]
+        if len(cells) < len(columns) or any(cells[len(columns) :]):
+            problems.append((line, f"{len(cells)} cells in {len(columns)} columns"))
+    if has_commas:  # beside these, a point may separate thousands
+        problems += points
+    return UserTable(path, columns, rows_of(name, rows), problems)
+
+
+def _columns(
+    path: Path,
+    header: Sequence[str],
+    schema: Mapping[str, Any],
+    renamed: Mapping[str, str],
+    ignored: Collection[str],
+) -> list[str]:
+    """The columns of a table by their names in the schema."""
+    rules = schema["properties"]
+    names = {alike(name): name for name in [*ignored, *renamed, *rules]}
     columns = [names.get(alike(column), column) for column in header]
-    for other, own in (renamed or {}).items():
-        columns = [own if c == other and own not in columns else c for c in columns]
+    for other, own in renamed.items():
+        if own not in columns:
+            columns = [own if column == other else column for column in columns]
     missing = [column for column in schema["required"] if column not in columns]
-    unknown = [column for column in columns if column not in {*known, *ignored}]
+    unknown = [column for column in columns if column not in {*rules, *ignored}]
     if missing or unknown:
         raise ConfigError(
             path,
             f"missing columns {missing}, unknown columns {unknown} (found {header})",
-            f"Known columns: {list(known)}, separated by tabs, commas or semicolons.",
+            f"Known columns: {list(rules)}, separated by tabs, commas or semicolons.",
         )
-    validator = Draft202012Validator(schema)
-    rows: dict[int, dict[str, Any]] = {}
-    problems: list[Problem] = []
-    for line, cells in lines:
-        row = rows[line] = {
-            column: cell if known[column]["type"] == "string" else _number(cell, mark)
-            for column, cell in zip(columns, cells, strict=False)
-            if cell and column in known
-        }
-        problems += [(line, _explain(error)) for error in validator.iter_errors(row)]
-        if len(cells) < len(columns) or any(cells[len(columns) :]):
-            problems.append((line, f"{len(cells)} cells in {len(columns)} columns"))
-    if mark in (";", "\t"):
-        numbers = {name for name, rule in known.items() if rule["type"] != "string"}
-        problems += _two_decimal_signs(columns, lines, numbers)
-    return UserTable(path, columns, rows_of(name, rows), problems)
-
-
-def _two_decimal_signs(
-    columns: Sequence[str], lines: Iterable[tuple[int, list[str]]], numbers: Collection[str]
-) -> Iterator[Problem]:
-    """Numbers with a point in a table that has decimal commas: it may separate thousands."""
-    points: list[Problem] = []
-    has_commas = False
-    for line, cells in lines:
-        for column, cell in zip(columns, cells, strict=False):
-            if column in numbers and "." in cell and _NUMBER.fullmatch(cell):
-                points.append((line, f"{column} is {cell!r}, and others have decimal commas"))
-            has_commas |= column in numbers and "," in cell
-    yield from points if has_commas else []
+    return columns
 
 
 def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
@@ -157,16 +165,16 @@ def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
         header, _, lines = _read_lines(Path(path))
     except InputError:  # which is said where the table is read
         return
-    found: dict[tuple[str, tuple[int, ...]], list[str]] = {}
+    columns: dict[tuple[str, tuple[int, ...]], list[str]] = {}  # with the same cells to fill in
     for n, column in enumerate(header):
-        left = {line: cells[n] for line, cells in lines if is_to_do("".join(cells[n : n + 1]))}
-        if left:  # the first value stands for all
-            found.setdefault((next(iter(left.values())), tuple(left)), []).append(column)
-    known = _schema(name)["properties"]
-    for (value, numbers), columns in found.items():
-        where = f"line{'s' * (len(numbers) > 1)} {_listed(numbers)}"
-        meaning = " ".join(known.get(column, {}).get("description", "") for column in columns)
-        yield sentence(f"{path}, {' and '.join(columns)} in {where},", value, meaning)
+        cells = {line: row[n] for line, row in lines if n < len(row) and is_to_do(row[n])}
+        if cells:  # the first value stands for all
+            columns.setdefault((next(iter(cells.values())), tuple(cells)), []).append(column)
+    rules = _schema(name)["properties"]
+    for (value, lines_left), names in columns.items():
+        where = f"line{'s' * (len(lines_left) > 1)} {_listed(lines_left)}"
+        meaning = " ".join(rules.get(column, {}).get("description", "") for column in names)
+        yield sentence(f"{path}, {' and '.join(names)} in {where},", value, meaning)
 
 
 def _listed(numbers: Sequence[int]) -> str:
@@ -175,9 +183,9 @@ def _listed(numbers: Sequence[int]) -> str:
     >>> _listed([2, 3, 4]), _listed([2, 4])
     ('2 to 4', '2, 4')
     """
-    if len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1:
-        return f"{numbers[0]} to {numbers[-1]}"
-    return ", ".join(map(str, numbers))
+    first, last = numbers[0], numbers[-1]
+    is_whole = 2 < len(numbers) == last - first + 1
+    return f"{first} to {last}" if is_whole else ", ".join(map(str, numbers))
 
 
 def rows_of(name: str, rows: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
@@ -186,15 +194,15 @@ def rows_of(name: str, rows: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
     for column, rule in _schema(name)["properties"].items():
         is_text = rule["type"] == "string"
         empty = rule.get("default", "" if is_text else math.nan)
-        cells = pd.Series(
-            [row.get(column, empty) for row in rows.values()], table.index, object
-        )
+        values = [row.get(column, empty) for row in rows.values()]
+        cells = pd.Series(values, table.index, object)
         # what is no number is among the problems
         numbers = pd.to_numeric(cells, errors="coerce").astype(float)
         table[column] = cells.astype(str) if is_text else numbers
     return table
 
 
+@functools.cache
 def _schema(name: str) -> dict[str, Any]:
     file = ROOT / f"workflow/schemas/{name}.schema.yaml"
     return yaml.safe_load(file.read_text(encoding="utf-8"))
@@ -204,8 +212,12 @@ def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]
     """The column names, what separates the cells, and the cells of each row by line number."""
     try:
         check_size(path, LARGEST_TABLE)
-        is_sheet = path.suffix.lower() == ".xlsx"
-        mark, lines = _sheet(path) if is_sheet else _text(path.read_bytes())
+        mark = ""  # in a workbook, a number that was typed as text may have a decimal comma
+        if path.suffix.lower() == ".xlsx":
+            lines = _sheet(path)
+        else:
+            records, mark = records_of(_text(path.read_bytes()))
+            lines = [(record.line, record.cells) for record in records]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         remedy = "Correct its path in the config, or save it as CSV in UTF-8."
         raise ConfigError(path, f"cannot be read ({error})", remedy) from error
@@ -234,14 +246,11 @@ def alike(column: str) -> str:
     return unicodedata.normalize("NFKC", column).strip(" \ufeff\u200b").casefold()
 
 
-def _text(content: bytes) -> tuple[str, list[tuple[int, list[str]]]]:
-    """What separates the cells of a text, and the cells of each row by line number."""
+def _text(content: bytes) -> str:
     try:
-        text = decoded(content)
+        return decoded(content)
     except UnicodeDecodeError:
-        text = content.decode("cp1252")
-    records, mark = records_of(text)
-    return mark, [(record.line, record.cells) for record in records]
+        return content.decode("cp1252")
 
 
 def records_of(text: str) -> tuple[list[Record], str]:
@@ -267,7 +276,7 @@ def records_of(text: str) -> tuple[list[Record], str]:
     return records, mark
 
 
-def _sheet(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
+def _sheet(path: Path) -> list[tuple[int, list[str]]]:
     """The cells of a workbook's first sheet by row, as text."""
     try:
         lines = _cells_by_row(plain_zip(path))
@@ -281,8 +290,7 @@ def _sheet(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
         remedy = "Delete rows and columns without values, or save it as CSV in UTF-8."
         raise ConfigError(path, problem, remedy) from error
     width = max((len(cells) for _, cells in lines), default=0)
-    padded = [(n, cells + [""] * (width - len(cells))) for n, cells in lines]
-    return "", padded  # a number that was typed as text may have a decimal comma
+    return [(n, cells + [""] * (width - len(cells))) for n, cells in lines]
 
 
 def _cells_by_row(content: io.BytesIO) -> list[tuple[int, list[str]]]:
@@ -331,11 +339,11 @@ def _explain(error: ValidationError) -> str:
     if not error.absolute_path:
         name, *asking = error.message.split("'")[1::2]
         return f"{name} is empty" + (f", but {asking[0]} is given" if asking else "")
-    name = error.absolute_path[-1]
+    name, cell, why = error.absolute_path[-1], error.instance, f": {error.message}"
     if error.validator == "type":
-        return f"{name} is {error.instance!r}, not a number"
-    # a pattern is for the machine
-    said = "" if error.validator == "pattern" else f": {error.message}"
-    if name == "patch" and error.validator == "pattern":
-        said = f": write {re.sub('[^A-Za-z0-9]+', '-', error.instance).strip('-')}"
-    return f"{name} is {error.instance!r}{said} [{error.schema['description']}]"
+        return f"{name} is {cell!r}, not a number"
+    if error.validator == "pattern":  # which is for the machine
+        why = ""
+        if name == "patch":
+            why = f": write {re.sub('[^A-Za-z0-9]+', '-', cell).strip('-')}"
+    return f"{name} is {cell!r}{why} [{error.schema['description']}]"
