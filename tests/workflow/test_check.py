@@ -11,6 +11,7 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 from gst.cli import main
+from gstlib.errors import NOTE
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.surfaces.grid import spacing_of
@@ -24,6 +25,7 @@ def check(monkeypatch, caplog):
 
     def check(study, *options):
         monkeypatch.chdir(study.folder)
+        caplog.set_level(NOTE)
         caplog.clear()
         result = CliRunner().invoke(main, ["check", study.config, *options])
         assert isinstance(result.exception, SystemExit | None)
@@ -56,7 +58,7 @@ def test_good_files(measured, check):
     [
         ({"force_N": 550.0, "at_mm": [0.05, 0.05]}, 2, ("the stone tips over", "load.at_mm")),
         ({"force_N": 550.0, "at_mm": [1.0, 1.0]}, 0, ("of the edge", "1 warning")),
-        ({"force_N": 0.1, "at_mm": [0.6, 4.4]}, 0, ("no patch is touched", "1 warning")),
+        ({"force_N": 0.1, "at_mm": [0.6, 4.4]}, 0, ("no patch is touched",)),
     ],
 )
 def test_an_odd_load_is_told(measured, check, load, code, words):

@@ -99,9 +99,9 @@ class _Way(NamedTuple):
 _WAYS = [_Way(*way) for way in itertools.product((False, True), ORIENTATIONS)][1:]
 
 
-def _heights(study: Study, patch: str) -> list[xr.DataArray]:
+def _heights(study: Study, patch: str) -> tuple[xr.DataArray, xr.DataArray]:
     """The prepared scans of a patch before and after use."""
-    return [study.prepared[patch, epoch].height for epoch in ("T0", "T1")]
+    return study.prepared[patch, "T0"].height, study.prepared[patch, "T1"].height
 
 
 def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultError]:

@@ -92,14 +92,15 @@ def inspect_file(
     if not is_mesh(path):
         scan = read_scan(path, unit=unit, spacing_um=spacing_um)
         is_stated = scan.attrs["unit_stated"] == "yes"
-        facts = {"unit": "in the file" if is_stated else f"{unit}, as given"}
-        return facts | scan_facts(scan), remove_plane(scan)[0]
+        origin = "in the file" if is_stated else f"{unit}, as given"
+        return {"unit": origin} | scan_facts(scan), remove_plane(scan)[0]
     mesh = read_mesh(path, unit=unit)
     file_unit = mesh.metadata["file_unit"]
     origin = f"{file_unit}, as given" if unit else f"{file_unit}, in the file"
     if unit is None and not mesh.metadata["states_unit"]:
         origin = f"not stated: {file_unit} is assumed; give another as --unit"
-    facts = {"unit": origin, "vertices": len(mesh.vertices), "faces": len(mesh.faces)}
+    facts: dict[str, Any] = {"unit": origin}
+    facts |= {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
     for axis, low, high in zip("xyz", *mesh.bounds.tolist(), strict=True):
         facts |= {f"size_{axis}_mm": high - low, f"centre_{axis}_mm": (low + high) / 2}
     facts |= {
