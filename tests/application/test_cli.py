@@ -74,6 +74,6 @@ def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
     assert [float(value) for value in last[1:3]] == pytest.approx([22, area], rel=0.02)
     waves = np.cos(2 * np.pi * np.arange(n) / n) + 0 * x[:, None]
     write_plu(tmp_path / "ridge.plu", 1e-3 * waves, spacing)
-    for options, count in (["--output", "r.png"], 1), (["--periodic"], 0):
+    for options, is_told in (["--output", "r.png"], True), (["--periodic"], False):
         result = run("press", "ridge.plu", "--pressure", "22", *options)
-        assert result.stderr.count("WARNING") == count
+        assert bool(result.stderr) == is_told

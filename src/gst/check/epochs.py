@@ -106,10 +106,8 @@ def _heights(study: Study, patch: str) -> tuple[xr.DataArray, xr.DataArray]:
 
 def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultError]:
     """Faults of the T1 that match otherwise, or nowhere if none matches; warnings of the others."""
-    rows, shift_mm = (
-        study.patches.set_index("patch"),
-        study.config["registration"]["maximum_shift_mm"],
-    )
+    rows = study.patches.set_index("patch")
+    shift_mm = study.config["registration"]["maximum_shift_mm"]
     doubts: dict[str, str] = {}
     lost = table.patch[~table.found.astype(bool)].tolist()
     for row in table.itertuples():
