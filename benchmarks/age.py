@@ -25,26 +25,26 @@ SCRIPTS = {
     "transforms": ("transforms.py", "problems.py"),
     "statistics_of_contact": ("statistics_of_contact.py",),
     "registration": ("registration.py",),
-    "finding": ("finding.py", "power.py"),
-    "placement": ("placement.py", "power.py"),
+    "finding": ("finding.py", "specimens.py"),
+    "placement": ("placement.py", "specimens.py"),
     "chance": ("chance.py",),
-    "two_scales": ("two_scales.py", "power.py"),
-    "left_out": ("left_out.py", "strikes.py", "power.py"),
-    "strikes": ("strikes.py", "power.py"),
-    "power": ("power.py",),
-    "power_inferred": ("power.py",),
-    "verdict": ("verdict.py", "power.py"),
-    "use": ("use.py", "power.py"),
-    "false_stops": ("false_stops.py", "power.py"),
-    "repeats": ("measured_surfaces.py", "power.py"),
-    "breech_faces": ("measured_surfaces.py", "power.py"),
+    "two_scales": ("two_scales.py", "specimens.py"),
+    "left_out": ("left_out.py", "strikes.py", "specimens.py"),
+    "strikes": ("strikes.py", "specimens.py"),
+    "power": ("power.py", "specimens.py"),
+    "power_inferred": ("power.py", "specimens.py"),
+    "verdict": ("verdict.py", "specimens.py"),
+    "use": ("use.py", "specimens.py"),
+    "false_stops": ("false_stops.py", "specimens.py"),
+    "repeats": ("measured_surfaces.py", "specimens.py"),
+    "breech_faces": ("measured_surfaces.py", "specimens.py"),
     "margin": (),
     "scale": (),
 }
 SEVERAL = "several"  # programs made the rows
 
 
-def record(rows: Path, *, adds: bool = False) -> None:
+def record(rows, *, adds=False):
     """Note that the program as it stands made these rows; or some of them, if it `adds`."""
     if rows.parent.resolve() != MADE.parent.resolve():
         return
@@ -55,17 +55,17 @@ def record(rows: Path, *, adds: bool = False) -> None:
     write_whole(MADE, json.dumps(made, indent=2, sort_keys=True).encode() + b"\n")
 
 
-def read() -> dict[str, dict[str, str]]:
+def read():
     """What results/made.json says, by the name of a file of rows."""
     return json.loads(MADE.read_text(encoding="utf-8")) if MADE.exists() else {}
 
 
-def _program(name: str) -> str:
+def _program(name):
     scripts = SCRIPTS[name]
     return "".join(library_hash(HERE / script) for script in scripts) or program_hash()
 
 
-def said() -> str:
+def said():
     """Which rows the program as it stands made, and which an earlier one: a line for each."""
     made = read()
     now = [name for name in SCRIPTS if made.get(name, {}).get("program") == _program(name)]
@@ -81,7 +81,7 @@ def said() -> str:
     )
 
 
-def main() -> None:
+def main():
     text = EVIDENCE.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)

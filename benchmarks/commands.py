@@ -6,7 +6,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 
 
-def snakemake_command(folder: Path, config: str, *arguments: str) -> list[str]:
+def snakemake_command(folder, config, *arguments):
     """Snakemake on the config `config` in `folder`, by this interpreter, with more arguments."""
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")]
     command += ["--directory", str(folder), *arguments]

@@ -33,7 +33,7 @@ class Environment:
     python: str = ""
     settings: dict = field(default_factory=dict)
 
-    def interpreter(self) -> Path:
+    def interpreter(self):
         """The environment's python, made if it is not there.
 
         Raises
@@ -90,7 +90,7 @@ class Environment:
                     return str(Path(prefix.stdout.strip()) / "bin" / "python")
         return self.python  # uv may be able to download it
 
-    def version(self) -> str:
+    def version(self):
         """Version of the code and of its Python."""
         script = (
             "import importlib.metadata as m, platform; "

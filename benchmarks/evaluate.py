@@ -74,9 +74,7 @@ def periodic_displacement(pressure, spacing, modulus):
     return scipy.fft.irfft2(spectrum, pressure.shape)
 
 
-def evaluate(
-    pressure, heights, spacing, modulus, *, load=None, far_field=None, periodic=False
-) -> Accuracy:
+def evaluate(pressure, heights, spacing, modulus, *, load=None, far_field=None, periodic=False):
     """Accuracy of a pressure under load control (`load`, MPa) or displacement control (mm).
 
     Under load control the displacement is not prescribed: the one that suits the field best is

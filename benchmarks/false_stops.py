@@ -29,40 +29,33 @@ cpu_s            of the whole study.
 place, and how many are missed though T1 covers most of T0.
 """
 
-import argparse
 import contextlib
 import io
 import logging
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 import yaml
-from age import record
-from power import merged, specimen_config, worn_patches
+from runner import RESULTS, add_rows, by_seed, in_file, options
+from specimens import merged, specimen_config, study_of, worn_patches
 
 from gst.check.checking import check_study
 from gstlib.change.selection import exchanged_epochs
 from gstlib.coupling.placement import ALL
 from gstlib.errors import raise_unless_accepted
-from gstlib.io.tables import read_table, write_table
-from gstlib.specimen.generate import Specimen, make_specimen, write_specimen
+from gstlib.io.tables import read_table
+from gstlib.specimen.generate import make_specimen, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import relocation
-from gstlib.study import Study
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import MM_TO_UM
 
-ROWS = Path(__file__).parent / "results/false_stops.csv"
+ROWS = RESULTS / "false_stops.csv"
 SEEDS = range(5201, 5241)
 FARTHEST_MM, RADII_MM = 1.5, (80.0, 400.0)
 COARSE = {"scan_points": 256, "scan_spacing_um": 3.32}
@@ -70,33 +63,24 @@ FINE = SEEDS[::4]
 # The stone of a study that stopped, and what that study was told of its use.
 STOPPED = 5101
 OF_STOPPED = {"load": {"at_mm": [3.4, 1.7]}, "counterface": {"radius_mm": 120.0}}
-STAGES = ("check", "change", "placement", "use")
+STAGES = ["check", "change", "placement", "use"]
 # A match is wrong beyond this error; a patch is missed if T1 covers more than this share of T0.
 WRONG_UM, COVERED = 10.0, 0.6
-# The columns of the rows, in their order.
-_COLUMNS = ["seed", "scan_points", "patch", *STAGES, "stated_x_mm", "stated_y_mm"]
-_COLUMNS += [
-    "stated_radius_mm",
-    "worn_x_mm",
-    "worn_y_mm",
-    "worn_radius_mm",
-    "found",
-    "error_um",
-]
-_COLUMNS += ["turn_error_deg", "overlap", "correlation", "height_scale", "residual_um"]
-_COLUMNS += ["status", "answer", "cpu_s"]
+# The columns of the rows after these, in their order.
+_COLUMNS = """stated_x_mm stated_y_mm stated_radius_mm worn_x_mm worn_y_mm worn_radius_mm
+found error_um turn_error_deg overlap correlation height_scale residual_um status answer cpu_s"""
 
 
-def drawn_use(generator: np.random.Generator) -> tuple[np.ndarray, float]:
+def drawn_use(generator):
     """A load point (y, x) from the middle of the square, mm, and a radius, mm."""
     way, share = generator.uniform([0, 0], [2 * np.pi, 1])
     off = FARTHEST_MM * np.sqrt(share) * np.array([np.sin(way), np.cos(way)])
     return off, float(np.exp(generator.uniform(*np.log(RADII_MM))))
 
 
-def config_of(seed: int) -> dict[str, Any]:
+def config_of(seed):
     """The config of the study of a stone, with the use that wore it."""
-    changes: dict[str, Any] = {"specimen": {"seed": seed}, "reference_draws": None}
+    changes = {"specimen": {"seed": seed}, "reference_draws": None}
     if seed == STOPPED:
         return merged(specimen_config(), changes | OF_STOPPED)
     generator = np.random.default_rng([seed, 13])
@@ -111,7 +95,7 @@ def config_of(seed: int) -> dict[str, Any]:
     return merged(config, told | {"counterface": {"radius_mm": radius_mm}})
 
 
-def message_of(stage: Callable[[], Any]) -> str:
+def message_of(stage):
     """The message with which a stage stops; empty if it does not."""
     try:
         stage()
@@ -120,7 +104,7 @@ def message_of(stage: Callable[[], Any]) -> str:
     return ""
 
 
-def check_files(config: Mapping[str, Any], specimen: Specimen) -> None:
+def check_files(config, specimen):
     """What `gst check` does with the files of a specimen."""
     inputs = {"mesh": "mesh.stl", "mesh_unit": "mm", "scan_folder": "scans"}
     measured = {"specimen": None, "inputs": inputs, "patches": "patches.tsv"}
@@ -136,7 +120,7 @@ def check_files(config: Mapping[str, Any], specimen: Specimen) -> None:
             check_study(Path("config.yaml"))
 
 
-def registered(change: Mapping[str, float], at: xr.Dataset) -> dict[str, float]:
+def registered(change, at):
     """What the attributes of a height change state of a patch, against the truth `at` it."""
     t0, t1 = (Place.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     true_um = MM_TO_UM * np.array(relocation(t0, t1))
@@ -151,7 +135,7 @@ def registered(change: Mapping[str, float], at: xr.Dataset) -> dict[str, float]:
     }
 
 
-def patch_rows(study: Study, truth: xr.Dataset) -> Iterator[dict[str, Any]]:
+def patch_rows(study, truth):
     """The registration of each patch; one that stops it leaves the study, as its message asks."""
     for patch in list(study.worn):
         at = truth.sel(patch=patch)
@@ -164,7 +148,7 @@ def patch_rows(study: Study, truth: xr.Dataset) -> Iterator[dict[str, Any]]:
         yield row
 
 
-def stone_rows(seed: int) -> list[dict[str, Any]]:
+def stone_rows(seed):
     """The rows of one stone."""
     logging.disable()
     start, config = time.process_time(), config_of(seed)
@@ -174,12 +158,7 @@ def stone_rows(seed: int) -> list[dict[str, Any]]:
         patches, parameters, square_mm=size_mm, grid=config["macroscale"]["grid"]
     )
     whole = {"patch": ALL, "check": message_of(partial(check_files, config, specimen))}
-    study = Study(
-        config,
-        patches,
-        read_mesh=lambda: specimen.mesh,
-        read_scan=lambda *of: specimen.scans[of],
-    )
+    study = study_of(config, patches, specimen)
     rows = list(patch_rows(study, specimen.truth))
     whole["change"] = message_of(
         lambda: raise_unless_accepted(exchanged_epochs(study.registration), config["accept"])
@@ -190,39 +169,35 @@ def stone_rows(seed: int) -> list[dict[str, Any]]:
         status = study.placement.set_index("patch").status
         rows = [row | {"status": status[row["patch"]]} for row in rows]
         whole["status"] = status[ALL]
-    if not whole["use"]:
-        whole["answer"] = study.use.attrs["answer"] if study.use is not None else ""
-    x_mm, y_mm = config["load"]["at_mm"]
-    worn_y_mm, worn_x_mm = size_mm / 2 + np.array(parameters.worn_off_middle_mm)
-    whole |= {
-        "stated_x_mm": x_mm,
-        "stated_y_mm": y_mm,
-        "stated_radius_mm": config["counterface"]["radius_mm"],
-        "worn_x_mm": worn_x_mm,
-        "worn_y_mm": worn_y_mm,
-        "worn_radius_mm": parameters.worn_radius_mm,
-        "cpu_s": time.process_time() - start,
-    }
-    of_stone = {"seed": seed, "scan_points": parameters.scan_points}
-    return [of_stone | row for row in (whole, *rows)]
+    if not whole["use"] and study.use is not None:
+        whole["answer"] = study.use.attrs["answer"]
+    whole["stated_x_mm"], whole["stated_y_mm"] = config["load"]["at_mm"]
+    whole["stated_radius_mm"] = config["counterface"]["radius_mm"]
+    worn = size_mm / 2 + np.array(parameters.worn_off_middle_mm)
+    whole["worn_y_mm"], whole["worn_x_mm"] = worn
+    whole["worn_radius_mm"] = parameters.worn_radius_mm
+    whole["cpu_s"] = time.process_time() - start
+    table = pd.DataFrame([whole, *rows]).assign(seed=seed, scan_points=parameters.scan_points)
+    columns = ["seed", "scan_points", "patch", *STAGES, *_COLUMNS.split()]
+    return table.reindex(columns=columns).replace({name: {"": np.nan} for name in STAGES})
 
 
-def summary(rows: pd.DataFrame) -> pd.DataFrame:
+def summary(rows):
     """What the rows show, by the points of the scans.
 
     ``studies``, and those that ``stop`` at any stage; ``patches`` with a T1, those ``found``, and
     of these those at a ``wrong`` place; ``covered`` patches, whose T1 covers most of T0, and of
     these those ``missed``; ``largest_error_um`` of a patch that is found at the right place.
     """
-    known = {}
-    for points, of in rows.groupby("scan_points"):
-        stops = of[list(STAGES)].notna().any(axis=1)
-        patches = of[of.patch != ALL]
+    summaries = {}
+    for points, group in rows.groupby("scan_points"):
+        stops = group[STAGES].notna().any(axis=1)
+        patches = group[group.patch != ALL]
         is_found, is_wrong = patches.found == 1, patches.error_um > WRONG_UM
         is_covered = patches.overlap > COVERED
-        known[points] = {
-            "studies": of.seed.nunique(),
-            "stop": of.seed[stops].nunique(),
+        summaries[points] = {
+            "studies": group.seed.nunique(),
+            "stop": group.seed[stops].nunique(),
             "patches": len(patches),
             "found": is_found.sum(),
             "wrong": (is_found & is_wrong).sum(),
@@ -230,50 +205,27 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
             "missed": (is_covered & ~is_found).sum(),
             "largest_error_um": patches.error_um[is_found & ~is_wrong].max(),
         }
-    return pd.DataFrame(known).T
+    return pd.DataFrame(summaries).T
 
 
-def stops(rows: pd.DataFrame) -> list[str]:
+def stops(rows):
     """A line for each message with which a study stops."""
+    messages = rows.set_index(["seed", "patch"])[STAGES].stack()
     return [
-        f"{row['seed']}, patch {row['patch']}, {stage}: {row[stage]}"
-        for _, row in rows.iterrows()
-        for stage in STAGES
-        if pd.notna(row[stage])
+        f"{seed}, patch {patch}, {stage}: {message}"
+        for (seed, patch, stage), message in messages.dropna().items()
     ]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--seeds", type=int, nargs=2, default=(STOPPED, SEEDS[-1]), help="these alone"
-    )
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--output", type=Path, default=ROWS)
-    parser.add_argument("--tables", action="store_true", help="from the rows alone")
-    options = parser.parse_args(arguments)
-    if not options.tables:
-        adds = options.output.exists()
-        rows = read_table(options.output) if adds else pd.DataFrame(columns=_COLUMNS)
-        first, last = options.seeds
-        todo = [seed for seed in (STOPPED, *SEEDS) if first <= seed <= last]
-        todo = [seed for seed in todo if seed not in set(rows.seed)]
-        # not forked: the transforms' threads would not come along
-        context = get_context("spawn")
-        with ProcessPoolExecutor(options.processes, mp_context=context) as processes:
-            jobs = {processes.submit(stone_rows, seed): seed for seed in todo}
-            for number, job in enumerate(as_completed(jobs), start=1):
-                if error := job.exception():  # the rows of the others are kept
-                    print(f"{jobs[job]}: {error!r}", flush=True)
-                    continue
-                made = pd.DataFrame(job.result(), columns=_COLUMNS)
-                made = made.replace({name: {"": np.nan} for name in (*STAGES, "answer")})
-                parts = [rows, made] if len(rows) else [made]
-                rows = pd.concat(parts, ignore_index=True).sort_values("seed", kind="stable")
-                write_table(options.output, rows)
-                record(options.output, adds=adds)
-                print(f"{number} of {len(jobs)} stones", flush=True)
-    rows = read_table(options.output)
+def main():
+    seeds = {"type": int, "nargs": 2, "default": (STOPPED, SEEDS[-1]), "help": "these alone"}
+    chosen = options(__doc__, ROWS, seeds=seeds)
+    if not chosen.tables:
+        (first, last), there = chosen.seeds, in_file(chosen.output)
+        wanted = [seed for seed in (STOPPED, *SEEDS) if first <= seed <= last]
+        tasks = [(seed,) for seed in wanted if seed not in there]
+        add_rows(chosen.output, stone_rows, tasks, chosen.processes, order=by_seed)
+    rows = read_table(chosen.output)
     print(summary(rows).to_string(float_format="%.4g"))
     print("\n".join(stops(rows)))
 

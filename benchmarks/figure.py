@@ -26,7 +26,7 @@ COLOURS = {
 OWN = "gstlib, load"
 
 
-def draw(tables, path) -> None:
+def draw(tables, path):
     """Write the figure from the tables of report.read_table; panels without results stay empty."""
     figure, axes = plt.subplots(2, 3, figsize=(13, 7.6), layout="constrained")
     axes = axes.ravel()

@@ -8,21 +8,17 @@ that was taken elsewhere than the others say.
     .venv/bin/python benchmarks/finding.py --output benchmarks/results/finding.csv
 """
 
-import argparse
-import itertools
 import resource
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import trimesh
 import yaml
-from age import record
-from power import specimen_config
+from runner import RESULTS, ROOT, options, pooled, save
+from specimens import specimen_config
 
 from gst.check.matching import match_map, match_together
 from gst.check.nearby import match_near
@@ -40,7 +36,7 @@ from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
 
-ROOT = Path(__file__).parents[1]
+ROWS = RESULTS / "finding.csv"
 DATA = ROOT.parent / "shared/data"
 CONFIG = specimen_config()
 SQUARE, AROUND = CONFIG["square"]["size_mm"], 1.5  # mm
@@ -56,7 +52,7 @@ WRONG_UM = 100
 class Specimen:
     """A specimen before use: its mesh, and scans of any size anywhere."""
 
-    def __init__(self, parameters: SpecimenParameters):
+    def __init__(self, parameters):
         self.parameters, self.stone = parameters, Stone(parameters, SQUARE)
         whole = trimesh.Trimesh(*self.stone.mesh(), process=False)
         frame = frame_from_points(CONFIG["square"]["points_mm"])
@@ -64,7 +60,7 @@ class Specimen:
         along = self.stone.grid
         self.heights = (self.stone.macroscale(along, along) + self.stone.detail).astype("f4")
 
-    def scan(self, name: str, place: Place, mirrored: bool, sides=(PATCH, PATCH)):
+    def scan(self, name, place, mirrored, sides=(PATCH, PATCH)):
         """A prepared scan of a mould, or of the stone itself if it is not mirrored."""
         spacing = self.parameters.scan_spacing_mm
         ny, nx = (round(side / spacing) for side in sides)
@@ -99,30 +95,28 @@ def of_stone(seed):
     by_hand = [Place(*place, turned) for place in hand]
     own = replace(PARAMETERS, seed=seed)
     stones = {
-        "own": own,
-        "another": replace(own, seed=100 + seed),
-        "smooth": replace(own, macroscale_rms_um=SMOOTH_UM),
+        "own": Specimen(own),
+        "another": Specimen(replace(own, seed=100 + seed)),
+        "smooth": Specimen(replace(own, macroscale_rms_um=SMOOTH_UM)),
     }
-    made, names = {name: Specimen(each) for name, each in stones.items()}, map(str, range(99))
-    for name, stone in made.items():
-        surface = made["own" if name == "another" else name].view
+    names = map(str, range(99))
+    ways = {"tied by the stage": (tied, readings), "by hand": (match_near, by_hand)}
+    for name, stone in stones.items():
+        surface = stones["own" if name == "another" else name].view
         scans = [stone.scan(next(names), place, mirrored) for place in places]
         large = stone.scan("overview", whole, mirrored, OVERVIEW)
         rows += timed("overview", seed, name, [whole], alone, surface, large)
-        rows += timed("tied by the stage", seed, name, places, tied, surface, scans, readings)
-        rows += timed("by hand", seed, name, places, match_near, surface, scans, by_hand)
+        for way, (match, start) in ways.items():
+            rows += timed(way, seed, name, places, match, surface, scans, start)
     wide = SQUARE - 1.5 * PATCH  # the last is taken half of this from its place along both axes
     margin = 0.75 * PATCH
     elsewhere = Place(*(at[-1] - margin + wide / 2) % wide + margin, turn)
-    surface, mixed = (
-        made["own"].view,
-        [made["own"].scan(next(names), place, mirrored) for place in (*places[:-1], elsewhere)],
-    )
-    for how, work, by in (
-        ("tied by the stage", tied, readings),
-        ("by hand", match_near, by_hand),
-    ):
-        rows += [*timed(how, seed, "one elsewhere", places, work, surface, mixed, by)][-1:]
+    taken = *places[:-1], elsewhere
+    scans = [stones["own"].scan(next(names), place, mirrored) for place in taken]
+    for way, (match, start) in ways.items():
+        surface = stones["own"].view
+        *_, last = timed(way, seed, "one elsewhere", places, match, surface, scans, start)
+        rows.append(last)
     return rows
 
 
@@ -162,37 +156,48 @@ def timed(how, seed, name, places, work, *of):
 
 def summary(rows):
     """A row for each way and kind of scans; errors are those of the places that are found."""
-    lines = []
-    for (how, name), group in rows.groupby(["how", "scans"], sort=False):
-        found = group[group.found]
-        is_own = name == "own" and len(found)
-        off, stated = found[["off_x_um", "off_y_um"]].to_numpy(), found.stated_um.to_numpy()
-        lines.append(
-            {
-                "how": how,
-                "scans": name,
-                "mesh_edge_mm": PARAMETERS.mesh_edge_mm,
-                "roughness_um": SMOOTH_UM if name == "smooth" else PARAMETERS.macroscale_rms_um,
-                "number": len(group),
-                "found_fraction": group.found.mean(),
-                "not_certain": (~group.certain).sum(),
-                "off_median_um": found.off_um.median() if is_own else np.nan,
-                "off_p95_um": found.off_um.quantile(0.95) if is_own else np.nan,
-                "stated_rms_um": np.sqrt(np.mean(stated**2)) if is_own else np.nan,
-                "true_rms_um": np.sqrt(np.mean(off**2)) if is_own else np.nan,
-                "held_fraction": (abs(off) <= 1.96 * stated[:, None]).mean()
-                if is_own
-                else np.nan,
-                "found_and_wrong": (found.off_um > WRONG_UM).sum() if is_own else len(found),
-                "turn_median_deg": found.turn_deg.median() if is_own else np.nan,
-                "least_correlation": group.correlation.min(),
-                "most_correlation": group.correlation.max(),
-                "least_lead": group.lead.min(),
-                "most_lead": group.lead.max(),
-                "cpu_s": group.cpu_s.median(),
-            }
-        )
-    return pd.DataFrame(lines)
+    return pd.DataFrame(
+        [
+            summary_of(group, way, name)
+            for (way, name), group in rows.groupby(["how", "scans"], sort=False)
+        ]
+    )
+
+
+def summary_of(group, way, name):
+    placed = group[group.found]
+    row = {
+        "how": way,
+        "scans": name,
+        "mesh_edge_mm": PARAMETERS.mesh_edge_mm,
+        "roughness_um": SMOOTH_UM if name == "smooth" else PARAMETERS.macroscale_rms_um,
+        "number": len(group),
+        "found_fraction": group.found.mean(),
+        "not_certain": (~group.certain).sum(),
+        **dict.fromkeys(_ERRORS, np.nan),
+        "found_and_wrong": len(placed),
+        "turn_median_deg": np.nan,
+        "least_correlation": group.correlation.min(),
+        "most_correlation": group.correlation.max(),
+        "least_lead": group.lead.min(),
+        "most_lead": group.lead.max(),
+        "cpu_s": group.cpu_s.median(),
+    }
+    if name == "own" and len(placed):
+        off, stated = placed[["off_x_um", "off_y_um"]].to_numpy(), placed.stated_um.to_numpy()
+        held = abs(off) <= 1.96 * stated[:, None]
+        errors = placed.off_um.median(), placed.off_um.quantile(0.95), *map(rms, (stated, off))
+        row |= dict(zip(_ERRORS, (*errors, held.mean()), strict=True))
+        row["found_and_wrong"] = (placed.off_um > WRONG_UM).sum()
+        row["turn_median_deg"] = placed.turn_deg.median()
+    return row
+
+
+_ERRORS = ["off_median_um", "off_p95_um", "stated_rms_um", "true_rms_um", "held_fraction"]
+
+
+def rms(values):
+    return np.sqrt(np.mean(values**2))
 
 
 def middle_of(surface, scans, readings):
@@ -211,58 +216,40 @@ def of_pebble():
     face = grid_mesh(whole, frame, **grids).height
     rows = [*timed("map on its face", 0, "pebble", [right], alone, face, scan)]
     start = time.process_time()
-    found = located(whole, {}, overview=coarser(scan, 1), stages=None)
+    stone = located(whole, {}, overview=coarser(scan, 1), stages=None)
     cpu_s = time.process_time() - start
-    match = found.on_stone
-    at = found.frame.origin + match.place.x_mm * found.frame.axes[0]
-    ((x, y, _),) = frame.to_frame(np.array([at + match.place.y_mm * found.frame.axes[1]]))
+    match = stone.on_stone
+    at = stone.frame.origin + match.place.x_mm * stone.frame.axes[0]
+    ((x, y, _),) = frame.to_frame(np.array([at + match.place.y_mm * stone.frame.axes[1]]))
+    off = {"off_um": 1e3 * np.hypot(y - right.y_mm, x - right.x_mm), "cpu_s": cpu_s}
     seen = timed("map on the whole stone", 0, "pebble", [right], list, [match])
-    rows += [
-        row | {"off_um": 1e3 * np.hypot(y - right.y_mm, x - right.x_mm), "cpu_s": cpu_s}
-        for row in seen
-    ]
+    rows += [row | off for row in seen]
     offsets = np.array([*product((-0.45, 0.45), (-0.85, 0.0, 0.85))])
     pieces = [cut_scan(scan, offset, 0.85) for offset in offsets]
     readings = np.array([offsets * signs for signs in product((1, -1), (1, -1))])
-    rows += timed(
-        "six pieces by the stage, on its face",
-        0,
-        "pebble",
-        [right],
-        middle_of,
-        face,
-        pieces,
-        readings,
-    )
-    return pd.DataFrame(rows)
+    way = "six pieces by the stage, on its face"
+    rows += timed(way, 0, "pebble", [right], middle_of, face, pieces, readings)
+    table = pd.DataFrame(rows).assign(number=1)
+    table["least_correlation"], table["least_lead"] = table.correlation, table.lead
+    names = {"found": "found_fraction", "off_um": "off_median_um", "stated_um": "stated_rms_um"}
+    return table.rename(columns=names)
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--stones", type=int, default=20)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--output", type=Path, help="CSV of the summary")
-    options = parser.parse_args()
-    with ProcessPoolExecutor(options.workers, max_tasks_per_child=1) as pool:
-        rows = [*itertools.chain(*pool.map(of_stone, range(20, 20 + options.stones)))]
-    table = summary(pd.DataFrame(rows))
+    chosen = options(__doc__, ROWS, stones=20)
+    if chosen.tables:
+        print(pd.read_csv(chosen.output).to_string(index=False))
+        return
+    for rows in pooled(
+        of_stone, [(seed,) for seed in range(20, 20 + chosen.stones)], chosen.processes
+    ):
+        table = summary(rows)
     if DATA.is_dir():
-        pebble = of_pebble().rename(
-            columns={"found": "found_fraction", "off_um": "off_median_um"}
-        )
-        pebble = pebble.assign(
-            number=1,
-            least_correlation=pebble.correlation,
-            least_lead=pebble.lead,
-            stated_rms_um=pebble.stated_um,
-        )
-        table = pd.concat([table, pebble.reindex(columns=table.columns)])
-    of_whom = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    table["peak_memory_MB"] = max(resource.getrusage(who).ru_maxrss // 1024 for who in of_whom)
+        table = pd.concat([table, of_pebble().reindex(columns=table.columns)])
+    whom = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
+    table["peak_memory_MB"] = max(resource.getrusage(who).ru_maxrss // 1024 for who in whom)
     print(table.to_string(index=False))
-    if options.output:
-        table.to_csv(options.output, index=False, float_format="%.3g")
-        record(options.output)
+    save(chosen.output, table, digits=3)
 
 
 if __name__ == "__main__":

@@ -13,24 +13,21 @@ it wears. Rows go to `results/left_out.csv`; `--tables` prints the table of
 docs/explanation/evidence.md from them.
 """
 
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
-from power import merged
+from runner import RESULTS, means
+from specimens import changed
 from strikes import loaded_contacts, run, solved, stone
-from use import two_radii
+from use import ASPECT
 
 from gstlib.conditions import study_radius
-from gstlib.contact import Contact, contact_at_pressure
+from gstlib.contact import contact_at_pressure
 from gstlib.coupling.pressures import patch_means
 from gstlib.macroscale.active_tool import rounded_counterface
-from gstlib.study import Study
 from gstlib.wear.archard import wear_contact
 
-ROWS = Path(__file__).parent / "results/left_out.csv"
+ROWS = RESULTS / "left_out.csv"
 OTHERWISE = {
     "E* 12,820 MPa": {"contact_modulus": 12820.0},
     "cap of 2 GPa": {"pressure_cap": 2000.0},
@@ -44,7 +41,7 @@ KAPPA = 2e-5  # mm/MPa
 WIDER = 1.25
 
 
-def changed(contact: Contact) -> Iterator[dict]:
+def otherwise(contact):
     """A row for each thing that is otherwise on one patch."""
     stated = solved(contact)
     for name, options in OTHERWISE.items():
@@ -68,17 +65,15 @@ def changed(contact: Contact) -> Iterator[dict]:
     }
 
 
-def as_stated(study: Study, changes: Mapping | None = None) -> Study:
+def as_stated(study, **changes):
     """The same stone, pressed as the config states, with some of it changed."""
-    config = merged(study.config, {"use": None} | (changes or {}))
-    read = {name: getattr(study, name) for name in ("read_mesh", "read_scan")}
-    return Study(config, study.patches, **read)
+    return changed(study, {"use": None} | changes)
 
 
-def against_two_radii(stated: Study) -> Iterator[dict]:
+def against_two_radii(stated):
     """A row for each direction of a tool of two radii in place of the round one."""
-    radii = two_radii(study_radius(stated.config))
-    middle = stated.config["square"]["size_mm"] / 2
+    radius, middle = study_radius(stated.config), stated.config["square"]["size_mm"] / 2
+    radii = radius * ASPECT**0.5, radius / ASPECT**0.5
     for angle in ANGLES_DEG:
         over = rounded_counterface(stated.composite.height, radii, (middle, middle), angle)
         other = as_stated(stated)
@@ -87,24 +82,24 @@ def against_two_radii(stated: Study) -> Iterator[dict]:
         yield {"patch": f"all, {angle:g}°", "changed": "two radii", "force_moved": share}
 
 
-def on_wider_faces(stated: Study) -> Iterator[dict]:
+def on_wider_faces(stated):
     """A row for each radius of the tool, with more of the stone around the square pressed."""
     radius, face_mm = study_radius(stated.config), stated.config["macroscale"]["face_mm"]
     wider = {"macroscale": {"face_mm": WIDER * face_mm}}
     for times in (1, 2):
         tool = {"counterface": {"radius_mm": times * radius}}
-        forces = [as_stated(stated, of).pressures.force_N for of in (tool, tool | wider)]
-        named = f"wider face, {times} x radius"
-        yield {"patch": "all", "changed": named, "force_moved": moved(*forces)}
+        forces = [as_stated(stated, **of).pressures.force_N for of in (tool, tool | wider)]
+        name = f"wider face, {times} x radius"
+        yield {"patch": "all", "changed": name, "force_moved": moved(*forces)}
 
 
-def tilting(stated: Study) -> dict:
+def tilting(stated):
     """A row for a stone that comes to rest anew in each step of its wear."""
     lost = [worn(stated, is_held=is_held) for is_held in (True, False)]
     return {"patch": "all", "changed": "it tilts", "loss_moved": moved(*lost)}
 
 
-def worn(stated: Study, *, is_held: bool) -> np.ndarray:
+def worn(stated, *, is_held):
     """What each patch loses while the face wears with the tilt that it has before use, or not."""
     contact, steps = stated.contact, stated.config["wear_steps"]
     pressure, size_mm = contact.load.mean_pressure, stated.config["scans"]["size_mm"]
@@ -122,28 +117,26 @@ def worn(stated: Study, *, is_held: bool) -> np.ndarray:
     return of_patches @ lost.ravel()
 
 
-def moved(stated: np.ndarray, other: np.ndarray) -> float:
+def moved(stated, other):
     """The share of what the patches bear or lose that lies on other patches."""
     return float(np.abs(other - stated).sum() / 2 / np.sum(stated))
 
 
-def rows_of(seed: int) -> list[dict]:
+def rows_of(seed):
     study = stone(seed)
     rows = [
         {"patch": patch} | row
         for patch, contact in loaded_contacts(study).items()
-        for row in changed(contact)
+        for row in otherwise(contact)
     ]
     stated = as_stated(study)
     rows += [*against_two_radii(stated), *on_wider_faces(stated), tilting(stated)]
     return [{"seed": seed} | row for row in rows]
 
 
-def summary(rows: pd.DataFrame) -> pd.DataFrame:
+def summary(rows):
     """Means over the patches, or over the stones and directions."""
-    groups = rows.groupby("changed", sort=False)
-    found = groups.mean(numeric_only=True).drop(columns="seed")
-    return found.assign(cases=groups.size()).reset_index()
+    return means(rows, ["changed"], "cases")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from environments import ENVIRONMENTS, UnavailableError
 __all__ = ["describe"]
 
 
-def describe(environments) -> dict:
+def describe(environments):
     """Processor, cores, memory, system and versions."""
     libraries = {}
     for name in environments:

@@ -20,36 +20,34 @@ Between the stages, too, all digits are handed on here. In a study of a user the
 tables, so that differences grow less.
 """
 
-import argparse
 import math
 import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import yaml
-from age import record
 from commands import snakemake_command
+from runner import RESULTS, ROOT, options, save
 
 from gst.config.tables import TABLES
 from gst.share.difference import compare_results
 from gstlib.io.tables import ALL_DIGITS, printed
 
-ROOT = Path(__file__).parents[1]
+ROWS = RESULTS / "margin.csv"
 RUNS = {"2 cores": 2, "1 core": 1, "older processor": 1}
 
 
-def older_processor() -> dict[str, str]:
+def older_processor():
     """Environment in which NumPy and OpenBLAS use what every processor of the kind has."""
     found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
     return {"NPY_DISABLE_CPU_FEATURES": " ".join(found), "OPENBLAS_CORETYPE": "Prescott"}
 
 
-def run_study(config: str, cores: int, folder: Path, environment: dict[str, str]) -> Path:
+def run_study(config, cores, folder, environment):
     """Run the study in `folder`; return its results."""
     shutil.copytree(ROOT / "config", folder / "config")
     command = snakemake_command(folder, config, "--cores", str(cores), "--quiet", "all")
@@ -59,12 +57,12 @@ def run_study(config: str, cores: int, folder: Path, environment: dict[str, str]
     return folder / yaml.safe_load((folder / config).read_text())["results"]
 
 
-def last_unit(value: float, digits: int) -> float:
+def last_unit(value, digits):
     """A unit of the last of so many significant digits."""
     return 10.0 ** (math.floor(math.log10(abs(value))) + 1 - digits)
 
 
-def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
+def margins(before, after):
     """A row for each table of two result folders."""
     changes = compare_results(before, after)
     for file in sorted((before / "tables").glob("*.csv")):
@@ -87,36 +85,27 @@ def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
         }
 
 
-def count_values(file: Path) -> int:
+def count_values(file):
     """Numbers in a table that are no whole ones."""
     cells = pd.read_csv(file, dtype=str, keep_default_na=False).to_numpy().ravel()
     numbers = pd.to_numeric(pd.Series(cells), errors="coerce").dropna()
     return int((numbers % 1 != 0).sum())
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--config", default="config/config.yaml")
-    parser.add_argument("--output", type=Path, default=ROOT / "benchmarks/results/margin.csv")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as name:
-        results = {}
-        for run, cores in RUNS.items():
-            folder = Path(name) / run.replace(" ", "_")
-            environment = older_processor() if run == "older processor" else {}
-            results[run] = run_study(options.config, cores, folder, environment)
-        first, *others = RUNS
-        rows = [
-            {"run": run} | row
-            for run in others
-            for row in margins(results[first], results[run])
-        ]
-    table = pd.DataFrame(rows)
-    text = table.to_csv(index=False, float_format="%.2g", lineterminator="\n")
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text(text, encoding="utf-8")
-    record(options.output)
-    print(text)
+def main():
+    chosen = options(__doc__, ROWS, config="config/config.yaml")
+    if not chosen.tables:
+        with tempfile.TemporaryDirectory() as name:
+            results = {}
+            for run, cores in RUNS.items():
+                folder = Path(name) / run.replace(" ", "_")
+                environment = older_processor() if run == "older processor" else {}
+                results[run] = run_study(chosen.config, cores, folder, environment)
+            first, *others = RUNS
+            tables = {run: margins(results[first], results[run]) for run in others}
+            rows = [{"run": run} | row for run, table in tables.items() for row in table]
+        save(chosen.output, pd.DataFrame(rows), digits=2)
+    print(chosen.output.read_text("utf-8"))
 
 
 if __name__ == "__main__":

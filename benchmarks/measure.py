@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from cases import CODES, GOAL, Case, Code, Growth
+from cases import CODES, GOAL
 from environments import ENVIRONMENTS, UnavailableError
 from evaluate import evaluate
 from problems import MODULUS, SCRATCH, Surface
@@ -56,7 +56,7 @@ class Run:
         return self.gap_error <= GOAL and not self.force_error > GOAL
 
 
-def run(code: Code, surface: Surface, levels: dict, tolerance: float) -> Run:
+def run(code, surface, levels, tolerance):
     """Solve once in a process of its own, and evaluate what it returns."""
     python, problem = ENVIRONMENTS[code.environment].interpreter(), surface.stored()
     with tempfile.TemporaryDirectory(dir=SCRATCH) as folder:
@@ -121,7 +121,7 @@ def run(code: Code, surface: Surface, levels: dict, tolerance: float) -> Run:
     )
 
 
-def levels_of(surface: Surface, pressure: float, steps: int) -> dict:
+def levels_of(surface, pressure, steps):
     """The same states for load and for displacement control, from a reference far more accurate."""
     store = SCRATCH / f"{surface.stored().stem}-{pressure:g}MPa-{steps}.json"
     if not store.exists():
@@ -148,7 +148,7 @@ class Calibration:
     changes, looser ones are tried too.
     """
 
-    def __init__(self, path: Path, again: bool):
+    def __init__(self, path, again):
         self.path, self.again = path, again
         self.known = {}
         if path.exists():
@@ -156,7 +156,7 @@ class Calibration:
                 case, label, tolerance = line.rsplit(";", 2)
                 self.known[case, label] = float(tolerance)
 
-    def find(self, case: str, code: Code, attempt) -> tuple[float, Run]:
+    def find(self, case, code, attempt):
         """Tolerance and its run; ``attempt(tolerance)`` makes one."""
         stored = self.known.get((case, code.label))
         tolerance = stored or code.start
@@ -185,7 +185,7 @@ class Calibration:
         self.path.write_text(text, encoding="utf-8")
 
 
-def measure_case(case: Case, labels, calibration: Calibration, most_repeats: int) -> list[dict]:
+def measure_case(case, labels, calibration, most_repeats):
     """Rows of the case's table, one for each code."""
     levels = levels_of(case.surface, case.pressure, case.steps)
     entries = []
@@ -221,7 +221,7 @@ def measure_case(case: Case, labels, calibration: Calibration, most_repeats: int
     return rows
 
 
-def row(code: Code, tolerance: float, _, runs: list[Run]) -> dict:
+def row(code, tolerance, _, runs):
     worst = max(runs, key=lambda r: r.gap_error)
     return {
         "code": code.label,
@@ -244,7 +244,7 @@ def row(code: Code, tolerance: float, _, runs: list[Run]) -> dict:
     }
 
 
-def measure_growth(case: Growth, runs, calibration: Calibration, keep) -> list[dict]:
+def measure_growth(case, runs, calibration, keep):
     """Rows, one for each code, size and seed; `keep` stores them after each."""
     rows = []
     reached = {}

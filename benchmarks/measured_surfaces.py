@@ -32,34 +32,28 @@ correlation, height_scale   as it states them;
 message          why the pair cannot be registered, if it cannot.
 """
 
-import argparse
-from collections.abc import Iterator, Sequence
 from functools import cache
 from itertools import combinations, product
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy
-import xarray as xr
-from age import record
-from power import specimen_config
+from runner import RESULTS, ROOT, options, save
+from specimens import specimen_config
 
 from gstlib.change.change import measure_detection, register_patch, wear_summary
 from gstlib.change.registration import register
 from gstlib.change.selection import registration_table
 from gstlib.errors import InputError
 from gstlib.io.scans import read_scan
-from gstlib.io.tables import read_table, write_table
+from gstlib.io.tables import read_table
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.fitting import robust_sigma
 from gstlib.surfaces.footprints import Place, spline_of
 from gstlib.surfaces.grid import MM_TO_UM, axis_coordinates, make_surface, spacing_of
 
-ROOT = Path(__file__).parents[1]
 DATA = ROOT.parent / "shared/data"
-RESULTS = ROOT / "benchmarks/results"
 # The shift that is searched for, in sides of a scan: that of the default study.
 REACH = 0.6 / 0.85
 SETTINGS = {"minimum_points": 8}
@@ -104,7 +98,7 @@ STEP, UNDEFINED = 16, 0.05
 WRONG_UM = 5 * 6.25
 
 
-def channel(file: str, number: int) -> xr.Dataset:
+def channel(file, number):
     """One channel of a file as a prepared scan, `LARGER` than it is."""
     from SurfaceTopography import open_topography
     from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
@@ -116,7 +110,7 @@ def channel(file: str, number: int) -> xr.Dataset:
     return prepare_scan(make_surface(heights, spacing))
 
 
-def neighbours(change: xr.Dataset) -> Iterator[tuple[str, float]]:
+def neighbours(change):
     """How errors correlate along y and x: of neighbours, and over which distance."""
     error = change["change"].values
     bound = 3 * robust_sigma(error[np.isfinite(error)])
@@ -129,12 +123,12 @@ def neighbours(change: xr.Dataset) -> Iterator[tuple[str, float]]:
         yield f"length_{name}_points", float(np.argmax(correlation < 1 / np.e))
 
 
-def repeat_row(name: str) -> dict[str, Any]:
+def repeat_row(name):
     """What the study says of one pair of `REPEATS`."""
     file, *channels = REPEATS[name]
     first, second = (channel(file, number) for number in channels)
     points, spacing = len(first.height), spacing_of(first.height)[0]
-    settings: dict[str, Any] = SETTINGS | {"maximum_shift_mm": REACH * points * spacing}
+    settings = SETTINGS | {"maximum_shift_mm": REACH * points * spacing}
     row = {"pair": name, "points": points, "spacing_um": MM_TO_UM * spacing}
     try:
         change = register_patch(first, second, patch=name, **settings)
@@ -158,21 +152,21 @@ def repeat_row(name: str) -> dict[str, Any]:
 class Casting(NamedTuple):
     """A scan of a primer, and how its points lie on the common grid of its breech face."""
 
-    spline: Any
+    spline: object
     undefined: np.ndarray  # (ny, nx), 0 or 1
     spacing: float
     laid: tuple[float, int, int]
 
-    def piece(self, place: Place) -> xr.DataArray:
+    def piece(self, place):
         """Heights about a place (points of the common grid), mm, NaN where undefined."""
         steps = np.arange(SIDE) - (SIDE - 1) / 2
         return self._at(*place.points(steps[:, None], steps))
 
-    def on_grid(self) -> np.ndarray:
+    def on_grid(self):
         """Which points of the common grid are defined."""
         return np.isfinite(self._at(*np.indices((GRID, GRID))).values)
 
-    def _at(self, y: np.ndarray, x: np.ndarray) -> xr.DataArray:
+    def _at(self, y, x):
         turn, *shift = self.laid
         middle = (GRID - 1) / 2
         # as `scipy.ndimage.rotate` turns, which is from y towards x
@@ -187,7 +181,7 @@ class Casting(NamedTuple):
 
 
 @cache
-def casting(name: str) -> Casting:
+def casting(name):
     """A scan by its name."""
     scan = read_scan(DATA / f"breechface-ccby/{name}.x3p")
     spacing = spacing_of(scan)[0]
@@ -201,20 +195,20 @@ def casting(name: str) -> Casting:
 
 
 @cache
-def places(name: str) -> frozenset[tuple[int, int]]:
+def places(name):
     """Places (y, x) of the common grid about which a casting is defined."""
     share = scipy.ndimage.uniform_filter(casting(name).on_grid().astype(float), SIDE)
     inside = range(SIDE, GRID - SIDE, STEP)
     return frozenset((y, x) for y, x in product(inside, inside) if share[y, x] >= 1 - UNDEFINED)
 
 
-def evenly(common: frozenset[tuple[int, int]], count: int) -> list[tuple[int, int]]:
+def evenly(common, count):
     """So many of the places, from the first to the last."""
     ordered = sorted(common)
     return [ordered[round(at)] for at in np.linspace(0, len(ordered) - 1, count)]
 
 
-def breech_rows(first: str, second: str, *, is_related: bool) -> Iterator[dict[str, Any]]:
+def breech_rows(first, second, *, is_related):
     """Pieces of two castings on each other: of the same places, or of any that each has."""
     if is_related:
         chosen = evenly(places(first) & places(second), RELATED)
@@ -246,7 +240,7 @@ def breech_rows(first: str, second: str, *, is_related: bool) -> Iterator[dict[s
         }
 
 
-def breech_face_rows() -> Iterator[dict[str, Any]]:
+def breech_face_rows():
     """All pairs of castings."""
     names = [f"{face}-{number}" for face in FACES for number in CASTINGS]
     for first, second in combinations(names, 2):
@@ -256,7 +250,7 @@ def breech_face_rows() -> Iterator[dict[str, Any]]:
             yield {"kind": kind} | row
 
 
-def summary(rows: pd.DataFrame) -> pd.DataFrame:
+def summary(rows):
     """Of the breech faces: pairs, those ``found``, and those that are ``refused``.
 
     ``wrong`` are those of the found ones that lie elsewhere than they should. Related pairs are
@@ -264,14 +258,9 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """
     is_related, is_found = rows.kind == "related", rows.found.astype(bool)
     is_far = is_related & (rows.turn_deg.abs() > NEAR)
-    counted = pd.DataFrame(
-        {
-            "pairs": 1,
-            "found": is_found,
-            "wrong": is_related & is_found & (rows.error_um > WRONG_UM),
-            "refused": rows.message.notna(),
-        }
-    )
+    counted = pd.DataFrame({"pairs": 1, "found": is_found})
+    counted["wrong"] = is_related & is_found & (rows.error_um > WRONG_UM)
+    counted["refused"] = rows.message.notna()
     return counted.groupby(rows.kind.mask(is_far, "related, turned far")).sum()
 
 
@@ -280,26 +269,22 @@ SHOWN = ["pair", "found", "shift_y_um", "shift_x_um", "loss_fraction", "gain_fra
 SHOWN += ["above_noise", "serves", "neighbours_y", "neighbours_x", "white_loss", "white_gain"]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", choices=list(MAKERS), nargs="+", default=list(MAKERS))
-    parser.add_argument("--output", type=Path, default=RESULTS, help="folder of the rows")
-    parser.add_argument("--tables", action="store_true", help="from the rows alone")
-    options = parser.parse_args(arguments)
-    files = {name: options.output / f"{name}.csv" for name in options.only}
-    if not options.tables:
-        if not DATA.is_dir():
-            raise SystemExit(f"the measured files are not beside the project ({DATA})")
-        for name, file in files.items():
-            made = pd.DataFrame(MAKERS[name]())
-            if "message" not in made:
-                made["message"] = np.nan
-            write_table(file, made)
-            record(file)
-    if "repeats" in files:
-        print(read_table(files["repeats"]).reindex(columns=SHOWN).to_string(index=False))
-    if "breech_faces" in files:
-        print(summary(read_table(files["breech_faces"])).to_string())
+def main():
+    names = list(MAKERS)
+    only = {"choices": names, "nargs": "+", "default": names}
+    chosen = options(__doc__, RESULTS, only=only)  # --output is a folder
+    files = {name: chosen.output / f"{name}.csv" for name in chosen.only}
+    if not (chosen.tables or DATA.is_dir()):
+        raise SystemExit(f"the measured files are not beside the project ({DATA})")
+    for name, file in files.items():
+        if not chosen.tables:
+            rows = pd.DataFrame(MAKERS[name]())
+            save(file, rows if "message" in rows else rows.assign(message=np.nan))
+        rows = read_table(file)
+        if name == "repeats":
+            print(rows.reindex(columns=SHOWN).to_string(index=False))
+        else:
+            print(summary(rows).to_string())
 
 
 if __name__ == "__main__":

@@ -11,18 +11,13 @@ had the fault that names the mistake, and which share of the right patches agree
 the rows alone.
 """
 
-import argparse
 import logging
-from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-import xarray as xr
-from age import record
-from power import merged, specimen_config, specimen_studies
+from runner import RESULTS, means, options, pooled, save
+from specimens import merged, specimen_config, specimen_studies
 
 from gst.config.reading import read_study
 from gstlib.coupling.placement import (
@@ -35,10 +30,9 @@ from gstlib.coupling.placement import (
     place_patches,
 )
 from gstlib.errors import InputsError
-from gstlib.io.tables import read_table, write_table
-from gstlib.study import Study
+from gstlib.io.tables import read_table
 
-ROWS = Path(__file__).parent / "results/placement.csv"
+ROWS = RESULTS / "placement.csv"
 # The default specimen, with scans that are as coarse as the check makes them.
 COARSE = {"scan_points": 64, "scan_spacing_um": 13.28, "unmeasured_size_um": 30.0}
 # What differs from it, and the error of placing (µm), which each study states as it is.
@@ -62,12 +56,12 @@ class Mistaken(NamedTuple):
     """What a study states, the patches that are wrong in it, and what a fault must say of them."""
 
     table: pd.DataFrame
-    scans: dict[str, xr.Dataset]
+    scans: dict
     wrong: tuple[str, ...]  # empty if all are
     words: str
 
 
-def of_stone(seed: int) -> list[dict]:
+def of_stone(seed):
     """Rows of a specimen: each stone, number of patches and mistake."""
     logging.disable()
     rows, generator = [], np.random.default_rng(seed)
@@ -84,17 +78,12 @@ def of_stone(seed: int) -> list[dict]:
             table = patches.iloc[chosen].reset_index(drop=True)
             for mistake in MISTAKES if is_all else SOME:
                 made = mistaken(table, scans, mistake, generator)
-                said = judged(study, made, error_um)
-                rows.append({"stone": stone, "patches": count, "mistake": mistake} | said)
+                row = {"stone": stone, "patches": count, "mistake": mistake}
+                rows.append(row | judged(study, made, error_um))
     return rows
 
 
-def mistaken(
-    table: pd.DataFrame,
-    scans: Mapping[str, xr.Dataset],
-    mistake: str,
-    generator: np.random.Generator,
-) -> Mistaken:
+def mistaken(table, scans, mistake, generator):
     """A study with a mistake, of the patches of a table."""
     own = {patch: scans[patch] for patch in table.patch}
     one, other = generator.permutation(list(own))[:2]
@@ -116,14 +105,14 @@ def mistaken(
     )
 
 
-def undoing(mistake: str) -> str:
+def undoing(mistake):
     """The orientation that undoes another one."""
     corner = np.arange(4).reshape(2, 2)
     laid = {name: oriented(oriented(corner, mistake), name) for name in ORIENTATIONS}
     return next(name for name, again in laid.items() if (again == corner).all())
 
 
-def undoing_table(mistake: str) -> str:
+def undoing_table(mistake):
     """The mistake of a table that undoes another one."""
     again = {
         name: as_measured(*as_measured(0.1, 0.3, 1.0, mistake), 1.0, name) for name in TABLES
@@ -131,7 +120,7 @@ def undoing_table(mistake: str) -> str:
     return next(name for name, place in again.items() if np.allclose(place, (0.1, 0.3)))
 
 
-def judged(study: Study, made: Mistaken, error_um: float) -> dict[str, float]:
+def judged(study, made, error_um):
     """Whether a fault stops the study and names the mistake, or else which patches agree."""
     settings = study.settings["place_patches"] | {"placement_um": error_um}
     faults, agrees = [], pd.Series(dtype=bool)
@@ -153,31 +142,14 @@ def judged(study: Study, made: Mistaken, error_um: float) -> dict[str, float]:
     }
 
 
-def shares(rows: list[dict]) -> pd.DataFrame:
-    """Share of the studies with each stone, number of patches and mistake."""
-    table = pd.DataFrame(rows).astype({"right_agree": float})
-    groups = table.groupby(["stone", "patches", "mistake"], sort=False)
-    return groups.mean().assign(studies=groups.size()).reset_index()
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--first-seed", type=int, default=6001)
-    parser.add_argument("--specimens", type=int, default=20)
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--output", type=Path, default=ROWS)
-    parser.add_argument("--tables", action="store_true", help="from the rows alone")
-    options = parser.parse_args()
-    if not options.tables:
-        seeds = range(options.first_seed, options.first_seed + options.specimens)
-        rows = []
-        with ProcessPoolExecutor(options.processes) as processes:
-            for seed, of_seed in zip(seeds, processes.map(of_stone, seeds), strict=True):
-                rows += of_seed
-                write_table(options.output, shares(rows))
-                print(f"specimen {seed}", flush=True)
-        record(options.output)
-    print(read_table(options.output).round(3).to_string(index=False))
+def main():
+    chosen = options(__doc__, ROWS, first_seed=6001, specimens=20)
+    if not chosen.tables:
+        seeds = range(chosen.first_seed, chosen.first_seed + chosen.specimens)
+        for rows in pooled(of_stone, [(seed,) for seed in seeds], chosen.processes):
+            rows = rows.astype({"right_agree": float})
+            save(chosen.output, means(rows, ["stone", "patches", "mistake"], "studies"))
+    print(read_table(chosen.output).round(3).to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -60,7 +60,7 @@ class Surface:
         ).astype(float)
         return (field - field.mean()) * (RMS / field.std())
 
-    def stored(self) -> Path:
+    def stored(self):
         """The npz that runners read; written at the first call."""
         recipe = repr((self, LENGTH, MODULUS, RMS, HURST, ROLL_OFF, RADIUS)).encode()
         path = SCRATCH / f"{self.name}-{hashlib.sha256(recipe).hexdigest()[:8]}.npz"

@@ -14,7 +14,7 @@ README = Path(__file__).parent / "README.md"
 OWN = "gstlib, load"
 
 
-def write_report(results: Path) -> None:
+def write_report(results):
     """Renew the part of README.md between its markers, and the figure."""
     tables = {name: read_table(results / f"{name}.csv") for name in CASES}
     parts = []
@@ -38,7 +38,7 @@ def write_report(results: Path) -> None:
     draw(tables, results / "peers.png")
 
 
-def read_table(path: Path) -> list[dict]:
+def read_table(path):
     """Rows with numbers as numbers; empty cells are None."""
     if not path.exists():
         return []
@@ -115,7 +115,7 @@ def growth_table(rows):
     return _markdown(head, body)
 
 
-def growth_factors(rows) -> dict:
+def growth_factors(rows):
     """Growth of convolutions from half the size: {(code, size, cut_off): (geometric mean, worst)}.
 
     Half the size has the usual shortest wave in elements: with another cut-off, the same in mm.

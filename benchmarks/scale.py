@@ -16,7 +16,6 @@ and `largest_job_mb` of the steps, as their logs say. CPU times: what else the m
 them less than wall times.
 """
 
-import argparse
 import math
 import re
 import resource
@@ -28,25 +27,23 @@ from pathlib import Path
 
 import pandas as pd
 import yaml
-from age import record
 from commands import snakemake_command
+from runner import RESULTS, ROOT, options, save
 
 from gst.config.patches import read_patches
 from gstlib.specimen import generate, pebble, scanning, stone
 from gstlib.specimen.generate import make_specimen, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 
-ROOT = Path(__file__).parents[1]
 CONFIG = "config/scale.yaml"
-RESULTS = "results-scale"
-ROWS = ROOT / "benchmarks/results/scale.csv"
+ROWS = RESULTS / "scale.csv"
 # The generated pebble, and the largest square that it holds.
 PEBBLE_MM, LARGEST_SQUARE_MM = pebble.OUTER_SIZE_MM, 39.0
 # The tiny study's macroscale, elements a mm.
 GRID = 8
 
 
-def write_study(patches: int, folder: Path, *, scans: bool) -> None:
+def write_study(patches, folder, *, scans):
     """A study of so many patches in `folder`; its files are empty unless `scans` are wanted."""
     side = math.ceil(math.sqrt(patches))
     rows = ["patch\tx_mm\ty_mm\tt0\tt1"]
@@ -64,7 +61,7 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
     half = side / 2
     corners = [[half, half, 0.0], [-half, half, 0.0], [half, -half, 0.0]]
     config = tiny | {
-        "results": RESULTS,
+        "results": "results-scale",
         "patches": "config/patches.tsv",
         "specimen": None,
         "inputs": {"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"},
@@ -101,7 +98,7 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
             (folder / f"data/scans/{number}_{epoch}.plu").touch()
 
 
-def enlarge_pebble(times: float) -> None:
+def enlarge_pebble(times):
     """Make the generated pebble larger than M12 was."""
     size = tuple(times * length for length in PEBBLE_MM)
     for module in (pebble, stone, generate):
@@ -109,14 +106,14 @@ def enlarge_pebble(times: float) -> None:
     pebble._HALF_X, pebble._HALF_Y = size[0] / 2, size[1] / 2
 
 
-def snakemake(folder: Path, *arguments: str) -> tuple[dict[str, float], str]:
+def snakemake(folder, *arguments):
     """Run Snakemake there; how it went (wall and CPU s, peak MB), and what it said."""
     command = snakemake_command(folder, CONFIG, *arguments)
     start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     process = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
-    used: dict[str, float] = {}
+    used = {}
     watcher = threading.Thread(target=_watch, args=(process.pid, used))
     watcher.start()
     said, _ = process.communicate()
@@ -129,7 +126,7 @@ def snakemake(folder: Path, *arguments: str) -> tuple[dict[str, float], str]:
     return {"wall_s": wall, "cpu_s": cpu} | used, said
 
 
-def _watch(pid: int, used: dict[str, float]) -> None:
+def _watch(pid, used):
     """Largest memory of one process, without its children, as long as it is there."""
     while True:
         try:
@@ -143,23 +140,23 @@ def _watch(pid: int, used: dict[str, float]) -> None:
         time.sleep(0.05)
 
 
-def plan(folder: Path) -> dict[str, float]:
+def plan(folder):
     """Jobs of a dry run, and what it takes."""
-    used, said = snakemake(folder, "--dry-run", "--quiet", "rules")
-    return {"jobs": int(re.search(r"^total\s+(\d+)$", said, re.MULTILINE)[1])} | used
+    used, printed = snakemake(folder, "--dry-run", "--quiet", "rules")
+    return {"jobs": int(re.search(r"^total\s+(\d+)$", printed, re.MULTILINE)[1])} | used
 
 
-def steps(logs: Path) -> pd.DataFrame:
+def steps(logs):
     """CPU time (s) and peak memory (MB) of each step, from the last line of its log."""
     last = r"INFO took .*, (?P<cpu_s>\S+) s of CPU, (?P<memory_mb>\S+) MB of memory$"
     lines = {log.stem: log.read_text("utf-8").splitlines()[-1] for log in logs.rglob("*.log")}
     return pd.Series(lines).str.extract(last).astype(float)
 
 
-def run(folder: Path, cores: int) -> dict[str, float]:
+def run(folder, cores):
     """The study itself."""
     used, _ = snakemake(folder, "--cores", str(cores))
-    results = folder / RESULTS
+    results = folder / "results-scale"
     jobs = steps(results / "logs")
     rows = {file.stem: len(pd.read_csv(file)) for file in results.glob("tables/*.csv")}
     return used | {
@@ -170,41 +167,27 @@ def run(folder: Path, cores: int) -> dict[str, float]:
     }
 
 
-def measure(patches: int, cores: int, *, in_full: bool) -> dict[str, float]:
-    """The row of so many patches."""
-    row: dict[str, float] = {"patches": patches}
+def measure(patches, cores, *, in_full):
+    """The column of so many patches."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "study"
         write_study(patches, folder, scans=in_full)
-        row |= {f"plan_{key}": value for key, value in plan(folder).items()}
+        column = {f"plan_{key}": value for key, value in plan(folder).items()}
         if in_full:
-            row |= {f"run_{key}": value for key, value in run(folder, cores).items()}
-            row["run_cpu_s_per_patch"] = row["run_cpu_s"] / patches
-    return row
+            column |= {f"run_{key}": value for key, value in run(folder, cores).items()}
+            column["run_cpu_s_per_patch"] = column["run_cpu_s"] / patches
+    return column
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--patches", type=int, nargs="+", default=[25, 320, 1000, 2500])
-    parser.add_argument(
-        "--run", type=int, default=1000, help="most patches of a study that is run"
-    )
-    parser.add_argument("--cores", type=int, default=1)
-    parser.add_argument("--output", type=Path, default=ROWS)
-    options = parser.parse_args()
-    rows = []
-    for patches in options.patches:
-        rows.append(measure(patches, options.cores, in_full=patches <= options.run))
-        print(rows[-1], flush=True)
-        table = (
-            pd.DataFrame(rows)
-            .T.rename_axis("quantity")
-            .set_axis(options.patches[: len(rows)], axis=1)
-        )
-        table = table.drop(index="patches")
-        table.to_csv(options.output, float_format="%.4g", lineterminator="\n")
-    record(options.output)
-    print(table)
+def main():
+    most = {"type": int, "default": 1000, "help": "most patches of a study that is run"}
+    chosen = options(__doc__, ROWS, patches=[25, 320, 1000, 2500], run=most, cores=1)
+    columns = {}
+    for patches in chosen.patches if not chosen.tables else ():
+        columns[patches] = measure(patches, chosen.cores, in_full=patches <= chosen.run)
+        table = pd.DataFrame(columns).rename_axis("quantity").reset_index()
+        save(chosen.output, table, digits=4)
+    print(chosen.output.read_text("utf-8"))
 
 
 if __name__ == "__main__":

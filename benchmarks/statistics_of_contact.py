@@ -5,20 +5,19 @@ waves (512² elements, Hurst exponent 0.8, roll-off at a quarter of the period),
 prints the tables of docs/explanation/solver.md; `--tables` prints them from the rows.
 """
 
-import argparse
 import math
-from pathlib import Path
+from itertools import product
 
 import numpy as np
 import pandas as pd
-from age import record
+from runner import RESULTS, options, save
 
 from gstlib.bem import load_path, measure_roughness
 from gstlib.bem.closed_forms import persson_contact_fraction
-from gstlib.io.tables import read_table, write_table
+from gstlib.io.tables import read_table
 from gstlib.specimen.randomness import self_affine_field
 
-ROWS = Path(__file__).parent / "results/statistics_of_contact.csv"
+ROWS = RESULTS / "statistics_of_contact.csv"
 COUNT, HURST, ROLL_OFF, SEEDS = 512, 0.8, 0.25, 10
 # Mean pressure over E* times the r.m.s. slope.
 LOADS = 0.005, 0.01, 0.03, 0.1, 0.3, 1.0
@@ -30,7 +29,7 @@ PUBLISHED = {
 }
 
 
-def measured(shortest: int, seed: int) -> list[dict[str, float]]:
+def measured(shortest, seed):
     """A row for each load on one surface; lengths in periods, pressures over E*."""
     heights = self_affine_field(
         np.random.default_rng(seed),
@@ -59,7 +58,7 @@ def measured(shortest: int, seed: int) -> list[dict[str, float]]:
     ]
 
 
-def summary(rows: pd.DataFrame) -> pd.DataFrame:
+def summary(rows):
     """Means over the surfaces: area over load with its standard error, and what others found."""
     rows = rows.assign(kappa=rows.contact / rows.load, gamma=1 / rows.stiffness)
     groups = rows.groupby(["shortest", "load"])
@@ -72,19 +71,12 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     return found.reset_index()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tables", action="store_true", help="from the rows alone")
-    if not parser.parse_args().tables:
-        rows = [
-            row
-            for shortest in PUBLISHED
-            for seed in range(SEEDS)
-            for row in measured(shortest, seed)
-        ]
-        write_table(ROWS, pd.DataFrame(rows).round(6))
-        record(ROWS)
-    print(summary(read_table(ROWS)).round(4).to_string(index=False))
+def main():
+    chosen = options(__doc__, ROWS)
+    if not chosen.tables:
+        rows = [row for of in product(PUBLISHED, range(SEEDS)) for row in measured(*of)]
+        save(chosen.output, pd.DataFrame(rows).round(6))
+    print(summary(read_table(chosen.output)).round(4).to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,6 @@ row `snakemake` is Snakemake's own process: its wall is the study's. The row `al
 together.
 """
 
-import argparse
 import json
 import os
 import platform
@@ -32,16 +31,13 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Collection
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 import pandas as pd
 import yaml
 from commands import snakemake_command
-
-ROOT = Path(__file__).parents[1]
+from runner import RESULTS, ROOT, options
 
 # Put on the path of every interpreter of the study: at its end it writes down what it used.
 NOTE_USE = """
@@ -68,42 +64,33 @@ for name in json.load(open(sys.argv[1])):
 """
 
 
-@dataclass
-class Use:
-    """What the interpreters of one rule used."""
+def run_study(config, cores, folder):
+    """Run the study in `folder`.
 
-    cpu_s: float = 0.0
-    modules: list[str] = field(default_factory=list)
-
-
-def run_study(config: str, cores: int, folder: Path) -> tuple[float, Path, dict[str, Use]]:
-    """Run the study in `folder`; return its wall time (s), its results, and what each rule used."""
+    Returns its wall time (s), its results, and of each rule the CPU time (s) and the modules of
+    its interpreters.
+    """
     shutil.copytree(ROOT / "config", folder / "config")
-    notes = folder / "notes"
-    hook = folder / "hook"
-    for made in (notes, hook):
-        made.mkdir()
+    notes, hook = folder / "notes", folder / "hook"
+    notes.mkdir()
+    hook.mkdir()
     (hook / "sitecustomize.py").write_text(NOTE_USE)
     path = os.pathsep.join(filter(None, [str(hook), os.environ.get("PYTHONPATH")]))
+    environment = os.environ | {"PYTHONPATH": path, "STUDY_NOTES": str(notes)}
     command = snakemake_command(folder, config, "--cores", str(cores), "--quiet", "all")
     start = time.perf_counter()
-    subprocess.run(
-        command,
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": path, "STUDY_NOTES": str(notes)},
-        check=True,
-    )
+    subprocess.run(command, cwd=folder, env=environment, check=True)
     wall = time.perf_counter() - start
     results = folder / yaml.safe_load((folder / config).read_text())["results"]
-    used = defaultdict(Use)
+    cpu_s, modules = defaultdict(float), defaultdict(list)
     for file in sorted(notes.glob("*.json")):
-        note, use = json.loads(file.read_text()), used[file.name.split(".")[0]]
-        use.cpu_s += note["cpu_s"]
-        use.modules = max(use.modules, note["modules"], key=len)
-    return wall, results, used
+        note, rule = json.loads(file.read_text()), file.name.split(".")[0]
+        cpu_s[rule] += note["cpu_s"]
+        modules[rule] = max(modules[rule], note["modules"], key=len)
+    return wall, results, cpu_s, modules
 
 
-def job_walls(results: Path, rules: Collection[str]) -> dict[str, list[float]]:
+def job_walls(results, rules):
     """Wall times (s) of the jobs of each rule, from their logs: their names begin with it."""
     walls = defaultdict(list)
     for file in sorted((results / "logs").rglob("*.log")):
@@ -114,7 +101,7 @@ def job_walls(results: Path, rules: Collection[str]) -> dict[str, list[float]]:
     return walls
 
 
-def start_time(modules: list[str], *, cores: int, repeats: int, folder: Path) -> float:
+def start_time(modules, *, cores, repeats, folder):
     """Median time (s) of an interpreter that imports the modules, `cores` at a time.
 
     CPU time: starting does nothing but compute, and what else the machine does disturbs it less.
@@ -135,39 +122,34 @@ def start_time(modules: list[str], *, cores: int, repeats: int, folder: Path) ->
     return statistics.median(times)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--config", default="config/config.yaml")
-    parser.add_argument("--cores", type=int, default=2)
-    parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--output", type=Path, default=ROOT / "benchmarks/results/study.csv")
-    options = parser.parse_args()
+def main():
+    chosen = options(
+        __doc__, RESULTS / "study.csv", config="config/config.yaml", cores=2, repeats=5
+    )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        wall, results, used = run_study(options.config, options.cores, folder)
-        measure = partial(start_time, repeats=options.repeats, folder=folder)
+        wall, results, cpu_s, modules = run_study(chosen.config, chosen.cores, folder)
+        measure = partial(start_time, repeats=chosen.repeats, folder=folder)
         rows = [
-            (rule, len(walls), sum(walls), used[rule].cpu_s, len(walls) * start)
-            for rule, walls in job_walls(results, set(used)).items()
-            for start in [measure(used[rule].modules, cores=options.cores)]
+            (rule, len(walls), sum(walls), cpu_s[rule], len(walls) * start)
+            for rule, walls in job_walls(results, set(cpu_s)).items()
+            for start in [measure(modules[rule], cores=chosen.cores)]
         ]
-        own = measure(used["snakemake"].modules, cores=1)
+        own = measure(modules["snakemake"], cores=1)
     table = pd.DataFrame(rows, columns=["rule", "jobs", "wall_s", "cpu_s", "start_s"])
     table = table.sort_values("cpu_s", ascending=False)
     every = table.drop(columns="rule").sum()
     table.loc[len(table)] = ["all", int(every.jobs), every.wall_s, every.cpu_s, every.start_s]
-    table.loc[len(table)] = ["snakemake", 1, wall, used["snakemake"].cpu_s, own]
+    table.loc[len(table)] = ["snakemake", 1, wall, cpu_s["snakemake"], own]
     table["start_fraction"] = table.start_s / table.cpu_s
-    core = options.cores * wall
     header = (
-        f"# {options.config} on {options.cores} cores of {os.cpu_count()} "
+        f"# {chosen.config} on {chosen.cores} cores of {os.cpu_count()} "
         f"({platform.machine()}, Python {platform.python_version()}): wall {wall:.1f} s; starting "
         f"interpreters is {every.start_s / every.cpu_s:.1%} of the jobs' CPU time, and with "
-        f"Snakemake's own {(every.start_s + own) / core:.1%} of cores x wall\n"
+        f"Snakemake's own {(every.start_s + own) / (chosen.cores * wall):.1%} of cores x wall\n"
     )
     text = header + table.to_csv(index=False, float_format="%.3f", lineterminator="\n")
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text(text, encoding="utf-8")
+    chosen.output.write_text(text, encoding="utf-8")
     print(text)
 
 

@@ -7,16 +7,13 @@ What comes out goes to build/sweep.csv, beside what comes out of the study itsel
 changes are printed. A synthetic specimen is read from the results: run its study first.
 """
 
-import argparse
 import math
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 
 import pandas as pd
 import yaml
-from power import merged
+from runner import options, pooled
+from specimens import merged
 
 from gst.config.contradictions import counterface_mesh
 from gst.config.patches import read_patches
@@ -30,8 +27,6 @@ from gstlib.macroscale.active_tool import ActiveTool
 from gstlib.study import Study
 from gstlib.validation.scoring import own_model
 
-__all__ = ["changes_table", "outcomes", "study_of"]
-
 SETTINGS = Path(__file__).with_name("sweep.yaml")
 _PRESSURE, _CHANGE = "pressure_MPa", "relative_change(pressure_MPa)"
 # Rows of ``validation_summary.csv``.
@@ -39,7 +34,7 @@ _OF_PREDICTION = ["mean(mcc)", "gain(mcc)", "relative(map_error)"]
 _OF_PREDICTION += ["spearman(pressure_MPa, loss_fraction)"]
 
 
-def study_of(config: Mapping, folder: Path = Path()) -> Study:
+def study_of(config, folder=Path()):
     """The study of a complete config in memory, with the files that its run in `folder` reads."""
     made = f"{config['results']}/specimen"
     inputs = config["inputs"] or {
@@ -70,7 +65,7 @@ def study_of(config: Mapping, folder: Path = Path()) -> Study:
     )
 
 
-def outcomes(study: Study) -> pd.DataFrame:
+def outcomes(study):
     """What comes out of a study: ``output, patch, result, low, high``.
 
     The pressure of every patch; ``studied``, the number of patches in the study; of the predicted
@@ -78,10 +73,8 @@ def outcomes(study: Study) -> pd.DataFrame:
     loss; the rank correlation of pressure with loss; the mean change of Sq from T0 to T1, µm.
     With 95 % intervals where there are any.
     """
-    selected = study.selected
-    none = math.nan, math.nan
-    rows = [(_PRESSURE, row.patch, row.pressure_MPa, *none) for row in selected.itertuples()]
-    rows.append(("studied", "", int(selected.in_study.sum()), *none))
+    rows = [(_PRESSURE, row.patch, row.pressure_MPa) for row in study.selected.itertuples()]
+    rows.append(("studied", "", int(study.selected.in_study.sum())))
     if study.worn:
         summary = study.scored()["summary"]
         own = summary[summary.model.isin(["", own_model(list(summary.model))])]
@@ -93,23 +86,23 @@ def outcomes(study: Study) -> pd.DataFrame:
         **study.config["texture"],
     )
     if len(texture):
-        change = texture.Sq_um[texture.epoch == "change"].mean()
-        rows.append(("mean_change(Sq_um)", "", change, *none))
-    columns = ["output", "patch", "result", "low", "high"]
-    return pd.DataFrame(rows, columns=columns).dropna(subset="result", ignore_index=True)
+        rows.append(("mean_change(Sq_um)", "", texture.Sq_um[texture.epoch == "change"].mean()))
+    table = pd.DataFrame(rows).reindex(columns=range(5))
+    table.columns = ["output", "patch", "result", "low", "high"]
+    return table.dropna(subset="result", ignore_index=True)
 
 
-def changes_table(found: Mapping[tuple[str, str], pd.DataFrame]) -> pd.DataFrame:
+def changes_table(settings):
     """One row for each of the `outcomes` of each setting: a factor and its value, both in words.
 
-    The first of `found` is the study itself. ``change`` is the result less the study's. Each
+    The first of `settings` is the study itself. ``change`` is the result less the study's. Each
     setting has one more row: the sum of the absolute changes of the patches' pressures over their
     sum.
     """
     keys = ["output", "patch"]
-    study = next(iter(found.values())).set_index(keys).result
+    study = next(iter(settings.values())).set_index(keys).result
     tables = []
-    for (factor, value), table in found.items():
+    for (factor, value), table in settings.items():
         change = table.result - study.reindex(table.set_index(keys).index).to_numpy()
         share = change[table.output == _PRESSURE].abs().sum() / study[_PRESSURE].sum()
         summed = {"output": [_CHANGE], "patch": "", "result": share, "change": share}
@@ -119,42 +112,38 @@ def changes_table(found: Mapping[tuple[str, str], pd.DataFrame]) -> pd.DataFrame
     return pd.concat(tables, ignore_index=True)[columns]
 
 
-def outcomes_of(config: Mapping) -> pd.DataFrame:
-    return outcomes(study_of(config))
+def outcomes_of(setting, config):
+    return outcomes(study_of(config)).assign(setting=setting)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--config", type=Path, default=Path("config/config.yaml"))
-    parser.add_argument("--settings", type=Path, default=SETTINGS)
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--output", type=Path, default=Path("build/sweep.csv"))
-    options = parser.parse_args(arguments)
-    config = read_config(options.config)
+def main(arguments=None):
+    chosen = options(
+        __doc__,
+        Path("build/sweep.csv"),
+        arguments,
+        config=Path("config/config.yaml"),
+        settings=SETTINGS,
+    )
+    config = read_config(chosen.config)
     if config["patches"] is None:
-        parser.error(f"{options.config} has no patch table, and what is swept needs patches")
+        raise SystemExit(f"{chosen.config} has no patch table, and a sweep needs patches")
     configs = {("", ""): config}
-    for factor, values in yaml.safe_load(options.settings.read_text()).items():
-        for changes in values:
-            value = yaml.safe_dump(changes, default_flow_style=True, width=math.inf)
-            value = value.strip()[1:-1]  # without the outer braces
-            configs[factor, value] = merged(config, changes)
+    for factor, changes in yaml.safe_load(chosen.settings.read_text()).items():
+        for change in changes:
+            value = yaml.safe_dump(change, default_flow_style=True, width=math.inf)
+            # without the outer braces
+            configs[factor, value.strip()[1:-1]] = merged(config, change)
     for (factor, value), changed in configs.items():  # all, before any of them runs
-        refuse_config(config_problems(changed), f"{options.config}, {factor} {value}")
-    # not forked: the transforms' threads would not come along
-    with ProcessPoolExecutor(options.processes, mp_context=get_context("spawn")) as processes:
-        found = dict(zip(configs, processes.map(outcomes_of, configs.values()), strict=True))
-    table = changes_table(found)
-    write_table(options.output, table)
-    for output, of in table[(table.factor != "") & (table.output != _PRESSURE)].groupby(
-        "output"
-    ):
-        largest = of.sort_values("change", key=abs, ascending=False).head(5)
-        print(
-            f"{output}:",
-            largest[["factor", "value", "change"]].to_string(index=False),
-            sep="\n",
-        )
+        refuse_config(config_problems(changed), f"{chosen.config}, {factor} {value}")
+    for rows in pooled(outcomes_of, [*enumerate(configs.values())], chosen.processes):
+        tables = dict(iter(rows.groupby("setting")))
+    table = changes_table({key: tables[number] for number, key in enumerate(configs)})
+    write_table(chosen.output, table)
+    others = table[(table.factor != "") & (table.output != _PRESSURE)]
+    for output, group in others.groupby("output"):
+        largest = group.sort_values("change", key=abs, ascending=False).head(5)
+        shown = largest[["factor", "value", "change"]].to_string(index=False)
+        print(f"{output}:", shown, sep="\n")
 
 
 if __name__ == "__main__":

@@ -1,17 +1,16 @@
 """What a sweep asks for can be run, and its changes are those from the study."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from power import merged
+from runner import ROOT
+from specimens import merged
 from sweep import SETTINGS, changes_table, main
 
 from gst.config.reading import config_problems, read_config
 
-CONFIGS = Path(__file__).parents[1] / "config"
+CONFIGS = ROOT / "config"
 
 
 def test_merged_replaces_what_is_stated_and_nothing_else():
@@ -29,22 +28,27 @@ def test_every_shipped_setting_changes_the_default_study_to_one_that_can_be_run(
             assert changed != config, changes
 
 
-def test_a_study_without_patches_is_refused(capsys):
-    with pytest.raises(SystemExit):
+def test_a_study_without_patches_is_refused():
+    with pytest.raises(SystemExit, match="has no patch table"):
         main(["--config", str(CONFIGS / "mesh_only.yaml")])
-    assert "mesh_only.yaml has no patch table" in capsys.readouterr().err
 
 
 def test_changes_are_those_from_the_study():
-    names, score = ["pressure_MPa", "pressure_MPa", "gain(mcc)"], [0.2, 0.1, 0.3]
-    pressures = [[30.0, 10.0], [20.0, 0.0], [38.0, 14.0]]
-    found = {
-        ("" if value == "" else "force", value): pd.DataFrame(
-            {"output": names, "patch": ["1", "2", ""], "result": [*p, s]}
-        ).assign(low=np.nan, high=np.nan)
-        for value, p, s in zip(["", "10", "30"], pressures, score, strict=True)
+    pressures = {"": [30.0, 10.0], "10": [20.0, 0.0], "30": [38.0, 14.0]}
+    scores = {"": 0.2, "10": 0.1, "30": 0.3}
+    outcomes = {
+        ("force" if value else "", value): pd.DataFrame(
+            {
+                "output": ["pressure_MPa", "pressure_MPa", "gain(mcc)"],
+                "patch": ["1", "2", ""],
+                "result": [*pressures[value], scores[value]],
+                "low": np.nan,
+                "high": np.nan,
+            }
+        )
+        for value in pressures
     }
-    change = changes_table(found).set_index(["value", "output", "patch"]).change
+    change = changes_table(outcomes).set_index(["value", "output", "patch"]).change
     assert change["10", "pressure_MPa", "1"] == -10.0
     assert change["30", "gain(mcc)", ""] == pytest.approx(0.1)
     assert (change[""] == 0).all()

@@ -15,18 +15,15 @@ the rows hold already is not computed again. Then the tables of the seeds are pr
   (1 minute, 2 GB).
 """
 
-import argparse
-from collections.abc import Iterator
 from itertools import groupby, product
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import trimesh
 import xarray as xr
-from age import record
-from power import merged, specimen_config, take
+from runner import RESULTS, ROOT, options, save
+from specimens import changed, merged, specimen_config, take
 
 from gst.config.patches import read_patches
 from gstlib.coupling.intervals import Errors, Macroscale, draw_point, pressure_intervals
@@ -45,10 +42,9 @@ from gstlib.surfaces.leveling import remove_plane
 from gstlib.validation.single_scale import patches_of_reference, press_whole, two_scales_table
 from gstlib.wear.archard import wear_contact
 
-ROOT = Path(__file__).parents[1]
-ROWS = ROOT / "benchmarks/results/two_scales.csv"
+ROWS = RESULTS / "two_scales.csv"
 # What each trial changes in the config; the first has all errors as they are.
-TRIALS: dict[str, dict] = {
+TRIALS = {
     "default": {},
     "mesh noise 0 µm": {"specimen": {"mesh_noise_um": 0.0}},
     "mesh noise 2 µm": {"specimen": {"mesh_noise_um": 2.0}},
@@ -80,33 +76,21 @@ class Case(NamedTuple):
     distance_mm: float
 
 
-class Plan(NamedTuple):
-    """Cases with what they all change in the config; of some the intervals are computed, too."""
-
-    changes: dict
-    cases: list[Case]
-    bounded: list[Case]
-
-
-def cases_of(trials: list[str]) -> list[Case]:
+def cases_of(*trials):
     """The default form, with the load point known."""
     return [Case(trial, 200.0, 0.0) for trial in trials]
 
 
+# Of each plan, what all cases change in the config; the cases; and those with intervals, too.
 _, *ERRORS, NO_FILTER, WIDE_FILTER = TRIALS
+FORMS = [Case("default", *form) for form in product(RADII_MM, DISTANCES_MM)]
 PLANS = {
-    "forms": Plan(
-        COARSE,
-        [Case("default", *of) for of in product(RADII_MM, DISTANCES_MM)],
-        bounded=[Case("default", 200.0, 1.0)],
-    ),
-    "errors": Plan(COARSE, cases_of(ERRORS), bounded=[]),
-    "detail": Plan(
-        {}, cases_of(["default", NO_FILTER, WIDE_FILTER]), bounded=cases_of(["default"])
-    ),
+    "forms": (COARSE, FORMS, [Case("default", 200.0, 1.0)]),
+    "errors": (COARSE, cases_of(*ERRORS), []),
+    "detail": ({}, cases_of("default", NO_FILTER, WIDE_FILTER), cases_of("default")),
 }
 KEY = ["scan_points", "seed", *Case._fields]
-OF_ROW = ["scan_points", *Case._fields, "variant", "specimens"]
+OF_ROW = ["scan_points", *Case._fields, "variant"]
 SCORES = ["contact_fraction", "reference_contact_fraction", "precision"]
 OF_FORCE = ["misplaced", "misplaced_of_all"]
 OF_LOAD = ["square_N", "edge_of_square", "edge_of_face", "volume_error"]
@@ -123,9 +107,7 @@ class Truth(NamedTuple):
     lost: xr.DataArray
 
 
-def scanned(
-    stone: Stone, surface: np.ndarray, patches: pd.DataFrame, parameters: SpecimenParameters
-) -> tuple[dict[str, xr.DataArray], pd.DataFrame]:
+def scanned(stone, surface, patches, parameters):
     """Scans before use; their true places and slopes."""
     scans, places = {}, []
     for row in patches.itertuples():
@@ -141,9 +123,7 @@ def scanned(
     return scans, pd.DataFrame(places)
 
 
-def study_of(
-    config: dict[str, Any], surface: np.ndarray, patches: pd.DataFrame
-) -> tuple[Study, pd.DataFrame]:
+def study_of(config, surface, patches):
     """The study of a stone that is measured with the config's errors; the truth about its scans."""
     parameters = SpecimenParameters(**config["specimen"])
     stone = Stone(parameters, config["square"]["size_mm"])
@@ -158,17 +138,11 @@ def study_of(
     return study, places
 
 
-def changed(study: Study, **changes: dict) -> Study:
-    """The same study on the same files, with other values in its config."""
-    files = {"read_mesh": study.read_mesh, "read_scan": study.read_scan}
-    return Study(merged(study.config, changes), study.patches, **files)
-
-
-def under(study: Study, radius_mm: float) -> Study:
+def under(study, radius_mm):
     """The same study, with an active tool of another radius."""
     middle = 2 * (study.config["square"]["size_mm"] / 2,)
     over = rounded_counterface(study.face.height, radius_mm, middle)
-    other = changed(study, counterface={"radius_mm": radius_mm})
+    other = changed(study, {"counterface": {"radius_mm": radius_mm}})
     take(other, study, ["square_contact"])
     other.prepared.update(study.prepared)
     other.face = study.face.assign(counterface=over)
@@ -176,7 +150,7 @@ def under(study: Study, radius_mm: float) -> Study:
     return other
 
 
-def truth_of(study: Study, stone: Stone, surface: np.ndarray, distance_mm: float) -> Truth:
+def truth_of(study, stone, surface, distance_mm):
     """The true stone at rest under the true force, which acts so far from the middle.
 
     It is the contact of the same study, were its face the true one, and its load point known.
@@ -187,7 +161,7 @@ def truth_of(study: Study, stone: Stone, surface: np.ndarray, distance_mm: float
     height = study.face.height.copy(data=stone.face_means(grid, around))
     generator = np.random.default_rng([config["specimen"]["seed"], 6])
     y, x = draw_point(height, (size_mm / 2, size_mm / 2), distance_mm, generator)
-    true = changed(study, load={"at_mm": [x, y]})
+    true = changed(study, {"load": {"at_mm": [x, y]}})
     true.composite = study.face.assign(height=height)
     contact = true.contact
     heights = within_square(surface, stone).astype(float)
@@ -203,12 +177,12 @@ def truth_of(study: Study, stone: Stone, surface: np.ndarray, distance_mm: float
     return Truth(contact, pressed.pressure, height.copy(data=wear.depth))
 
 
-def ratio(part: Any, whole: float) -> Any:
+def ratio(part, whole):
     """NaN where there is no whole: in the square there may be no contact."""
     return part / whole if whole > 0 else np.nan * part
 
 
-def edge_fraction(pressure: xr.DataArray) -> float:
+def edge_fraction(pressure):
     """Share of the load within 2 % of the side from the edges."""
     cut = round(EDGE * pressure.sizes["x"])
     rim = pressure.values.copy()
@@ -216,7 +190,7 @@ def edge_fraction(pressure: xr.DataArray) -> float:
     return ratio(rim.sum(), pressure.values.sum())
 
 
-def volume_error(pressures: np.ndarray, lost: np.ndarray) -> float:
+def volume_error(pressures, lost):
     """Summed error of the patches' losses over their sum, each predicted from the others'.
 
     A patch loses in proportion to its pressure, by a coefficient from the other patches.
@@ -233,10 +207,10 @@ class Predicted(NamedTuple):
 
     study: Study
     places: pd.DataFrame
-    contacts: dict[str, dict[str, xr.Dataset]]
+    contacts: dict
 
     @classmethod
-    def by(cls, study: Study, places: pd.DataFrame) -> "Predicted":
+    def by(cls, study, places):
         contacts = {
             variant: {patch: study.contact_in(variant, patch) for patch in places.patch}
             for variant in (PLACED, LEVELLED)
@@ -244,39 +218,37 @@ class Predicted(NamedTuple):
         return cls(study, places, contacts)
 
     @property
-    def size_mm(self) -> float:
+    def size_mm(self):
         return self.study.config["square"]["size_mm"]
 
     @property
-    def patch_mm(self) -> float:
+    def patch_mm(self):
         return self.study.config["scans"]["size_mm"]
 
     @property
-    def force(self) -> float:
+    def force(self):
         return self.study.config["load"]["force_N"]
 
-    def reference(self, truth: Truth) -> xr.Dataset:
+    def reference(self, truth):
         """The true contact of every scan."""
         scan = self.study.prepared[self.places.patch[0], "T0"].height
         return patches_of_reference(truth.pressure, places_of(self.places), scan)
 
 
-def rows_of(predicted: Predicted, truth: Truth) -> dict[str, dict]:
+def rows_of(predicted, truth):
     """How far each variant is from the truth."""
     study, places, contacts = predicted
     reference = predicted.reference(truth)
-    true = reference.pressure.values
-    lost = losses(truth, places, predicted.patch_mm)
+    true, lost = reference.pressure.values, losses(truth, predicted)
     rows = {}
-    for variant, (of_patches, field) in pressures_by_variant(predicted, truth).items():
-        of_patch = of_patches.to_numpy()
+    for variant, (pressures, field) in pressures_by_variant(predicted, truth).items():
         square = square_of(field, predicted.size_mm)
-        rows[variant] = misplaced(of_patch, true, predicted) | {
+        rows[variant] = misplaced(pressures.to_numpy(), true, predicted) | {
             "square_N": float(square.sum() * np.prod(spacing_of(field))),
             "peak_MPa": float(square.max()),
             "edge_of_square": edge_fraction(square),
             "edge_of_face": edge_fraction(field) if variant != LEVELLED else np.nan,
-            "volume_error": volume_error(of_patch, lost),
+            "volume_error": volume_error(pressures.to_numpy(), lost),
         }
     table = two_scales_table(contacts, reference.expand_dims("draw"))
     pooled = table[table.patch == ALL].set_index("variant")
@@ -287,34 +259,30 @@ def rows_of(predicted: Predicted, truth: Truth) -> dict[str, dict]:
     return rows
 
 
-def losses(truth: Truth, places: pd.DataFrame, patch_mm: float) -> np.ndarray:
+def losses(truth, predicted):
     """True mean loss of each patch, mm."""
-    found = []
-    for place in places_of(places).values():
-        weights = footprint_weights(truth.lost, place, patch_mm)
-        found.append(np.average(truth.lost.values, weights=weights))
-    return np.array(found)
+    places = places_of(predicted.places).values()
+    weights = [footprint_weights(truth.lost, place, predicted.patch_mm) for place in places]
+    return np.array([np.average(truth.lost.values, weights=each) for each in weights])
 
 
-def pressures_by_variant(
-    predicted: Predicted, truth: Truth
-) -> dict[str, tuple[pd.Series, xr.DataArray]]:
+def pressures_by_variant(predicted, truth):
     """The pressures of the patches, and the field that they are taken from."""
     study, field = predicted.study, truth.contact.pressure
-    given = study.pressures
+    pressures = study.pressures
     true = patch_pressures(field, predicted.places, size_mm=predicted.patch_mm)
     return {
-        PLACED: (given.pressure_MPa, study.contact.pressure),
-        LEVELLED: (given.square_pressure_MPa, study.square_contact.pressure),
+        PLACED: (pressures.pressure_MPa, study.contact.pressure),
+        LEVELLED: (pressures.square_pressure_MPa, study.square_contact.pressure),
         TRUE: (true.pressure_MPa, field),
     }
 
 
-def misplaced(found: np.ndarray, true: np.ndarray, predicted: Predicted) -> dict[str, float]:
+def misplaced(pressures, true, predicted):
     """Share of the force on the wrong patch: of that on patches, and of all."""
-    shares = ratio(found, found.sum()) - ratio(true, true.sum())
+    shares = ratio(pressures, pressures.sum()) - ratio(true, true.sum())
     patch_mm2 = predicted.patch_mm**2
-    errors_N = (found - true) * patch_mm2
+    errors_N = (pressures - true) * patch_mm2
     elsewhere_N = -errors_N.sum()
     all_N = abs(errors_N).sum() + abs(elsewhere_N)
     return {
@@ -324,7 +292,7 @@ def misplaced(found: np.ndarray, true: np.ndarray, predicted: Predicted) -> dict
     }
 
 
-def tilt_errors(composite: xr.Dataset, places: pd.DataFrame) -> dict[str, float]:
+def tilt_errors(composite, places):
     """Errors of the planes that are known, r.m.s. along each axis, and the stated ones."""
     known = composite.known.values
     stated = composite.tilt_error_mrad.values[known]
@@ -339,7 +307,7 @@ def tilt_errors(composite: xr.Dataset, places: pd.DataFrame) -> dict[str, float]
     }
 
 
-def held_by_intervals(predicted: Predicted, truth: Truth, error_mm: float) -> dict[str, float]:
+def held_by_intervals(predicted, truth, error_mm):
     """How many true pressures lie in their intervals, of all patches and of those under load.
 
     The study knows the load point up to `error_mm` along each axis.
@@ -361,48 +329,36 @@ def held_by_intervals(predicted: Predicted, truth: Truth, error_mm: float) -> di
     return {"held": held.sum(), "loaded_held": held[true > LOADED_MPA].sum()}
 
 
-def specimen(
-    base: dict[str, Any], seed: int, cases: list[Case], bounded: list[Case]
-) -> Iterator[pd.DataFrame]:
+def specimen(config, seed, cases, bounded):
     """The rows of each case of one specimen."""
+    size_mm = config["square"]["size_mm"]
     patches = read_patches(
-        ROOT / base["patches"],
-        size_mm=base["square"]["size_mm"],
-        patch_size_mm=base["scans"]["size_mm"],
+        ROOT / config["patches"], size_mm=size_mm, patch_size_mm=config["scans"]["size_mm"]
     ).assign(t1="")  # they are scanned before use alone
-    base = merged(base, {"specimen": {"seed": seed}})
-    parameters = SpecimenParameters(**base["specimen"])
-    stone = Stone(parameters, base["square"]["size_mm"])
+    config = merged(config, {"specimen": {"seed": seed}})
+    parameters = SpecimenParameters(**config["specimen"])
+    stone = Stone(parameters, size_mm)
     surface = stone.macroscale(stone.grid, stone.grid) + stone.detail
     surface = surface.astype(np.float32)
-    truths: dict[tuple[float, float], Truth] = {}
+    truths = {}
     for trial, of_trial in groupby(cases, lambda case: case.trial):
-        config = merged(base, TRIALS[trial])
-        study, places = study_of(config, surface, patches)
+        study, places = study_of(merged(config, TRIALS[trial]), surface, patches)
         for radius_mm, of_form in groupby(of_trial, lambda case: case.radius_mm):
             predicted = Predicted.by(under(study, radius_mm), places)
             for case in of_form:
-                of = radius_mm, case.distance_mm
-                if of not in truths:
-                    truths[of] = truth_of(predicted.study, stone, surface, case.distance_mm)
-                rows = rows_of(predicted, truths[of])
+                form = radius_mm, case.distance_mm
+                if form not in truths:
+                    truths[form] = truth_of(predicted.study, stone, surface, case.distance_mm)
+                rows = rows_of(predicted, truths[form])
                 if case in bounded:
-                    held = held_by_intervals(predicted, truths[of], case.distance_mm)
-                    rows[PLACED] |= held
-                table = pd.DataFrame.from_dict(rows, orient="index")
-                yield identified(table, parameters, case)
+                    rows[PLACED] |= held_by_intervals(predicted, truths[form], case.distance_mm)
+                table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("variant")
+                values = dict(zip(KEY, [parameters.scan_points, seed, *case], strict=True))
+                table = table.reset_index().assign(**values)
+                yield table[[*KEY, *table.columns.drop(KEY)]]
 
 
-def identified(table: pd.DataFrame, parameters: SpecimenParameters, case: Case) -> pd.DataFrame:
-    """Rows with what they are of."""
-    table = table.rename_axis("variant").reset_index()
-    of = [parameters.scan_points, parameters.seed, *case]
-    for column, (name, value) in enumerate(zip(KEY, of, strict=True)):
-        table.insert(column, name, value)
-    return table
-
-
-def interval(part: pd.Series, whole: pd.Series) -> str:
+def interval(part, whole):
     """Ratio of two sums over specimens, with a 95 % bootstrap interval."""
     pairs = np.stack([part, whole], axis=1).astype(float)
     pairs = pairs[np.isfinite(pairs).all(axis=1)]
@@ -417,56 +373,47 @@ def interval(part: pd.Series, whole: pd.Series) -> str:
     return f"{value:.3f} [{low:.3f}, {high:.3f}]"
 
 
-def summary(rows: pd.DataFrame) -> pd.DataFrame:
+def summary(rows):
     """By case and variant: means over specimens, scores pooled, with 95 % bootstrap intervals."""
-    names = ["scan_points", *Case._fields, "variant"]
-    found = []
-    for of, group in rows.groupby(names, sort=False):
-        row = dict(zip(names, of, strict=True))
-        row["specimens"] = len(group)
-        one = pd.Series(1.0, index=group.index)
-        for name in MEANS:
-            row[name] = interval(group[name], one)
+    summaries = []
+    for key, group in rows.groupby(OF_ROW, sort=False):
         touching, true = group.contact_fraction, group.reference_contact_fraction
         hits = touching * group.precision.fillna(0)
+        row = dict(zip(OF_ROW, key, strict=True)) | {"specimens": len(group)}
+        row |= {name: interval(group[name], np.ones(len(group))) for name in MEANS}
         row["f1"] = interval(2 * hits, touching + true)
         row["area_ratio"] = interval(touching, true)
         row["held"] = interval(group.held, group.patches)
         row["loaded_held"] = interval(group.loaded_held, group.loaded)
-        found.append(row)
-    return pd.DataFrame(found)
+        summaries.append(row)
+    return pd.DataFrame(summaries)
 
 
-def known_cases(rows: pd.DataFrame, seed: int, scan_points: int) -> set[tuple]:
-    """Cases of a specimen that the rows hold."""
-    of = rows[(rows.seed == seed) & (rows.scan_points == scan_points)]
-    return set(of[list(Case._fields)].itertuples(index=False, name=None))
+def missing_cases(rows, seed, scan_points, cases):
+    """Cases of a specimen that the rows do not hold."""
+    there = rows[(rows.seed == seed) & (rows.scan_points == scan_points)][[*Case._fields]]
+    return [case for case in cases if not (there == case).all(axis=1).any()]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--plan", nargs="*", choices=PLANS, default=[])
-    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
-    parser.add_argument("--rows", type=Path, default=ROWS)
-    options = parser.parse_args()
+def main():
+    plans = {"nargs": "*", "choices": PLANS, "default": []}
+    chosen = options(__doc__, ROWS, plan=plans, seeds=SEEDS)
     rows = pd.DataFrame(columns=[*KEY, "held", "loaded_held"])
-    if adds := options.rows.exists():
-        rows = pd.read_csv(options.rows)
-    for plan in options.plan:
+    if adds := chosen.output.exists():
+        rows = pd.read_csv(chosen.output)
+    for plan in chosen.plan:
         changes, cases, bounded = PLANS[plan]
         config = merged(specimen_config(), changes | {"use": None})
         config["microscale"]["tolerance"] = 1e-6  # no point of contact changes
-        for seed in options.seeds:
-            known = known_cases(rows, seed, config["specimen"]["scan_points"])
-            missing = [case for case in cases if case not in known]
-            for found in specimen(config, seed, missing, bounded):
-                rows = pd.concat([rows, found], ignore_index=True)
-                rows.to_csv(options.rows, index=False, float_format="%.5g")
-                record(options.rows, adds=adds)
+        for seed in chosen.seeds:
+            cases_left = missing_cases(rows, seed, config["specimen"]["scan_points"], cases)
+            for made in specimen(config, seed, cases_left, bounded):
+                rows = pd.concat([rows, made], ignore_index=True)
+                save(chosen.output, rows, digits=5, adds=adds)
             print(f"{plan}, seed {seed}: done", flush=True)
-    table = summary(rows[rows.seed.isin(options.seeds)])
+    table = summary(rows[rows.seed.isin(chosen.seeds)])
     for columns in TABLES:
-        print(table[OF_ROW + columns].to_string(index=False))
+        print(table[[*OF_ROW, "specimens", *columns]].to_string(index=False))
 
 
 if __name__ == "__main__":

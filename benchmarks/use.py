@@ -42,36 +42,30 @@ in a folder, so that a second run does not wear them again. `--grades FILE` writ
 of config/artefact.yaml, with grades in place of scans, and nothing else.
 """
 
-import argparse
 import pickle
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy
-import xarray as xr
-from age import record
-from power import asked, merged, specimen_config, specimen_studies, worn_patches
+from runner import RESULTS, add_rows, options
+from specimens import asked, merged, specimen_config, specimen_studies, worn_patches
 
-from gstlib.io.tables import read_table, write_table
+from gstlib.io.tables import read_table
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.ensemble import patch_means
 from gstlib.settings import Settings
-from gstlib.use.evidence import Evidence, Grades, Losses, likelihood
+from gstlib.use.evidence import Grades, Losses, likelihood
 from gstlib.use.infer import PRESSED, StatedUse, infer_use, use_pressures
 from gstlib.use.outcome import losses_of, predicted_losses, share_within
 from gstlib.use.sampling import Sampling
 from gstlib.use.spread import Uses
 from gstlib.use.tempering import tempered
 
-ROOT = Path(__file__).parents[1]
-RESULT = ROOT / "benchmarks/results/use.csv"
+RESULT = RESULTS / "use.csv"
 FIRST_SEED = 8001
 LAW = "archard"
 # ASSUME: the contact of the macroscale knows nothing of what a coarser scan leaves out.
@@ -100,61 +94,42 @@ BELOW_GRADES, WRONG = (0.4, 0.65, 0.85), 0.2
 # The stone of config/artefact.yaml, and the use that the study is not told.
 ARTEFACT_SEED = 4104
 _DRAWS = 1000  # of the wear coefficient at known pressures
-_POINT = ("y_mm", "x_mm", "log_radius")
-_SPREAD = ("spread_mm",)
-_STRIKES = ("scatter_mm", "stroke_mm", *_SPREAD)
-_ATTRIBUTES = ("answer", "taken", "competitor", "gain", "gain_error", "effective_draws")
-_ATTRIBUTES += ("contacts", "contact_error")
+_POINT = ["y_mm", "x_mm", "log_radius"]
+_STRIKES = ["scatter_mm", "stroke_mm", "spread_mm"]
+_ATTRIBUTES = "answer taken competitor gain gain_error effective_draws contacts contact_error"
 
 
 class Stone(NamedTuple):
     """A stone that was worn by the law.
 
-    Attributes
-    ----------
-    seed : int
-    face : xarray.Dataset
-    patches : pandas.DataFrame
-    losses : Losses
-        As measured on the patches.
-    point : (3,) ndarray
-        The true load point (y, x), mm, and the logarithm of the true radius.
-    stated : StatedUse
-        What the study is told.
-    settings : mapping
-        Further arguments of `gstlib.use.infer.infer_use`.
+    The losses are those measured on the patches, and the point is that of the true load (y, x), mm,
+    with the logarithm of the true radius. The study is told what is `stated`; `settings` are
+    further arguments of `gstlib.use.infer.infer_use`.
     """
 
     seed: int
-    face: xr.Dataset
+    face: object
     patches: pd.DataFrame
     losses: Losses
     point: np.ndarray
     stated: StatedUse
-    settings: Mapping[str, Any]
+    settings: dict
 
 
 class Trial(NamedTuple):
     """What the study is given in one case, and what is true of it.
 
-    Attributes
-    ----------
-    stone : Stone
-        With the face, the patches and what is stated in this case.
-    evidence : Evidence
-    true : mapping of str to float
-        Of a use with its strikes, by the names of the columns; empty without a use.
-    pressure : (patches,) ndarray, optional
-        The true pressures, MPa.
+    The stone has the face, the patches and what is stated in this case. The true use is by the
+    names of the columns, and the true pressures (patches,) are in MPa; there may be neither.
     """
 
     stone: Stone
-    evidence: Evidence
-    true: Mapping[str, float] = {}
+    evidence: Losses | Grades
+    true: dict
     pressure: np.ndarray | None = None
 
 
-def drawn_use(config: Mapping[str, Any], seed: int) -> dict[str, Any]:
+def drawn_use(config, seed):
     """A use from the prior of the study, as parameters of a specimen."""
     generator = np.random.default_rng([seed, 8])
     errors, half = config["uncertainty"], config["square"]["size_mm"] / 2
@@ -165,10 +140,8 @@ def drawn_use(config: Mapping[str, Any], seed: int) -> dict[str, Any]:
     return {"worn_off_middle_mm": tuple(map(float, off)), "worn_radius_mm": float(radius)}
 
 
-def worn_stone(
-    config: Mapping[str, Any], patches: pd.DataFrame, seed: int, faces: Path | None
-) -> Stone:
-    """The stone of a seed, worn by the law, or as `faces` keeps it."""
+def worn_stone(config, patches, seed, faces):
+    """The stone of a seed, worn by the law, or as the folder `faces` keeps it."""
     use, file = drawn_use(config, seed), faces and faces / f"{seed}.pkl"
     settings = Settings(**config).by_stage()["infer_use"]
     stated = StatedUse(**settings.pop("stated"))
@@ -179,24 +152,22 @@ def worn_stone(
     else:
         config = merged(config, {"specimen": use})
         ((_, study),) = specimen_studies(config, patches, seed, [LAW])
-        known, losses = losses_of(study.patches, asked(lambda of: of.registration, study))
-        worn = study.composite[["height", "counterface", "size_mm"]].load(), known, losses
+        measured = losses_of(study.patches, asked(lambda study: study.registration, study))
+        worn = study.composite[["height", "counterface", "size_mm"]].load(), *measured
     if file:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(pickle.dumps(worn))
     return Stone(seed, *worn, point, stated, settings)
 
 
-def made_losses(depth: np.ndarray, generator: np.random.Generator) -> Losses:
+def made_losses(depth, generator):
     """Losses in proportion to a depth (patches,), as scans would measure them."""
     depth = depth / depth.mean() * generator.lognormal(0, SCATTER, len(depth))
     depth += NOISE * generator.standard_normal(len(depth))
     return Losses(MADE_UM * np.maximum(depth, 0), depth > 2 * NOISE)
 
 
-def pressures_of(
-    stone: Stone, strikes: np.ndarray, force: float = 1.0, losses: Losses | None = None
-) -> np.ndarray:
+def pressures_of(stone, strikes, force=1.0, losses=None):
     """Mean pressure of each patch over strikes, at so many times the stated force.
 
     It is that after the wear of `losses`, by default of `MADE_UM` on average.
@@ -208,62 +179,62 @@ def pressures_of(
     return np.asarray(pressed(springs=losses.springs(pressed().mean(axis=0))).mean(axis=0))
 
 
-def truth(point: np.ndarray, scatter_mm: float = 0.0, stroke_mm: float = 0.0) -> dict:
+def truth(point, scatter_mm=0.0, stroke_mm=0.0):
     """The true use, by the names of the columns."""
     use = Uses(point[None], np.array([scatter_mm]), np.array([[0.0, stroke_mm]]))
-    spread = float(use.spread_mm.item())
-    values = [*map(float, point), scatter_mm, stroke_mm, spread]
-    return dict(zip((*_POINT, *_STRIKES), values, strict=True))
+    values = [*map(float, point), scatter_mm, stroke_mm, float(use.spread_mm.item())]
+    return dict(zip(_POINT + _STRIKES, values, strict=True))
 
 
-def law(stone: Stone, generator: np.random.Generator) -> Trial:
+def law(stone, generator):
     """The stone as it was worn."""
     pressure = pressures_of(stone, stone.point[None], losses=stone.losses)
     return Trial(stone, stone.losses, truth(stone.point), pressure)
 
 
-def scatter(stone: Stone, generator: np.random.Generator) -> Trial:
+def struck(stone, generator, moves, **spread):
+    """Strikes about the load point, moved by so much along y and x (strikes, 2), mm."""
+    strikes = np.tile(stone.point, (len(moves), 1))
+    strikes[:, :2] += moves
+    pressure = pressures_of(stone, strikes)
+    return Trial(
+        stone, made_losses(pressure, generator), truth(stone.point, **spread), pressure
+    )
+
+
+def scatter(stone, generator):
     """Strikes that scatter about the load point."""
     cube = scipy.stats.qmc.Sobol(2, rng=generator).random(STRIKES)
     off = scipy.special.ndtri(cube)
     off = np.concatenate([off, -off])  # so that the centre is the load point
-    strikes = np.tile(stone.point, (len(off), 1))
-    strikes[:, :2] += SCATTER_MM * off / off.std(axis=0)
-    pressure = pressures_of(stone, strikes)
-    losses = made_losses(pressure, generator)
-    return Trial(stone, losses, truth(stone.point, scatter_mm=SCATTER_MM), pressure)
+    moves = SCATTER_MM * off / off.std(axis=0)
+    return struck(stone, generator, moves, scatter_mm=SCATTER_MM)
 
 
-def stroke(stone: Stone, generator: np.random.Generator) -> Trial:
+def stroke(stone, generator):
     """Strokes through the load point, in any direction."""
     angle = generator.uniform(0, np.pi)
     along = STROKE_MM * ((np.arange(STEPS) + 0.5) / STEPS - 0.5)
-    strikes = np.tile(stone.point, (STEPS, 1))
-    strikes[:, :2] += along[:, None] * (np.sin(angle), np.cos(angle))
-    pressure = pressures_of(stone, strikes)
-    losses = made_losses(pressure, generator)
-    return Trial(stone, losses, truth(stone.point, stroke_mm=STROKE_MM), pressure)
+    moves = along[:, None] * (np.sin(angle), np.cos(angle))
+    return struck(stone, generator, moves, stroke_mm=STROKE_MM)
 
 
-def pressed(
-    stone: Stone, generator: np.random.Generator, *, force: float = 1.0, power: float = 1.0
-) -> Trial:
+def pressed(stone, generator, *, force=1.0, power=1.0, factor=1.0):
     """One strike, at so many times the stated force; losses go with a power of the pressure."""
     pressure = pressures_of(stone, stone.point[None], force)
     true = truth(stone.point)
     true["log_radius"] += np.log(force)  # the radius is that for the force as stated
-    return Trial(stone, made_losses(pressure**power, generator), true, pressure)
+    losses = made_losses(factor * pressure**power, generator)
+    return Trial(stone, losses, true, pressure)
 
 
-def uneven(stone: Stone, generator: np.random.Generator) -> Trial:
+def uneven(stone, generator):
     """A wear coefficient that varies over the stone."""
-    pressure = pressures_of(stone, stone.point[None])
-    field = by_patch(stone, random_field(stone, UNEVEN_MM, generator))
-    factor = 1 + UNEVEN * field / abs(field).max()
-    return Trial(stone, made_losses(factor * pressure, generator), truth(stone.point), pressure)
+    field = by_patch(stone, random_field(stone, generator, UNEVEN_MM))
+    return pressed(stone, generator, factor=1 + UNEVEN * field / abs(field).max())
 
 
-def outside(stone: Stone, generator: np.random.Generator) -> Trial:
+def outside(stone, generator):
     """A load point beyond an edge of the square."""
     half = float(stone.face.size_mm) / 2
     beyond = [generator.choice([-1, 1]) * (half + generator.uniform(*OUTSIDE_MM))]
@@ -274,30 +245,28 @@ def outside(stone: Stone, generator: np.random.Generator) -> Trial:
     return pressed(stone._replace(point=point, stated=stated), generator)
 
 
-def two_radii(stone: Stone, generator: np.random.Generator, *, is_told: bool) -> Trial:
+def two_radii(stone, generator, *, is_told):
     """A tool of two radii; the study is told a round one, or the true form."""
     radius, angle = stone.stated.radius_mm, generator.uniform(0, 180)
     middle = 2 * (float(stone.face.size_mm) / 2,)
     radii = radius * ASPECT**0.5, radius / ASPECT**0.5
     over = rounded_counterface(stone.face.height, radii, middle, angle)
-    true_form = stone._replace(face=stone.face.assign(counterface=over))
-    trial = pressed(true_form, generator)
+    trial = pressed(stone._replace(face=stone.face.assign(counterface=over)), generator)
     return trial if is_told else trial._replace(stone=stone)
 
 
-def by_patch(stone: Stone, field: np.ndarray) -> np.ndarray:
+def by_patch(stone, field):
     """Mean of a field on the face (y, x) over each patch."""
     means = patch_means(stone.face.height, stone.patches, size_mm=stone.settings["patch_mm"])
     return np.asarray(means @ field.ravel())
 
 
-def places(stone: Stone) -> tuple[np.ndarray, np.ndarray]:
+def places(stone):
     """y and x of each point of the face, mm."""
-    y, x = np.meshgrid(stone.face.y, stone.face.x, indexing="ij")
-    return y, x
+    return np.meshgrid(stone.face.y, stone.face.x, indexing="ij")
 
 
-def random_field(stone: Stone, length_mm: float, generator: np.random.Generator) -> np.ndarray:
+def random_field(stone, generator, length_mm):
     """A Gaussian field on the face, of variance 1 and of a correlation length."""
     spacing = float(stone.face.y[1] - stone.face.y[0])
     noise = generator.standard_normal(stone.face.height.shape)
@@ -305,7 +274,7 @@ def random_field(stone: Stone, length_mm: float, generator: np.random.Generator)
     return np.asarray(field / field.std())
 
 
-def blob(stone: Stone, generator: np.random.Generator) -> np.ndarray:
+def blob(stone, generator):
     """A Gaussian spot anywhere on the square."""
     size, (y, x) = float(stone.face.size_mm), places(stone)
     middle = generator.uniform(EDGE_MM, size - EDGE_MM, 2)
@@ -313,7 +282,7 @@ def blob(stone: Stone, generator: np.random.Generator) -> np.ndarray:
     return np.exp(-0.5 * ((y - middle[0]) ** 2 + (x - middle[1]) ** 2) / width**2)
 
 
-def tilted(stone: Stone, generator: np.random.Generator) -> np.ndarray:
+def tilted(stone, generator):
     """What lies above a tilted plane."""
     angle, tilt = generator.uniform(0, 2 * np.pi), 1e-3 * generator.uniform(*TILT_MRAD)
     y, x = places(stone)
@@ -328,7 +297,7 @@ def tilted(stone: Stone, generator: np.random.Generator) -> np.ndarray:
     return depths[int(abs(is_worn.mean(axis=1) - share).argmin())]
 
 
-def gradient(stone: Stone, generator: np.random.Generator) -> np.ndarray:
+def gradient(stone, generator):
     """A ramp in any direction, from a line through the inner half of the square."""
     size, angle = float(stone.face.size_mm), generator.uniform(0, 2 * np.pi)
     (y, x), middle = places(stone), generator.uniform(size / 4, 3 * size / 4, 2)
@@ -336,7 +305,7 @@ def gradient(stone: Stone, generator: np.random.Generator) -> np.ndarray:
     return np.maximum(along, 0)
 
 
-def wave(stone: Stone, generator: np.random.Generator) -> np.ndarray:
+def wave(stone, generator):
     """A plane wave in any direction, where it is above 0."""
     angle, phase = generator.uniform(0, 2 * np.pi, 2)
     (y, x), length = places(stone), generator.uniform(*WAVE_MM)
@@ -344,24 +313,19 @@ def wave(stone: Stone, generator: np.random.Generator) -> np.ndarray:
     return np.maximum(np.sin(2 * np.pi * along / length + phase), 0)
 
 
-def smooth(stone: Stone, generator: np.random.Generator) -> np.ndarray:
+def smooth(stone, generator):
     """A random field of one of four lengths in turn: by turns clipped at 0, or exponentiated."""
     turn, length = divmod(stone.seed, len(SMOOTH_MM))
-    field = random_field(stone, SMOOTH_MM[length], generator)
+    field = random_field(stone, generator, SMOOTH_MM[length])
     return np.exp(field) if turn % 2 else np.maximum(field, 0)
 
 
-def without_contact(
-    stone: Stone,
-    generator: np.random.Generator,
-    *,
-    field: Callable[[Stone, np.random.Generator], np.ndarray],
-) -> Trial:
+def without_contact(stone, generator, *, field):
     """Losses that go with a field that knows no contact."""
-    return Trial(stone, made_losses(by_patch(stone, field(stone, generator)), generator))
+    return Trial(stone, made_losses(by_patch(stone, field(stone, generator)), generator), {})
 
 
-def fewer(stone: Stone, generator: np.random.Generator, *, count: int) -> Trial:
+def fewer(stone, generator, *, count):
     """So many patches, by chance."""
     trial = law(stone, generator)
     chosen = np.sort(generator.permutation(len(stone.patches))[:count])
@@ -373,7 +337,7 @@ def fewer(stone: Stone, generator: np.random.Generator, *, count: int) -> Trial:
     )
 
 
-def one_wrong(stone: Stone, generator: np.random.Generator) -> Trial:
+def one_wrong(stone, generator):
     """One patch of the more worn half has the loss of one of the other half."""
     depth_um = stone.losses.depth_um.copy()
     order = depth_um.argsort(kind="stable")
@@ -382,7 +346,7 @@ def one_wrong(stone: Stone, generator: np.random.Generator) -> Trial:
     return law(stone, generator)._replace(evidence=Losses(depth_um))
 
 
-def grades_of(losses: Losses, generator: np.random.Generator) -> Grades:
+def grades_of(losses, generator):
     """The losses as an eye would grade them, some of them wrong by one."""
     limits = np.quantile(losses.depth_um, BELOW_GRADES)
     grade = np.searchsorted(limits, losses.depth_um)
@@ -391,82 +355,72 @@ def grades_of(losses: Losses, generator: np.random.Generator) -> Grades:
     return Grades(np.clip(grade, 0, len(BELOW_GRADES)))
 
 
-def graded(
-    stone: Stone,
-    generator: np.random.Generator,
-    *,
-    make: Callable[[Stone, np.random.Generator], Trial],
-) -> Trial:
+def graded(stone, generator, *, make):
     """Another case, of which grades are known in place of losses."""
     trial = make(stone, generator)
     return trial._replace(evidence=grades_of(trial.evidence, generator))
 
 
-class Case(NamedTuple):
-    """How many stones are tried, and what is made of each."""
-
-    stones: int
-    make: Callable[[Stone, np.random.Generator], Trial]
-
-
 _FIELDS = {"blobs": blob, "tilted": tilted, "gradients": gradient, "waves": wave}
 _FIELDS |= {"smooth": smooth}
 _OF_FIELDS = {name: partial(without_contact, field=field) for name, field in _FIELDS.items()}
+# How many stones are tried in each case, and what is made of each.
 CASES = {
-    "law": Case(40, law),
-    "control": Case(20, pressed),
-    "scatter": Case(20, scatter),
-    "stroke": Case(20, stroke),
-    **{name: Case(20, make) for name, make in _OF_FIELDS.items()},
-    "12": Case(10, partial(fewer, count=12)),
-    "8": Case(10, partial(fewer, count=8)),
-    "wrong": Case(10, one_wrong),
-    "grades": Case(10, partial(graded, make=law)),
-    "smooth grades": Case(10, partial(graded, make=_OF_FIELDS["smooth"])),
-    "outside": Case(10, outside),
-    "two radii": Case(10, partial(two_radii, is_told=False)),
-    "true form": Case(10, partial(two_radii, is_told=True)),
-    "force": Case(10, partial(pressed, force=FORCE)),
-    "squared": Case(10, partial(pressed, power=2.0)),
-    "root": Case(10, partial(pressed, power=0.5)),
-    "uneven": Case(10, uneven),
+    "law": (40, law),
+    "control": (20, pressed),
+    "scatter": (20, scatter),
+    "stroke": (20, stroke),
+    **{name: (20, make) for name, make in _OF_FIELDS.items()},
+    "12": (10, partial(fewer, count=12)),
+    "8": (10, partial(fewer, count=8)),
+    "wrong": (10, one_wrong),
+    "grades": (10, partial(graded, make=law)),
+    "smooth grades": (10, partial(graded, make=_OF_FIELDS["smooth"])),
+    "outside": (10, outside),
+    "two radii": (10, partial(two_radii, is_told=False)),
+    "true form": (10, partial(two_radii, is_told=True)),
+    "force": (10, partial(pressed, force=FORCE)),
+    "squared": (10, partial(pressed, power=2.0)),
+    "root": (10, partial(pressed, power=0.5)),
+    "uneven": (10, uneven),
 }
 # Cases whose losses know no contact.
 UNPRESSED = (*_FIELDS, "smooth grades")
 
 
-def relative_error(predicted: np.ndarray, losses: Losses) -> float:
+def relative_error(predicted, losses):
     """R.m.s. error of predicted losses over that of none."""
     error = np.square(predicted - losses.depth_um).mean()
     return float(np.sqrt(error / np.square(losses.depth_um).mean()))
 
 
-def error_at(pressure: np.ndarray, losses: Losses) -> float:
+def error_at(pressure, losses):
     """`relative_error` at these pressures (patches,), each loss predicted from the others."""
     if not pressure.any():
         return 1.0
     draws = np.tile(pressure, (_DRAWS, 1))
+    posterior = tempered(
+        lambda standard: likelihood(losses, draws, standard),
+        losses.variables,
+        _DRAWS,
+        np.random.default_rng(1),
+    )
+    coefficient = losses.parameters(draws, posterior.standard)["wear_coefficient"]
+    return relative_error(posterior.weights_without.T @ coefficient * pressure, losses)
 
-    def log_likelihood(standard: np.ndarray) -> np.ndarray:
-        return likelihood(losses, draws, standard)
 
-    found = tempered(log_likelihood, losses.variables, _DRAWS, np.random.default_rng(1))
-    coefficient = losses.parameters(draws, found.standard)["wear_coefficient"]
-    return relative_error(found.weights_without.T @ coefficient * pressure, losses)
-
-
-def row_of(trial: Trial, case: str) -> dict[str, Any]:
+def row_of(trial, case):
     """What the wear of one stone tells in one case."""
     stone, evidence = trial.stone, trial.evidence
     settings = {key: value for key, value in stone.settings.items() if key != "wear_law"}
     sampling = Sampling(**settings.pop("sampling"))
-    row: dict[str, Any] = {"seed": stone.seed, "case": case, "patches": len(stone.patches)}
+    row = {"seed": stone.seed, "case": case, "patches": len(stone.patches)}
     start = time.process_time()
     use = infer_use(
         stone.face, stone.patches, evidence, stone.stated, sampling=sampling, **settings
     )
     row["cpu_s"] = time.process_time() - start
-    row |= {name: use.attrs[name] for name in _ATTRIBUTES if name in use.attrs}
+    row |= {name: use.attrs[name] for name in _ATTRIBUTES.split() if name in use.attrs}
     row |= {f"true_{name}": value for name, value in trial.true.items()}
     if not use.sizes:
         return row
@@ -482,12 +436,12 @@ def row_of(trial: Trial, case: str) -> dict[str, Any]:
     return row
 
 
-def inferred(use: xr.Dataset, true: Mapping[str, float]) -> dict[str, float]:
+def inferred(use, true):
     """The inferred use, beside the truth."""
     draws, weight = use.assign(log_radius=np.log(use.radius_mm)), use.weight.values
     row = {"log_score": float(use.log_score.sum())}
     row["least_draws"] = float(use.effective_draws_without.min())
-    for name in (*_POINT, *_STRIKES):
+    for name in _POINT + _STRIKES:
         values = draws[name].values
         mean = row[f"mean_{name}"] = weight @ values
         row[f"sd_{name}"] = np.sqrt(weight @ (values - mean) ** 2)
@@ -496,23 +450,16 @@ def inferred(use: xr.Dataset, true: Mapping[str, float]) -> dict[str, float]:
     return row
 
 
-def stone_rows(
-    config: Mapping[str, Any],
-    patches: pd.DataFrame,
-    faces: Path | None,
-    seed: int,
-    cases: Sequence[str],
-) -> list[dict[str, Any]]:
+def stone_rows(config, patches, faces, seed, cases):
     """The rows of one stone in some cases."""
-    stone = worn_stone(config, patches, seed, faces)
-    rows = []
+    stone, rows = worn_stone(config, patches, seed, faces), []
     for case in cases:
         generator = np.random.default_rng([seed, 9, list(CASES).index(case)])
-        rows.append(row_of(CASES[case].make(stone, generator), case))
+        rows.append(row_of(CASES[case][1](stone, generator), case))
     return rows
 
 
-def summary(rows: pd.DataFrame) -> pd.DataFrame:
+def summary(rows):
     """What the rows of a benchmark show, by case.
 
     ``stones``, of which ``answered``; ``pressed``, stones whose use is claimed, and ``taken``;
@@ -523,45 +470,42 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     over that with the use known; mean ``within_95``; medians of ``gain``, ``contacts``,
     ``contact_error`` and ``cpu_s``; the least of ``least_draws``.
     """
-    found = {}
-    for case, of in rows.groupby("case", sort=False):
-        answered = of[of.log_score.notna()]
-        row: dict[str, Any] = {"stones": len(of), "answered": len(answered)}
-        row |= {"pressed": (of.answer == PRESSED).sum(), "taken": (of.taken == 1).sum()}
+    summaries = {}
+    for case, trials in rows.groupby("case", sort=False):
+        answered = trials[trials.log_score.notna()]
+        row = {"stones": len(trials), "answered": len(answered)}
+        row |= {"pressed": (trials.answer == PRESSED).sum(), "taken": (trials.taken == 1).sum()}
         if case not in UNPRESSED:
             row |= coverage(answered)
             for name in ("told", "inferred"):
                 row[f"{name}_ratio"] = (answered[name] / answered.known).median()
-        for name in ("told", "inferred", "known"):
-            row[name] = answered[name].median()
+        row |= answered[["told", "inferred", "known"]].median()
         row["within_95"] = answered.within_95.mean()
-        for name in ("gain", "contacts", "contact_error", "cpu_s"):
-            row[name] = answered[name].median()
-        found[case] = row | {"least_draws": answered.least_draws.min()}
-    return pd.DataFrame(found).T
+        row |= answered[["gain", "contacts", "contact_error", "cpu_s"]].median()
+        summaries[case] = row | {"least_draws": answered.least_draws.min()}
+    return pd.DataFrame(summaries).T
 
 
-def coverage(rows: pd.DataFrame) -> dict[str, float]:
+def coverage(rows):
     """How far the truths lie from the means of the draws, and how many inside their regions."""
     row = {name: abs(rows[f"mean_{name}"] - rows[f"true_{name}"]).median() for name in _POINT}
-    names = (*_POINT, *_SPREAD) if (rows.true_spread_mm > 0).any() else _POINT
-    off = abs(rows[[f"below_{name}" for name in names]] - 0.5)
+    names = _POINT + ["spread_mm"] * bool((rows.true_spread_mm > 0).any())
+    off = abs(rows[[f"below_{name}" for name in names]] - 0.5).set_axis(names, axis=1)
     for share in (50, 95):
         inside = off <= share / 200
-        row[f"held_{share}"] = 100 * inside.iloc[:, : len(_POINT)].to_numpy().mean()
-        row |= {
-            f"{name.removeprefix('below_')}_{share}": count
-            for name, count in inside.sum().items()
-        }
+        row[f"held_{share}"] = 100 * inside[_POINT].to_numpy().mean()
+        row |= inside.sum().add_suffix(f"_{share}")
     return row
 
 
-def write_grades(config: Mapping[str, Any], patches: pd.DataFrame, file: Path) -> None:
+def write_grades(file):
     """The patch table of a tool of which there are grades alone."""
+    config = specimen_config()
+    patches = worn_patches(config)
     ((_, study),) = specimen_studies(config, patches, ARTEFACT_SEED, [LAW])
-    known, losses = losses_of(patches, study.registration)
+    measured, losses = losses_of(patches, study.registration)
     grade = grades_of(losses, np.random.default_rng([ARTEFACT_SEED, 9])).grade
-    table = known[["patch", "x_mm", "y_mm"]].assign(wear_grade=grade)
+    table = measured[["patch", "x_mm", "y_mm"]].assign(wear_grade=grade)
     head = (
         "# Made by `python benchmarks/use.py --grades FILE`: losses of a synthetic stone, as an "
         "eye would grade them.\n"
@@ -570,61 +514,49 @@ def write_grades(config: Mapping[str, Any], patches: pd.DataFrame, file: Path) -
     file.write_text(head + text, encoding="utf-8")
 
 
-def made(file: Path) -> pd.DataFrame:
+def made(file):
     """The rows that a file holds already."""
-    rows = read_table(file) if file.exists() else pd.DataFrame({"seed": [], "case": []})
-    return rows.assign(case=rows.case.astype(str))  # some have a number for a name
+    return ordered(
+        read_table(file) if file.exists() else pd.DataFrame({"seed": [], "case": []})
+    )
 
 
-def stones_to_make(
-    names: Sequence[str], seeds: range, rows: pd.DataFrame
-) -> Iterator[tuple[int, list[str]]]:
+def ordered(rows):
+    """Rows by case, then by stone."""
+    rows = rows.assign(case=rows.case.astype(str))  # some have a number for a name
+    rows = rows.assign(order=rows.case.map(list(CASES).index))
+    return rows.sort_values(["order", "seed"], kind="stable").drop(columns="order")
+
+
+def stones_to_make(names, seeds, rows):
     """Seeds, of these, and the cases of each that have no rows."""
     there = set(zip(rows.seed, rows.case, strict=True))
     for number, seed in enumerate(seeds):
-        wanted = [name for name in names if number < CASES[name].stones]
+        wanted = [name for name in names if number < CASES[name][0]]
         if missing := [name for name in wanted if (seed, name) not in there]:
             yield seed, missing
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", nargs="+", default=list(CASES), choices=list(CASES))
-    parser.add_argument("--first-seed", type=int, default=FIRST_SEED, help="for trials")
-    parser.add_argument("--stones", type=int, default=40, help="at most so many of each case")
-    parser.add_argument("--faces", type=Path, help="folder that keeps the worn stones")
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--output", type=Path, default=RESULT)
-    parser.add_argument("--tables", action="store_true", help="from the rows alone")
-    parser.add_argument("--grades", type=Path, help="write the table of the artefact alone")
-    options = parser.parse_args()
-    if options.grades:
-        config = specimen_config()
-        write_grades(config, worn_patches(config), options.grades)
+def main():
+    chosen = options(
+        __doc__,
+        RESULT,
+        cases={"nargs": "+", "default": list(CASES), "choices": list(CASES)},
+        first_seed={"type": int, "default": FIRST_SEED, "help": "for trials"},
+        stones={"type": int, "default": 40, "help": "at most so many of each case"},
+        faces={"type": Path, "help": "folder that keeps the worn stones"},
+        grades={"type": Path, "help": "write the table of the artefact alone"},
+    )
+    if chosen.grades:
+        write_grades(chosen.grades)
         return
-    if not options.tables:
+    if not chosen.tables:
         config = merged(specimen_config(), {"specimen": COARSE})
-        patches, rows = worn_patches(config), made(options.output)
-        adds = options.output.exists()
-        seeds = range(options.first_seed, options.first_seed + options.stones)
-        todo = stones_to_make(options.cases, seeds, rows)
-        make = partial(stone_rows, config, patches, options.faces)
-        # not forked: the transforms' threads would not come along
-        context = get_context("spawn")
-        with ProcessPoolExecutor(options.processes, mp_context=context) as processes:
-            jobs = {processes.submit(make, *of): of for of in todo}
-            for number, job in enumerate(as_completed(jobs), start=1):
-                if error := job.exception():  # the others' rows are kept
-                    print(f"{jobs[job]}: {error!r}", flush=True)
-                    continue
-                rows = pd.concat([rows, pd.DataFrame(job.result())], ignore_index=True)
-                order = rows.case.map(list(CASES).index)
-                rows = rows.assign(order=order).sort_values(["order", "seed"], kind="stable")
-                rows = rows.drop(columns="order")
-                write_table(options.output, rows)
-                record(options.output, adds=adds)
-                print(f"{number} of {len(jobs)} stones", flush=True)
-    print(summary(made(options.output)).round(2).T.to_string())
+        make = partial(stone_rows, config, worn_patches(config), chosen.faces)
+        seeds = range(chosen.first_seed, chosen.first_seed + chosen.stones)
+        tasks = [*stones_to_make(chosen.cases, seeds, made(chosen.output))]
+        add_rows(chosen.output, make, tasks, chosen.processes, order=ordered)
+    print(summary(made(chosen.output)).round(2).T.to_string())
 
 
 if __name__ == "__main__":

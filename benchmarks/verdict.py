@@ -11,27 +11,20 @@ first seeds are also worn with caps on the pressure. `--tables` prints the table
 from the rows alone.
 """
 
-import argparse
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import xarray as xr
-from age import record
-from power import asked, specimen_config, specimen_studies, worn_patches
+from runner import RESULTS, add_rows, by_seed, in_file, options
+from specimens import asked, specimen_config, specimen_studies, worn_patches
 
-from gstlib.io.tables import read_table, write_table
-from gstlib.study import Study
+from gstlib.io.tables import read_table
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.inference import Draws, exchange_p_value, mean_of, ratio_of_sums
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import BARE, wear_patch
 from gstlib.wear.fit import Prediction, wear_map
 
-RESULT = Path(__file__).parent / "results/verdict.csv"
+RESULT = RESULTS / "verdict.csv"
 WORN_BY = ("summits", "archard")
 SEEDS = range(7001, 7021)
 # Caps on the pressure, MPa, that the first stones are worn with, too.
@@ -39,9 +32,9 @@ STRENGTHS, WITH_STRENGTHS = (300.0, 1000.0, 2000.0), 3
 RESAMPLES = 9999
 
 
-def scored(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
+def scored(study, strengths):
     """Rows of ``wear.csv`` of one specimen, and whether each patch is counted."""
-    worn = asked(lambda of: of.worn_square, study)
+    worn = asked(lambda study: study.worn_square, study)
     if worn is None:
         raise SystemExit("no wear is predicted")
     contacts = {patch: study.contacts[patch] for patch in study.worn}
@@ -67,34 +60,31 @@ def scored(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
     return tables["wear"].merge(known, on="patch")
 
 
-def rows_of(seed: int, *, with_strengths: bool) -> pd.DataFrame:
+def rows_of(seed, strengths):
     """Rows of one stone, worn in both ways."""
     config = specimen_config()
-    strengths = STRENGTHS if with_strengths else ()
-    found = [
+    tables = [
         scored(study, strengths).assign(seed=seed, worn_by=worn_by)
         for worn_by, study in specimen_studies(config, worn_patches(config), seed, WORN_BY)
     ]
-    return pd.concat(found, ignore_index=True)
+    return pd.concat(tables, ignore_index=True)
 
 
-def model_table(rows: pd.DataFrame) -> pd.DataFrame:
+def model_table(rows):
     """By kind of wear and model: means over patches, with 95 % intervals over the stones.
 
-    ``against`` compares Archard's law with that model, stone by stone: the difference of mean MCC
-    and its two-sided p-value.
+    Archard's law is compared with each other model, stone by stone: the difference of mean MCC and
+    its two-sided p-value, and the ratios of their errors.
     """
-    found = []
-    for worn_by, of_kind in rows[rows.in_statistics].groupby("worn_by", sort=False):
-        volume_error = (of_kind.predicted_volume_um3 - of_kind.measured_volume_um3).abs()
-        of_kind = of_kind.assign(volume_error=volume_error)
-        by_stone = of_kind.groupby(["model", "seed"], sort=False)
-        mcc = by_stone.mcc.mean().unstack("model")
-        errors = {
-            name: by_stone[name].sum().unstack("model")
-            for name in ("map_error_um", "volume_error")
-        }
-        attainable = by_stone.attainable_mcc.mean().unstack("model")
+    table = []
+    for worn_by, group in rows[rows.in_statistics].groupby("worn_by", sort=False):
+        volume_error = (group.predicted_volume_um3 - group.measured_volume_um3).abs()
+        by_stone = group.assign(volume_error=volume_error).groupby(
+            ["model", "seed"], sort=False
+        )
+        mcc, attainable = (
+            by_stone[name].mean().unstack("model") for name in ("mcc", "attainable_mcc")
+        )
         for model in (BARE, *BASELINES, ORACLE):
             draws = Draws(np.random.default_rng(1), RESAMPLES)
             gain = (mcc[BARE] - mcc[model]).to_numpy()
@@ -104,56 +94,39 @@ def model_table(rows: pd.DataFrame) -> pd.DataFrame:
             if model != BARE:
                 row["law's gain"] = _shown(mean_of(gain, draws))
                 row["p"] = f"{exchange_p_value(gain, draws.generator):.2g}"
-            for name, of in errors.items():
-                if model != BARE:
-                    ratio = ratio_of_sums(of[BARE].to_numpy(), of[model].to_numpy(), draws)
+                for name in ("map_error_um", "volume_error"):
+                    errors = by_stone[name].sum().unstack("model")[[BARE, model]]
+                    ratio = ratio_of_sums(*errors.to_numpy().T, draws)
                     row[f"law's {name} / its"] = _shown(ratio)
-            found.append(row)
-    return pd.DataFrame(found).fillna("")
+            table.append(row)
+    return pd.DataFrame(table).fillna("")
 
 
-def strength_table(rows: pd.DataFrame) -> pd.DataFrame:
+def strength_table(rows):
     """By kind of wear: the elastic prediction and those with caps, on the same patches."""
     names = [f"{limit:g} MPa" for limit in STRENGTHS]
     tried = rows[rows.seed.isin(rows.seed[rows.model.isin(names)]) & rows.in_statistics]
-    tried = tried[tried.model.isin([BARE, *names])]
-    table = tried.groupby(["worn_by", "model"], sort=False).agg(
-        stones=("seed", "nunique"),
-        marked=("marked_fraction", "mean"),
-        mcc=("mcc", "mean"),
-        map_error_um=("map_error_um", "mean"),
-    )
-    return table.reset_index().round(3)
+    groups = tried[tried.model.isin([BARE, *names])].groupby(["worn_by", "model"], sort=False)
+    table = groups[["marked_fraction", "mcc", "map_error_um"]].mean()
+    table.insert(0, "stones", groups.seed.nunique())
+    return table.rename(columns={"marked_fraction": "marked"}).reset_index().round(3)
 
 
-def _shown(estimate) -> str:
+def _shown(estimate):
     return f"{estimate.value:.2f} [{estimate.low:.2f}, {estimate.high:.2f}]"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS))
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--tables", action="store_true", help="from the rows alone")
-    options = parser.parse_args()
-    rows = read_table(RESULT) if (adds := RESULT.exists()) else None
-    if not options.tables:
-        known = set() if rows is None else set(rows.seed)
-        wanted = [seed for seed in options.seeds if seed not in known]
-        # not forked: the transforms' threads would not come along
-        context = get_context("spawn")
-        with ProcessPoolExecutor(options.processes, mp_context=context) as processes:
-            first = set(options.seeds[:WITH_STRENGTHS])
-            jobs = {
-                processes.submit(rows_of, seed, with_strengths=seed in first): seed
-                for seed in wanted
-            }
-            for job in as_completed(jobs):
-                rows = pd.concat([rows, job.result()], ignore_index=True)
-                rows = rows.sort_values("seed", kind="stable", ignore_index=True)
-                write_table(RESULT, rows)
-                record(RESULT, adds=adds)
-                print(f"seed {jobs[job]}: done", flush=True)
+def main():
+    chosen = options(__doc__, RESULT, seeds=list(SEEDS))
+    if not chosen.tables:
+        first, there = chosen.seeds[:WITH_STRENGTHS], in_file(chosen.output)
+        tasks = [
+            (seed, STRENGTHS if seed in first else ())
+            for seed in chosen.seeds
+            if seed not in there
+        ]
+        add_rows(chosen.output, rows_of, tasks, chosen.processes, order=by_seed)
+    rows = read_table(chosen.output)
     for table in (model_table(rows), strength_table(rows)):
         print(table.to_string(index=False), end="\n\n")
 

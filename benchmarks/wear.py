@@ -6,7 +6,6 @@ of the depth (r.m.s. over r.m.s.) and the convolutions. It takes a few minutes.
 """
 
 import time
-from collections.abc import Callable
 
 import numpy as np
 from problems import MODULUS, Surface
@@ -16,7 +15,7 @@ from gstlib.bem import solve_contact, wear_path
 PRESSURE, LOSS, EXPLICIT = 76.0, 1e-3, 300
 
 
-def cpu_time(compute: Callable) -> float:
+def cpu_time(compute):
     """Seconds, the median of three."""
     times = []
     for _ in range(3):
@@ -26,7 +25,7 @@ def cpu_time(compute: Callable) -> float:
     return float(np.median(times))
 
 
-def main() -> None:
+def main():
     surface = Surface("rough", 512)
     heights = surface.heights()
     elastic = surface.spacing, MODULUS

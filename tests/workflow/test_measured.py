@@ -30,7 +30,7 @@ from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
 from gstlib.validation.single_scale import composite_heights
 from gstlib.wear.fit import fit_wear
-from power import merged
+from specimens import merged
 
 from .conftest import Study, assert_stored, fresh, in_memory, opened
 from .expected import assert_as_expected

@@ -6,7 +6,7 @@ from gst.config.tables import write_table
 from gst.page.verdict import verdict
 from gstlib.io.tables import read_table
 from gstlib.use.infer import UNKNOWN
-from power import merged
+from specimens import merged
 
 from .conftest import in_memory
 

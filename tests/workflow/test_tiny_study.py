@@ -27,7 +27,7 @@ from gstlib.use.outcome import use_of_study
 from gstlib.validation.single_scale import press_whole
 from matplotlib.colors import to_rgb
 from PIL import Image
-from power import merged, specimen_config, specimen_studies, worn_patches
+from specimens import merged, specimen_config, specimen_studies, worn_patches
 from sweep import outcomes
 
 from .conftest import ROOT, in_memory
