@@ -48,7 +48,6 @@ class Run:
     gap_error: float
     force_error: float
     contact_fraction: float
-    verdict: str
 
     @property
     def reached(self):
@@ -105,19 +104,12 @@ def run(code, surface, levels, tolerance):
         )
         for field, level in zip(pressure, wanted, strict=True)
     ]
-    # NaN compares false: max() would drop it only by chance.
-    worst = max(accuracies, key=lambda accuracy: accuracy.gap_error)
+    names = "cpu", "wall", "peak_mb", "added_mb", "iterations", "convolutions"
     return Run(
-        cpu=record["cpu"],
-        wall=record["wall"],
-        peak_mb=record["peak_mb"],
-        added_mb=record["added_mb"],
-        iterations=record["iterations"],
-        convolutions=record["convolutions"],
-        gap_error=max(worst.gap_error, *(a.negative_pressure for a in accuracies)),
+        **{name: record[name] for name in names},
+        gap_error=max(max(a.gap_error, a.negative_pressure) for a in accuracies),
         force_error=max(accuracy.force_error for accuracy in accuracies),
         contact_fraction=accuracies[-1].contact_fraction,
-        verdict=record.get("verdict", ""),
     )
 
 
@@ -221,25 +213,25 @@ def measure_case(case, labels, calibration, most_repeats):
     return rows
 
 
+# Of several runs, the largest counts.
+LARGEST = "peak_mb", "added_mb", "gap_error", "force_error"
+
+
 def row(code, tolerance, _, runs):
-    worst = max(runs, key=lambda r: r.gap_error)
     return {
         "code": code.label,
         "control": code.control,
-        "cpu_median": statistics.median(r.cpu for r in runs),
-        "cpu_min": min(r.cpu for r in runs),
+        "cpu_median": statistics.median(run.cpu for run in runs),
+        "cpu_min": min(run.cpu for run in runs),
         "ratio": "",
-        "wall_median": statistics.median(r.wall for r in runs),
-        "wall_min": min(r.wall for r in runs),
+        "wall_median": statistics.median(run.wall for run in runs),
+        "wall_min": min(run.wall for run in runs),
         "iterations": runs[0].iterations,
         "convolutions": runs[0].convolutions,
-        "peak_mb": max(r.peak_mb for r in runs),
-        "added_mb": max(r.added_mb for r in runs),
-        "gap_error": worst.gap_error,
-        "force_error": max(r.force_error for r in runs),
+        **{name: max(getattr(run, name) for run in runs) for name in LARGEST},
         "contact_fraction": runs[0].contact_fraction,
         "tolerance": tolerance,
-        "reached": "yes" if all(r.reached for r in runs) else "no",
+        "reached": "yes" if all(run.reached for run in runs) else "no",
         "runs": len(runs),
     }
 

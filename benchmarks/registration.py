@@ -10,16 +10,14 @@ is left out, with a line that says so. The error is the distance, in points, by 
 T1 is misplaced, and the turn; a pair counts as lost from half a point on.
 """
 
-import argparse
 import math
 import time
-from dataclasses import dataclass
-from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy.ndimage
-from age import record
+from runner import RESULTS, options, save
 
 from gstlib.change.registration import register
 from gstlib.surfaces.grid import make_surface
@@ -39,8 +37,7 @@ BAND = (1.5, 21.0)
 LOST = 0.5
 
 
-@dataclass(frozen=True)
-class Pose:
+class Pose(NamedTuple):
     """Where T1 lies on T0: shift (rows, columns) of its centre in points, turn in radians."""
 
     shift: np.ndarray
@@ -259,7 +256,7 @@ def simpleitk(t0, t1):
 
 
 METHODS = {
-    "gstlib": (gstlib_register, None),
+    "gstlib": (gstlib_register, "gstlib"),
     "scikit-image, masked": (masked_correlation, "skimage"),
     "scikit-image, upsampled": (upsampled_correlation, "skimage"),
     "pystackreg": (stackreg, "pystackreg"),
@@ -269,83 +266,64 @@ METHODS = {
 
 
 def main():
-    options = arguments()
-    rows = []
-    for label, (method, module) in METHODS.items():
-        if options.methods and not any(part in label for part in options.methods):
-            continue
-        try:
-            if module:
-                __import__(module)
-        except ImportError as error:
-            print(f"{label}: not available ({error})")
-            continue
-        for name in CONDITIONS:
-            for case in range(options.cases):
-                rows.append(measure(label, method, name, case, options.size))
-        print(f"{label}: done", flush=True)
-    groups = summary(pd.DataFrame(rows))
-    print(groups.to_string(index=False))
-    if options.output:
-        groups.to_csv(options.output, index=False, float_format="%.3g")
-        record(options.output)
+    cases = {"type": int, "default": 10, "help": "pairs of scans a condition"}
+    size = {"type": int, "default": 512, "help": "points along a side"}
+    methods = {"nargs": "*", "default": [""], "help": "parts of names"}
+    rows = RESULTS / "registration.csv"
+    chosen = options(__doc__, rows, cases=cases, size=size, methods=methods)
+    if not chosen.tables:
+        tables = []
+        for label, (method, module) in METHODS.items():
+            if any(part in label for part in chosen.methods):
+                try:
+                    __import__(module)
+                except ImportError as error:
+                    print(f"{label}: not available ({error})")
+                    continue
+                tables += [
+                    measure(label, method, name, case, chosen.size)
+                    for name in CONDITIONS
+                    for case in range(chosen.cases)
+                ]
+                print(f"{label}: done", flush=True)
+        save(chosen.output, summary(pd.DataFrame(tables)), digits=3)
+    print(pd.read_csv(chosen.output).to_string(index=False))
 
 
 def measure(label, method, condition, case, size):
     """One pair of scans, laid by chance; the same for every method."""
     rng = np.random.default_rng([case, *condition.encode()])
     way, share, turn_deg = rng.uniform([0, 0, -TURN], [2 * math.pi, SHIFT, TURN])
-    shift, turn = (
-        share * size * np.array([math.sin(way), math.cos(way)]),
-        math.radians(turn_deg),
-    )
+    shift = share * size * np.array([math.sin(way), math.cos(way)])
+    turn = math.radians(turn_deg)
     t0, t1 = scans(size, shift=shift, turn=turn, seed=case, **CONDITIONS[condition])
     start = time.process_time()
     try:
         pose = method(t0, t1)
-        error = float(np.hypot(*(pose.shift - shift)))
-        turn_error = math.degrees(abs(pose.turn - turn))
+        errors = float(np.hypot(*(pose.shift - shift))), math.degrees(abs(pose.turn - turn))
     except Exception as failure:  # whatever a library raises where it does not converge
         print(f"{label}, {condition}, case {case}: {str(failure).strip().splitlines()[-1]}")
-        error = turn_error = math.inf
-    return {
-        "method": label,
-        "condition": condition,
-        "case": case,
-        "shift_points": float(np.hypot(*shift)),
-        "turn_deg": turn_deg,
-        "error_points": error,
-        "turn_error_deg": turn_error,
-        "cpu_s": time.process_time() - start,
-    }
+        errors = math.inf, math.inf
+    row = {"method": label, "condition": condition, "cpu_s": time.process_time() - start}
+    return row | dict(zip(("error_points", "turn_error_deg"), errors, strict=True))
 
 
 def summary(table):
     """Median and largest error, how often it is small, and the time, by method and condition."""
     whole = table.assign(condition="of all")
     groups = pd.concat([table, whole]).groupby(["method", "condition"], sort=False)
-    return groups.agg(
-        cases=("case", "size"),
-        error_median_points=("error_points", "median"),
-        error_p95_points=(
-            "error_points",
-            lambda e: float(np.sort(e)[math.ceil(0.95 * len(e)) - 1]),
-        ),
-        error_largest_points=("error_points", "max"),
-        within_a_fifth=("error_points", lambda e: (e < 0.2).mean()),
-        lost=("error_points", lambda e: (~(e < LOST)).mean()),
-        turn_error_median_deg=("turn_error_deg", "median"),
-        cpu_s_median=("cpu_s", "median"),
-    ).reset_index()
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, default=10, help="pairs of scans a condition")
-    parser.add_argument("--size", type=int, default=512, help="points along a side")
-    parser.add_argument("--methods", nargs="*", help="parts of names")
-    parser.add_argument("--output", type=Path, help="CSV of the summary")
-    return parser.parse_args()
+    errors = groups.error_points
+    columns = {
+        "cases": errors.size(),
+        "error_median_points": errors.median(),
+        "error_p95_points": errors.apply(lambda e: sorted(e)[math.ceil(0.95 * len(e)) - 1]),
+        "error_largest_points": errors.max(),
+        "within_a_fifth": errors.apply(lambda e: (e < 0.2).mean()),
+        "lost": errors.apply(lambda e: (~(e < LOST)).mean()),
+        "turn_error_median_deg": groups.turn_error_deg.median(),
+        "cpu_s_median": groups.cpu_s.median(),
+    }
+    return pd.DataFrame(columns).reset_index()
 
 
 if __name__ == "__main__":

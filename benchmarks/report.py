@@ -1,36 +1,31 @@
 """From results/*.csv: the tables in README.md, and what the issue of speed asks, met or not."""
 
-import csv
 import json
 import statistics
 from pathlib import Path
 
+import pandas as pd
 from cases import CASES, Growth
 from problems import CUT_OFF
 
-__all__ = ["growth_factors", "read_table", "write_report"]
-
 README = Path(__file__).parent / "README.md"
 OWN = "gstlib, load"
+MET = {True: "yes", False: "**no**"}
+BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 
 
 def write_report(results):
     """Renew the part of README.md between its markers, and the figure."""
     tables = {name: read_table(results / f"{name}.csv") for name in CASES}
-    parts = []
-    if (results / "machine.json").exists():
-        parts.append(machine_line(json.loads((results / "machine.json").read_text("utf-8"))))
-    parts.append(target_table(tables))
+    machine = json.loads((results / "machine.json").read_text("utf-8"))
+    parts = [machine_line(machine), target_table(tables)]
     for name, case in CASES.items():
         if tables[name]:
             make = growth_table if isinstance(case, Growth) else case_table
             parts.append(f"## {case.title}\n\n{make(tables[name])}")
-    begin, end = "<!-- results: begin -->", "<!-- results: end -->"
-    text = README.read_text(encoding="utf-8")
-    head, _, rest = text.partition(begin)
-    _, _, tail = rest.partition(end)
-    body = "\n\n".join(parts)
-    README.write_text(f"{head}{begin}\n\n{body}\n\n{end}{tail}", encoding="utf-8")
+    head, _, rest = README.read_text(encoding="utf-8").partition(BEGIN)
+    text = "\n\n".join([head + BEGIN, *parts, END + rest.partition(END)[2]])
+    README.write_text(text, encoding="utf-8")
 
     # Here, so that the tests of this folder do without matplotlib.
     from figure import draw
@@ -39,17 +34,11 @@ def write_report(results):
 
 
 def read_table(path):
-    """Rows with numbers as numbers; empty cells are None."""
+    """Rows as dicts; empty cells are None."""
     if not path.exists():
         return []
-
-    def value(key, text):
-        if text == "":
-            return None
-        return text if key in ("code", "control", "reached") else float(text)
-
-    with open(path, newline="", encoding="utf-8") as file:
-        return [{k: value(k, v) for k, v in row.items()} for row in csv.DictReader(file)]
+    table = pd.read_csv(path).astype(object)
+    return table.where(table.notna(), None).to_dict("records")
 
 
 def machine_line(machine):
@@ -63,56 +52,52 @@ def machine_line(machine):
 
 def case_table(rows):
     """One line per code, cheapest first among those that reach the accuracy."""
-    rows = sorted(rows, key=lambda r: (r["reached"] != "yes", r["cpu_median"]))
-    head = ["code", "CPU s, median (min)", "CPU to gstlib's", "wall s, median", "iterations"]
-    head += ["convolutions", "peak MB (solve)", "gap error"]
-    body = []
-    for r in rows:
-        missed = "" if r["reached"] == "yes" else " **not reached**"
-        ratio = r["ratio"] if r["reached"] == "yes" else None
-        body.append(
-            [
-                r["code"],
-                f"{r['cpu_median']:.3g} ({r['cpu_min']:.3g})",
-                "" if ratio is None else f"{ratio:.1f}",
-                f"{r['wall_median']:.3g}",
-                _count(r["iterations"]),
-                _count(r["convolutions"]),
-                f"{r['peak_mb']:.0f} ({r['added_mb']:.0f})",
-                f"{r['gap_error']:.1e}{missed}",
-            ]
-        )
-    return _markdown(head, body)
+    rows = sorted(rows, key=lambda row: (row["reached"] != "yes", row["cpu_median"]))
+    cells = {
+        "code": lambda row: row["code"],
+        "CPU s, median (min)": lambda row: f"{row['cpu_median']:.3g} ({row['cpu_min']:.3g})",
+        "CPU to gstlib's": lambda row: (
+            f"{row['ratio']:.1f}" if row["ratio"] and row["reached"] == "yes" else ""
+        ),
+        "wall s, median": lambda row: f"{row['wall_median']:.3g}",
+        "iterations": lambda row: _range([row], "iterations"),
+        "convolutions": lambda row: _range([row], "convolutions"),
+        "peak MB (solve)": lambda row: f"{row['peak_mb']:.0f} ({row['added_mb']:.0f})",
+        "gap error": lambda row: _error([row]),
+    }
+    return _markdown(cells, rows)
 
 
 def growth_table(rows):
     """Sizes down, codes across groups: iterations, convolutions, CPU, memory; mean over seeds."""
-    body = []
-    factors = growth_factors(rows)
-    for of in dict.fromkeys((r["code"], r["size"], r["cut_off"]) for r in rows):
-        group = [r for r in rows if (r["code"], r["size"], r["cut_off"]) == of]
-        code, size, cut_off = of
-        waves = f", waves of {size / 2:.0f}²" if cut_off != CUT_OFF else ""
-        factor = factors.get(of)
-        reached = all(r["reached"] == "yes" for r in group)
-        body.append(
-            [
-                code,
-                f"{size:.0f}²{waves}",
-                f"{len(group)}",
-                _range(r["iterations"] for r in group),
-                _range(r["convolutions"] for r in group),
-                f"{factor[0]:.2f} ({factor[1]:.2f})" if factor else "",
-                f"{statistics.mean(r['cpu_median'] for r in group):.3g}",
-                f"{statistics.mean(r['wall_median'] for r in group):.3g}",
-                f"{max(r['peak_mb'] for r in group):.0f}",
-                f"{max(r['gap_error'] for r in group):.1e}"
-                + ("" if reached else " **not reached**"),
-            ]
-        )
-    head = ["code", "grid", "seeds", "iterations", "convolutions", "× per doubling (worst)"]
-    head += ["CPU s", "wall s", "peak MB", "gap error"]
-    return _markdown(head, body)
+    factors, groups = growth_factors(rows), {}
+    for row in rows:
+        groups.setdefault(_key(row), []).append(row)
+
+    def grid(group):
+        _, size, cut_off = _key(group[0])
+        return f"{size:.0f}²" + (f", waves of {size / 2:.0f}²" if cut_off != CUT_OFF else "")
+
+    def factor(group):
+        mean, worst = factors.get(_key(group[0]), (None, None))
+        return f"{mean:.2f} ({worst:.2f})" if mean else ""
+
+    def seconds(name):
+        return lambda group: f"{statistics.mean(row[name] for row in group):.3g}"
+
+    cells = {
+        "code": lambda group: group[0]["code"],
+        "grid": grid,
+        "seeds": lambda group: f"{len(group)}",
+        "iterations": lambda group: _range(group, "iterations"),
+        "convolutions": lambda group: _range(group, "convolutions"),
+        "× per doubling (worst)": factor,
+        "CPU s": seconds("cpu_median"),
+        "wall s": seconds("wall_median"),
+        "peak MB": lambda group: f"{max(row['peak_mb'] for row in group):.0f}",
+        "gap error": _error,
+    }
+    return _markdown(cells, groups.values())
 
 
 def growth_factors(rows):
@@ -120,89 +105,89 @@ def growth_factors(rows):
 
     Half the size has the usual shortest wave in elements: with another cut-off, the same in mm.
     """
-    counts = {(r["code"], r["size"], r["cut_off"], r["seed"]): r["convolutions"] for r in rows}
-    factors = {}
-    for of in dict.fromkeys((r["code"], r["size"], r["cut_off"]) for r in rows):
-        code, size, _ = of
-        ratios = [
-            count / counts[code, size / 2, CUT_OFF, key[-1]]
-            for key, count in counts.items()
-            if key[:-1] == of and count and counts.get((code, size / 2, CUT_OFF, key[-1]))
-        ]
-        if ratios:
-            factors[of] = (statistics.geometric_mean(ratios), max(ratios))
-    return factors
+    counts = {(*_key(row), row["seed"]): row["convolutions"] for row in rows}
+    ratios = {}
+    for (code, size, cut_off, seed), count in counts.items():
+        half = counts.get((code, size / 2, CUT_OFF, seed))
+        if count and half:
+            ratios.setdefault((code, size, cut_off), []).append(count / half)
+    return {key: (statistics.geometric_mean(each), max(each)) for key, each in ratios.items()}
 
 
-def target_table(tables):  # noqa: C901, what it defines counts, too
+def _key(row):
+    return row["code"], row["size"], row["cut_off"]
+
+
+# Part of the name of a peer, and how it is called beside a case; then the factors that are asked.
+PEERS = {"": ": fastest peer", "aspher native": ": aspher for this processor"}
+PEERS |= {"slippy, BCCG": "", "Tamaas": ""}
+TARGETS = {
+    "rough-76": ("Cold, 76 MPa", [3, None, 5, 20]),
+    "rough-22": ("Cold, 22 MPa", [3, None, 5, 20]),
+    "hertz-256": ("Sphere 256²", [3, None, 5, 20]),
+    "hertz-512": ("Sphere 512²", [3, None, 5, 20]),
+    "path-76": ("20 steps to 76 MPa", [5]),
+    "path-22": ("20 steps to 22 MPa", [5]),
+    "periodic-76": ("Periodic, 76 MPa", 4 * [None]),
+    "periodic-2000": ("Periodic, 2000 MPa", 4 * [None]),
+}
+
+
+def target_table(tables):
     """What was to be reached, what was measured."""
     lines = []
-
-    def line(what, asked, measured, met):
-        lines.append([what, asked, measured, {True: "yes", False: "**no**", None: ""}[met]])
-
-    def against(name, part, what, factor):
-        rows = [r for r in tables[name] if r["reached"] == "yes"]
-        own = [r for r in rows if r["code"] == OWN]
-        peers = [r for r in rows if part in r["code"] and not r["code"].startswith("gstlib")]
-        # As the registry installs them, unless another build is asked for.
-        peers = [r for r in peers if ("native" in r["code"]) == ("native" in part)]
-        if own and peers:
-            peer = min(peers, key=lambda r: r["cpu_median"])
-            ratio = peer["cpu_median"] / own[0]["cpu_median"]
-            asked = f"≥ {factor}×" if factor else ""
-            met = ratio >= factor if factor else None
-            line(f"{what} ({peer['code']})", asked, f"{ratio:.1f}×", met)
-
-    for name, where in (("rough-76", "76 MPa"), ("rough-22", "22 MPa")):
-        against(name, "", f"Cold, {where}: fastest peer", 3)
-        against(name, "aspher native", f"Cold, {where}: aspher for this processor", None)
-        against(name, "slippy, BCCG", f"Cold, {where}", 5)
-        against(name, "Tamaas", f"Cold, {where}", 20)
-    for size in (256, 512):
-        against(f"hertz-{size}", "", f"Sphere {size}²: fastest peer", 3)
-        against(f"hertz-{size}", "slippy, BCCG", f"Sphere {size}²", 5)
-        against(f"hertz-{size}", "Tamaas", f"Sphere {size}²", 20)
-    for load in (76, 22):
-        against(f"path-{load}", "", f"20 steps to {load} MPa: fastest peer", 5)
-    for load in (76, 2000):
-        against(f"periodic-{load}", "", f"Periodic, {load} MPa: fastest peer", None)
-        against(f"periodic-{load}", "slippy, BCCG", f"Periodic, {load} MPa", None)
-        against(f"periodic-{load}", "Tamaas", f"Periodic, {load} MPa", None)
-    factors = growth_factors(tables["growth"])
-    for (code, size, cut_off), (mean, worst) in factors.items():
+    for name, (words, factors) in TARGETS.items():
+        for (part, called), factor in zip(PEERS.items(), factors, strict=False):
+            lines += against_peer(tables[name], part, words + called, factor)
+    for (code, size, cut_off), (mean, worst) in growth_factors(tables["growth"]).items():
         if code == OWN:
             waves = "" if cut_off == CUT_OFF else ", with the same waves"
-            line(
-                f"Convolutions from {size / 2:.0f}² to {size:.0f}²{waves}: mean over seeds",
-                "≤ 1.25",
-                f"{mean:.2f} (single surface {worst:.2f})",
-                mean <= 1.25,
-            )
+            sizes = f"Convolutions from {size / 2:.0f}² to {size:.0f}²{waves}: mean over seeds"
+            measured = f"{mean:.2f} (single surface {worst:.2f})"
+            lines.append((sizes, "≤ 1.25", measured, MET[mean <= 1.25]))
     for row in tables["growth"]:
-        of_first = row["seed"] == 0 and row["cut_off"] == CUT_OFF
-        if row["code"] == OWN and row["size"] >= 2048 and of_first:
-            line(
-                f"{row['size']:.0f}²",
-                "solved",
-                f"{row['wall_median']:.0f} s, {row['peak_mb'] / 1e3:.2f} GB",
-                row["reached"] == "yes",
+        if _key(row)[::2] == (OWN, CUT_OFF) and row["size"] >= 2048 and row["seed"] == 0:
+            measured = f"{row['wall_median']:.0f} s, {row['peak_mb'] / 1e3:.2f} GB"
+            lines.append(
+                (f"{row['size']:.0f}²", "solved", measured, MET[row["reached"] == "yes"])
             )
-    return _markdown(["", "asked", "measured", "met"], lines)
+    return _lines(["", "asked", "measured", "met"], lines)
 
 
-def _count(value):
-    return "" if value is None else f"{value:.0f}"
+def against_peer(rows, part, words, factor):
+    """The line that holds our code against the cheapest peer with `part` in its name, if any."""
+    rows = [row for row in rows if row["reached"] == "yes"]
+    own = [row for row in rows if row["code"] == OWN]
+    # As the registry installs them, unless another build is asked for.
+    peers = [
+        row
+        for row in rows
+        if part in row["code"]
+        and not row["code"].startswith("gstlib")
+        and ("native" in row["code"]) == ("native" in part)
+    ]
+    if own and peers:
+        peer = min(peers, key=lambda row: row["cpu_median"])
+        ratio = peer["cpu_median"] / own[0]["cpu_median"]
+        asked, met = (f"≥ {factor}×", MET[ratio >= factor]) if factor else ("", "")
+        yield f"{words} ({peer['code']})", asked, f"{ratio:.1f}×", met
 
 
-def _range(values):
-    values = [value for value in values if value is not None]
-    if not values:
-        return ""
-    low, high = min(values), max(values)
-    return f"{low:.0f}" if low == high else f"{low:.0f}–{high:.0f}"
+def _range(rows, name):
+    counts = [row[name] for row in rows if row[name] is not None]
+    ends = {f"{count:.0f}": None for count in (min(counts), max(counts))} if counts else {}
+    return "–".join(ends)
 
 
-def _markdown(head, body):
-    lines = [head, ["---"] * len(head), *body]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+def _error(rows):
+    missed = "" if all(row["reached"] == "yes" for row in rows) else " **not reached**"
+    return f"{max(row['gap_error'] for row in rows):.1e}{missed}"
+
+
+def _markdown(cells, rows):
+    """A table with a column for each of `cells`, which make the text of a row."""
+    return _lines(list(cells), [[make(row) for make in cells.values()] for row in rows])
+
+
+def _lines(head, rows):
+    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *rows))

@@ -10,7 +10,6 @@ import csv
 import json
 import math
 import time
-from pathlib import Path
 
 from age import record
 from cases import CASES, CODES, Growth
@@ -18,58 +17,53 @@ from environments import ENVIRONMENTS, UnavailableError
 from machine import describe
 from measure import Calibration, measure_case, measure_growth
 from report import write_report
-
-RESULTS = Path(__file__).parent / "results"
+from runner import RESULTS
 
 
 def main():
-    options = arguments()
-    RESULTS.mkdir(exist_ok=True)
-    cases = [CASES[name] for name in options.case or CASES]
-    if not options.report:
+    chosen = arguments()
+    cases = [CASES[name] for name in chosen.case or CASES]
+    if not chosen.report:
         start = time.monotonic()
-        available = check_environments(cases, options)
-        calibration = Calibration(RESULTS / "calibration.csv", options.calibrate)
+        available = check_environments(cases, chosen)
+        calibration = Calibration(RESULTS / "calibration.csv", chosen.calibrate)
         for case in cases:
             print(f"\n{case.title}", flush=True)
-            measure(case, options, available, calibration)
+            measure(case, chosen, available, calibration)
             write_report(RESULTS)
         print(f"\n{(time.monotonic() - start) / 60:.1f} minutes", flush=True)
     write_report(RESULTS)
 
 
-def measure(case, options, available, calibration):
-    def wanted(label):
-        chosen = not options.codes or any(
-            part.lower() in label.lower() for part in options.codes
-        )
-        return chosen and CODES[label].environment in available
+def measure(case, chosen, available, calibration):
+    path, parts = RESULTS / f"{case.name}.csv", [part.lower() for part in chosen.codes]
 
-    path = RESULTS / f"{case.name}.csv"
+    def wanted(label):
+        is_chosen = any(part in label.lower() for part in parts)
+        return is_chosen and CODES[label].environment in available
+
     if isinstance(case, Growth):
-        runs = case.runs + (case.more if options.all else ())
-        runs = [entry for entry in runs if wanted(entry.code)]
-        measure_growth(case, runs, calibration, lambda rows: write_table(path, rows))
+        grids = [grids for grids in entries(case, chosen) if wanted(grids.code)]
+        measure_growth(case, grids, calibration, lambda rows: write_table(path, rows))
     else:
-        labels = case.codes + (case.more if options.all else ())
-        rows = measure_case(case, list(filter(wanted, labels)), calibration, options.repeats)
+        labels = list(filter(wanted, entries(case, chosen)))
+        rows = measure_case(case, labels, calibration, chosen.repeats)
         if rows:
             write_table(path, rows)
 
 
-def check_environments(cases, options):
+def entries(case, chosen):
+    """What is measured in a case: labels of codes, or `Grids`."""
+    of_case = case.runs if isinstance(case, Growth) else case.codes
+    return of_case + (case.more if chosen.all else ())
+
+
+def check_environments(cases, chosen):
     """Environments that can be used; says which cannot, and why."""
-    needed = set()
-    for case in cases:
-        if isinstance(case, Growth):
-            labels = [run.code for run in case.runs + (case.more if options.all else ())]
-        else:
-            labels = case.codes + (case.more if options.all else ())
-        needed |= {CODES[label].environment for label in labels}
+    every = [entry for case in cases for entry in entries(case, chosen)]
+    needed = {CODES[getattr(entry, "code", entry)].environment for entry in every}
     available = []
-    for name in ENVIRONMENTS:
-        if name not in needed:
-            continue
+    for name in filter(needed.__contains__, ENVIRONMENTS):
         try:
             ENVIRONMENTS[name].interpreter()
             available.append(name)
@@ -108,7 +102,9 @@ def write_table(path, rows):
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--case", nargs="+", choices=CASES, help="only these cases")
-    parser.add_argument("--codes", nargs="+", help="only codes whose name holds one of these")
+    parser.add_argument(
+        "--codes", nargs="+", default=[""], help="only codes whose name holds one of these"
+    )
     parser.add_argument("--repeats", type=int, default=15, help="at most so many (default 15)")
     parser.add_argument(
         "--all", action="store_true", help="slow codes and sizes, other builds too"

@@ -33,9 +33,8 @@ def _memory_mb(key):
 def main(solve):
     """Run ``solve(problem, task)`` once, as the command line says.
 
-    `solve` returns a dict: `pressure` (MPa), a list with one (ny, nx) array per level; `iterations`
-    and `convolutions`, summed over the levels and counted on the finest grid; and, where the code
-    has its own opinion, `verdict`.
+    `solve` returns a dict: `pressure` (MPa), a list with one (ny, nx) array per level; and
+    `iterations` and `convolutions`, summed over the levels and counted on the finest grid.
 
     CPU (user + system, all threads) and wall time are of set-up and solve together. Interpreter,
     imports, reading and writing are left out, as they would be in a longer program.

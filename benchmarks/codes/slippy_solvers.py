@@ -50,7 +50,7 @@ def by_displacement(task, relief, kernel, options):
     # if periodic, a surface that sinks in raises that around it, and all can.
     domain = relief < (np.inf if options["circular"] else task.levels[-1])
     convolve = Counted(plan_convolve(relief, kernel, domain, **options))
-    pressures, verdicts = [], set()
+    pressures = []
     pressure = np.zeros(np.count_nonzero(domain))
     # Downwards, each from the state above: a tenth less than upwards.
     for level in task.levels[::-1]:
@@ -60,27 +60,21 @@ def by_displacement(task, relief, kernel, options):
             # pressure has none if periodic: then by the softest wave.
             softness = kernel.max() if options["circular"] else kernel.sum()
             pressure = np.maximum(wanted, 0.0) / softness
-        pressure, failed = bccg(convolve, wanted, task.tolerance, MAX_ITERATIONS, pressure)
+        pressure, _ = bccg(convolve, wanted, task.tolerance, MAX_ITERATIONS, pressure)
         field = np.zeros_like(relief)
         field[domain] = pressure
         pressures.append(field)
-        verdicts.add("failed" if failed else "converged")
-    return {
-        "pressure": pressures[::-1],
-        "iterations": None,
-        "convolutions": convolve.calls,
-        "verdict": ", ".join(sorted(verdicts)),
-    }
+    return {"pressure": pressures[::-1], "iterations": None, "convolutions": convolve.calls}
 
 
 def by_load(task, relief, kernel, options):
     convolve = Counted(plan_convolve(relief, kernel, None, **options))
-    pressures, verdicts = [], set()
+    pressures = []
     pressure = np.ones_like(relief)
     for level in task.levels:
         # It scales the *mean* of the start to what it is given as the load, and the sum times the
         # element's area ever after: the two agree, and a good start is kept, on a unit area.
-        failed, pressure, _ = polonsky_and_keer(
+        _, pressure, _ = polonsky_and_keer(
             lambda p: convolve(p, False),
             pressure,
             relief,
@@ -90,13 +84,7 @@ def by_load(task, relief, kernel, options):
             max_it=MAX_ITERATIONS,
         )
         pressures.append(pressure)
-        verdicts.add("failed" if failed else "converged")
-    return {
-        "pressure": pressures,
-        "iterations": None,
-        "convolutions": convolve.calls,
-        "verdict": ", ".join(sorted(verdicts)),
-    }
+    return {"pressure": pressures, "iterations": None, "convolutions": convolve.calls}
 
 
 if __name__ == "__main__":
