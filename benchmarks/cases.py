@@ -5,8 +5,6 @@ from typing import NamedTuple
 
 from problems import CUT_OFF, Surface
 
-__all__ = ["CASES", "CODES", "GOAL", "Case", "Code", "Grids", "Growth"]
-
 # Accuracy asked of every code: gap error over r.m.s. height, by our evaluator.
 GOAL = 1e-9
 STEPS = 20

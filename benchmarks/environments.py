@@ -7,8 +7,6 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-__all__ = ["ENVIRONMENTS", "Environment", "UnavailableError"]
-
 HERE = Path(__file__).parent
 FOLDER = HERE / ".environments"
 

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.fft
 
-__all__ = ["Accuracy", "displacement", "evaluate", "kernel", "periodic_displacement"]
-
 
 @dataclass(frozen=True)
 class Accuracy:

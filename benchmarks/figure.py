@@ -1,14 +1,11 @@
 """The figure: CPU time of each code on each problem, and growth with the grid."""
 
-import statistics
-
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import pandas as pd
 from problems import CUT_OFF
-
-__all__ = ["draw"]
 
 PANELS = (
     ("rough-76", "rough 512², 76 MPa"),
@@ -34,11 +31,8 @@ def draw(tables, path):
     for index, (name, title) in enumerate(PANELS):
         own = labels if index < 3 else _labels([tables[name]])
         _times(axes[index], tables[name], title, own, named=index in (0, 3))
-    for axis, key, title in (
-        (axes[4], "convolutions", "finer grids, 76 MPa: convolutions"),
-        (axes[5], "cpu_median", "finer grids, 76 MPa: CPU time (s)"),
-    ):
-        _growth(axis, tables["growth"], key, title)
+    _growth(axes[4], tables["growth"], "convolutions", "finer grids, 76 MPa: convolutions")
+    _growth(axes[5], tables["growth"], "cpu_median", "finer grids, 76 MPa: CPU time (s)")
     figure.suptitle(
         "CPU time, set-up and solve, one thread, every code at the same accuracy: gap within "
         "1e-9 of the r.m.s. height (open marks: never reached)",
@@ -56,12 +50,21 @@ def _colour(label):
 
 def _labels(tables):
     """Codes, ours first, then the cheapest of the first table on top."""
-    order = []
+    labels = {}  # in order
     for rows in tables:
         for row in sorted(rows, key=lambda row: (row["reached"] != "yes", row["cpu_median"])):
-            if row["code"] not in order:
-                order.append(row["code"])
-    return sorted(order, key=lambda label: not label.startswith("gstlib"))
+            labels.setdefault(row["code"])
+    return sorted(labels, key=lambda label: not label.startswith("gstlib"))
+
+
+def _text(row, own):
+    """The time of a code, and its ratio to ours or its error."""
+    text, ratio = f"{row['cpu_median']:.2g} s", row["cpu_median"] / (own or 1)
+    if row["reached"] != "yes":
+        return f"{text} (error {row['gap_error']:.0e})"
+    if not own or row["code"].startswith("gstlib"):
+        return text
+    return f"{text}  {ratio:.0f}×" if ratio >= 10 else f"{text}  {ratio:.1f}×"
 
 
 def _times(axis, rows, title, labels, named):
@@ -69,37 +72,19 @@ def _times(axis, rows, title, labels, named):
     own = next((row["cpu_median"] for row in rows if row["code"] == OWN), None)
     for row in rows:
         height, colour = labels.index(row["code"]), _colour(row["code"])
-        reached = row["reached"] == "yes"
+        at = row["cpu_median"], height
+        face = colour if row["reached"] == "yes" else "white"
         axis.axhline(height, color="0.92", linewidth=0.8, zorder=0)
-        axis.plot(
-            row["cpu_median"],
-            height,
-            "o",
-            color=colour,
-            markersize=7,
-            markerfacecolor=colour if reached else "white",
-        )
-        text = f"{row['cpu_median']:.2g} s"
-        if not reached:
-            text += f" (error {row['gap_error']:.0e})"
-        elif own and not row["code"].startswith("gstlib"):
-            ratio = row["cpu_median"] / own
-            text += f"  {ratio:.0f}×" if ratio >= 10 else f"  {ratio:.1f}×"
-        axis.annotate(
-            text,
-            (row["cpu_median"], height),
-            xytext=(7, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=8,
-        )
+        axis.plot(*at, "o", color=colour, markersize=7, markerfacecolor=face)
+        beside = {"xytext": (7, 0), "textcoords": "offset points", "va": "center"}
+        axis.annotate(_text(row, own), at, fontsize=8, **beside)
     times = [row["cpu_median"] for row in rows] or [1]
     axis.set(xscale="log", xlim=(min(times) / 1.6, max(times) * 9))
-    axis.xaxis.set_major_formatter("{x:g}")
     axis.set_ylim(len(labels) - 0.5, -0.5)
     axis.set_yticks(range(len(labels)), labels if named else [], fontsize=8.5)
     axis.tick_params(axis="y", length=0)
     axis.tick_params(axis="x", labelsize=8)
+    axis.xaxis.set_major_formatter("{x:g}")
     axis.set_xlabel("CPU time (s), and its ratio to gstlib's under load", fontsize=8.5)
     axis.spines[["top", "right", "left"]].set_visible(False)
 
@@ -107,23 +92,19 @@ def _times(axis, rows, title, labels, named):
 def _growth(axis, rows, key, title):
     axis.set_title(title, fontsize=10, loc="left")
     axis.set(xscale="log", yscale="log")
-    rows = [row for row in rows if row[key] and row["cut_off"] == CUT_OFF]
-    for label in dict.fromkeys(row["code"] for row in rows):
-        own = [row for row in rows if row["code"] == label]
-        sizes = sorted({row["size"] for row in own})
-        means = [
-            statistics.mean(row[key] for row in own if row["size"] == size) for size in sizes
-        ]
-        style = {"color": _colour(label)}
-        axis.plot(sizes, means, "o-", ms=3.5, linewidth=1.4, label=label, **style)
-        axis.plot([row["size"] for row in own], [row[key] for row in own], "o", ms=3.5, **style)
-    if rows:
-        axis.legend(fontsize=8.5, frameon=False, loc="upper left")
-    sizes = sorted({row["size"] for row in rows})
+    rows = pd.DataFrame([row for row in rows if row[key] and row["cut_off"] == CUT_OFF])
+    if rows.empty:
+        return
+    for label, own in rows.groupby("code", sort=False):
+        means = own.groupby("size")[key].mean()
+        axis.plot(means, "o-", ms=3.5, linewidth=1.4, label=label, color=_colour(label))
+        axis.plot(own["size"], own[key], "o", ms=3.5, color=_colour(label))
+    axis.legend(fontsize=8.5, frameon=False, loc="upper left")
+    sizes = sorted(set(rows["size"]))
     axis.set_xticks(sizes, [f"{n:.0f}²" for n in sizes], fontsize=8)
     axis.minorticks_off()
-    counts = [20, 50, 100, 200, 500]
     if key == "convolutions":
+        counts = [20, 50, 100, 200, 500]
         axis.set_yticks(counts, counts)
         axis.set_ylim(15, 600)
     else:

@@ -7,8 +7,6 @@ import time
 
 from environments import ENVIRONMENTS, UnavailableError
 
-__all__ = ["describe"]
-
 
 def describe(environments):
     """Processor, cores, memory, system and versions."""

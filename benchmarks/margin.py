@@ -21,17 +21,13 @@ tables, so that differences grow less.
 """
 
 import math
-import os
-import shutil
-import subprocess
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
-from commands import snakemake_command
-from runner import RESULTS, ROOT, options, save
+from commands import run_study
+from runner import RESULTS, options, save
 
 from gst.config.tables import TABLES
 from gst.share.difference import compare_results
@@ -45,16 +41,6 @@ def older_processor():
     """Environment in which NumPy and OpenBLAS use what every processor of the kind has."""
     found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
     return {"NPY_DISABLE_CPU_FEATURES": " ".join(found), "OPENBLAS_CORETYPE": "Prescott"}
-
-
-def run_study(config, cores, folder, environment):
-    """Run the study in `folder`; return its results."""
-    shutil.copytree(ROOT / "config", folder / "config")
-    command = snakemake_command(folder, config, "--cores", str(cores), "--quiet", "all")
-    subprocess.run(
-        command, cwd=folder, env=os.environ | environment | {ALL_DIGITS: "1"}, check=True
-    )
-    return folder / yaml.safe_load((folder / config).read_text())["results"]
 
 
 def last_unit(value, digits):
@@ -100,7 +86,8 @@ def main():
             for run, cores in RUNS.items():
                 folder = Path(name) / run.replace(" ", "_")
                 environment = older_processor() if run == "older processor" else {}
-                results[run] = run_study(chosen.config, cores, folder, environment)
+                environment |= {ALL_DIGITS: "1"}
+                results[run] = run_study(folder, chosen.config, cores, environment)
             first, *others = RUNS
             tables = {run: margins(results[first], results[run]) for run in others}
             rows = [{"run": run} | row for run, table in tables.items() for row in table]

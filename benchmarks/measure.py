@@ -15,8 +15,6 @@ from environments import ENVIRONMENTS, UnavailableError
 from evaluate import evaluate
 from problems import MODULUS, SCRATCH, Surface
 
-__all__ = ["Calibration", "Run", "measure_case", "measure_growth"]
-
 CODES_FOLDER = Path(__file__).parent / "codes"
 # Tolerances on the ladder differ by a quarter of a decade, about what one iteration gains; a code
 # that is not there after this many tighter ones, or gains less than a tenth by the last two, never

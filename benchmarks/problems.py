@@ -8,8 +8,6 @@ import numpy as np
 
 from gstlib.specimen.randomness import self_affine_field, stream
 
-__all__ = ["CUT_OFF", "MODULUS", "Surface"]
-
 SCRATCH = Path(__file__).parent / ".scratch"
 # Side of the patch (mm) and contact modulus (MPa) of the study.
 LENGTH = 0.85

@@ -24,7 +24,6 @@ import json
 import os
 import platform
 import re
-import shutil
 import statistics
 import subprocess
 import sys
@@ -35,9 +34,8 @@ from functools import partial
 from pathlib import Path
 
 import pandas as pd
-import yaml
-from commands import snakemake_command
-from runner import RESULTS, ROOT, options
+from commands import run_study
+from runner import RESULTS, options
 
 # Put on the path of every interpreter of the study: at its end it writes down what it used.
 NOTE_USE = """
@@ -64,24 +62,20 @@ for name in json.load(open(sys.argv[1])):
 """
 
 
-def run_study(config, cores, folder):
+def noted_study(folder, config, cores):
     """Run the study in `folder`.
 
     Returns its wall time (s), its results, and of each rule the CPU time (s) and the modules of
     its interpreters.
     """
-    shutil.copytree(ROOT / "config", folder / "config")
     notes, hook = folder / "notes", folder / "hook"
     notes.mkdir()
     hook.mkdir()
     (hook / "sitecustomize.py").write_text(NOTE_USE)
     path = os.pathsep.join(filter(None, [str(hook), os.environ.get("PYTHONPATH")]))
-    environment = os.environ | {"PYTHONPATH": path, "STUDY_NOTES": str(notes)}
-    command = snakemake_command(folder, config, "--cores", str(cores), "--quiet", "all")
     start = time.perf_counter()
-    subprocess.run(command, cwd=folder, env=environment, check=True)
+    results = run_study(folder, config, cores, {"PYTHONPATH": path, "STUDY_NOTES": str(notes)})
     wall = time.perf_counter() - start
-    results = folder / yaml.safe_load((folder / config).read_text())["results"]
     cpu_s, modules = defaultdict(float), defaultdict(list)
     for file in sorted(notes.glob("*.json")):
         note, rule = json.loads(file.read_text()), file.name.split(".")[0]
@@ -128,7 +122,7 @@ def main():
     )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        wall, results, cpu_s, modules = run_study(chosen.config, chosen.cores, folder)
+        wall, results, cpu_s, modules = noted_study(folder, chosen.config, chosen.cores)
         measure = partial(start_time, repeats=chosen.repeats, folder=folder)
         rows = [
             (rule, len(walls), sum(walls), cpu_s[rule], len(walls) * start)

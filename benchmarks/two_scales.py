@@ -294,15 +294,13 @@ def misplaced(pressures, true, predicted):
 
 def tilt_errors(composite, places):
     """Errors of the planes that are known, r.m.s. along each axis, and the stated ones."""
-    known = composite.known.values
-    stated = composite.tilt_error_mrad.values[known]
-    errors = []
-    for axis in "yx":
-        slopes = composite[f"slope_{axis}"].values
-        errors.append(slopes - places[f"true_slope_{axis}"].values)
-    mean_square = np.mean(np.square(errors)[:, known])
+    scans = composite.known.values
+    stated = composite.tilt_error_mrad.values[scans]
+    errors = np.array(
+        [composite[f"slope_{axis}"].values - places[f"true_slope_{axis}"] for axis in "yx"]
+    )
     return {
-        "tilt_error_mrad": 1e3 * float(np.sqrt(mean_square)),
+        "tilt_error_mrad": 1e3 * float(np.sqrt(np.mean(errors[:, scans] ** 2))),
         "stated_tilt_error_mrad": float(np.sqrt(np.mean(stated**2))),
     }
 
