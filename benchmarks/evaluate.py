@@ -23,8 +23,6 @@ class Accuracy:
         abs(mean pressure / asked − 1) under load control; NaN under displacement control.
     negative_pressure : float
         −min p over max p, or 0.
-    mean_pressure : float
-        MPa.
     contact_fraction : float
         Share of elements with p > 0.
     """
@@ -32,7 +30,6 @@ class Accuracy:
     gap_error: float
     force_error: float
     negative_pressure: float
-    mean_pressure: float
     contact_fraction: float
 
 
@@ -80,7 +77,7 @@ def evaluate(pressure, heights, spacing, modulus, *, load=None, far_field=None, 
     """
     pressure = np.asarray(pressure, dtype=float)
     if not np.isfinite(pressure).all():
-        return Accuracy(np.inf, np.inf, np.inf, np.nan, np.nan)
+        return Accuracy(np.inf, np.inf, np.inf, np.nan)
     sunk = periodic_displacement if periodic else displacement
     opening = sunk(pressure, spacing, modulus) + (heights.max() - heights)
     contact = pressure > 0
@@ -88,11 +85,11 @@ def evaluate(pressure, heights, spacing, modulus, *, load=None, far_field=None, 
     if far_field is None:
         far_field = (largest + opening.min()) / 2
     error = max(largest - far_field, far_field - opening.min())
-    mean = pressure.mean()
     return Accuracy(
         gap_error=float(error / heights.std()),
-        force_error=float(abs(mean / load - 1)) if load is not None else float("nan"),
+        force_error=float(abs(pressure.mean() / load - 1))
+        if load is not None
+        else float("nan"),
         negative_pressure=float(max(0.0, -pressure.min()) / max(pressure.max(), 1e-300)),
-        mean_pressure=float(mean),
         contact_fraction=float(contact.mean()),
     )
