@@ -31,7 +31,7 @@ OUTCOMES: dict[str, list[str]] = defaultdict(list)
 class Study:
     """A copy of the project with the tiny study in it; the environment is this one."""
 
-    def __init__(self, folder: Path, reference: dict[str, bytes], finished: Path | None = None):
+    def __init__(self, folder, reference, finished=None):
         self.folder, self.results, self.reference = folder, folder / RESULTS, reference
         if finished:  # dates and Snakemake's records included
             shutil.copytree(finished, folder, symlinks=True)
@@ -43,7 +43,7 @@ class Study:
             shutil.copy2(ROOT / name, folder / name)
         (folder / ".venv").symlink_to(sys.prefix)
 
-    def start(self) -> subprocess.Popen:
+    def start(self):
         """`make study` in a session of its own, so that all of it can be killed at once."""
         return subprocess.Popen(
             ["make", "-o", ".venv/ready", "study", "CONFIG=config/tiny.yaml"],
@@ -55,7 +55,7 @@ class Study:
             errors="replace",
         )
 
-    def make(self) -> tuple[bool, str]:
+    def make(self):
         """Whether `make study`, once jobs of a killed run had ended, ended well; and its words."""
         while True:
             process = self.start()
@@ -64,7 +64,7 @@ class Study:
                 return process.returncode == 0, said
             time.sleep(2)
 
-    def processes(self, kind: str) -> list[psutil.Process]:
+    def processes(self, kind):
         """The run's jobs (`job`), or its Snakemake (`run`), as they are now."""
         found = []
         for process in psutil.process_iter(["cwd", "cmdline"]):
@@ -75,7 +75,7 @@ class Study:
             found += [process] if here and (is_job if kind == "job" else is_run) else []
         return found
 
-    def files(self) -> dict[str, bytes]:
+    def files(self):
         """Every result by its name; hidden files are none."""
         files = [file for file in sorted(self.results.rglob("[!.]*")) if file.is_file()]
         named = {file.relative_to(self.results): file for file in files}
@@ -85,12 +85,12 @@ class Study:
             if name.parts[0] not in NO_RESULTS
         }
 
-    def half_written(self) -> str:
+    def half_written(self):
         """Results that are there, but not those of the undisturbed study."""
         wrong = [name for name, text in self.files().items() if self.reference.get(name) != text]
         return f"half-written: {', '.join(wrong)}" if wrong else ""
 
-    def end(self) -> str:
+    def end(self):
         """What is amiss once the study has been run to its end."""
         done, said = self.make()
         missing = sorted(self.reference.keys() - self.files().keys())
@@ -102,12 +102,12 @@ class Study:
         return amiss
 
 
-def count(fault: str, amiss: str) -> None:
+def count(fault, amiss):
     OUTCOMES[fault].append(amiss)
     print(f"  {fault}: {'LOST: ' + amiss if amiss else 'survived'}", flush=True)
 
 
-def kill_at_random(study: Study, kind: str, choose: random.Random, duration: float) -> str:
+def kill_at_random(study, kind, choose, duration):
     """SIGKILL to one job, to Snakemake alone, or to the whole run; then what is amiss."""
     process = study.start()
     time.sleep(choose.uniform(0.02, 0.35) * duration)
@@ -129,7 +129,7 @@ def kill_at_random(study: Study, kind: str, choose: random.Random, duration: flo
     return study.half_written()
 
 
-def fill_disk(folder: Path, reference: dict[str, bytes]) -> None:
+def fill_disk(folder, reference):
     """The results on a read-only disk, then on one that is full again and again."""
     disk = folder / RESULTS
     disk.mkdir(parents=True)
@@ -151,11 +151,11 @@ def fill_disk(folder: Path, reference: dict[str, bytes]) -> None:
         subprocess.run(["umount", "--lazy", disk], check=True)
 
 
-def cut_off(path: Path) -> None:
+def cut_off(path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-def flip_bit(path: Path) -> None:
+def flip_bit(path):
     """One bit in the middle of the largest array."""
     with h5py.File(path) as file:
         largest = max(file.values(), key=lambda variable: variable.id.get_storage_size())
@@ -165,7 +165,7 @@ def flip_bit(path: Path) -> None:
     path.write_bytes(content)
 
 
-def lose_column(path: Path) -> None:
+def lose_column(path):
     """The column of the pressures."""
     rows = [line.split(",") for line in path.read_text().splitlines()]
     at = rows[0].index("pressure_MPa")
@@ -190,7 +190,7 @@ DAMAGES = {
 }
 
 
-def after_damage(study: Study, file: str) -> str:
+def after_damage(study, file):
     """What is amiss after the study has met a damaged file, which it makes again."""
     done, said = study.make()
     if not done or f"again: {file} is not as it was made" not in said:
@@ -198,7 +198,7 @@ def after_damage(study: Study, file: str) -> str:
     return study.end()
 
 
-def main() -> int:
+def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=21)
     parser.add_argument("--seed", type=int, default=1)

@@ -11,8 +11,6 @@ import sys
 from pathlib import Path
 
 import pytest
-import yaml
-from gst.config.tables import TABLES
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
@@ -22,13 +20,6 @@ DOCUMENTS = [
     ROOT / "config/README.md",
     ROOT / "benchmarks/README.md",
 ]
-
-
-def test_folders_of_tests_are_collected_together():
-    folders = "tests/workflow/test_mesh_only.py", "tests/library/io", "tests/library/bem"
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", *folders]
-    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stdout + result.stderr
 
 
 def test_a_config_of_the_users_own_makes_no_document_stale(tmp_path):
@@ -104,13 +95,6 @@ def test_the_lines_of_readme_print_what_they_say(tmp_path, monkeypatch):
     assert (tmp_path / "contact.png").is_file()
 
 
-def test_no_document_installs_what_no_index_has():
-    """Only the page on installing names such a command, and says where it is to be run."""
-    telling = re.compile(r"pip install [^\n`]*gstlib(?!\[\w+\] @)")
-    found = {path.name for path in DOCUMENTS if telling.search(path.read_text("utf-8"))}
-    assert found <= {"install.md"}
-
-
 PERMISSIVE = re.compile(
     r"\b(0BSD|Apache|BSD|CC0|ISC|MIT|PSF|Public Domain|Python Software Foundation|Zlib)\b"
 )
@@ -139,11 +123,3 @@ def test_licences_that_are_not_permissive_are_listed():
     installed = locked & packages.keys()
     strict = {name for name in installed if not is_permissive(packages[name])}
     assert strict == listed & installed
-
-
-def test_places_are_counted_from_the_reference_corner():
-    patches = yaml.safe_load((ROOT / "workflow/schemas/patches.schema.yaml").read_text("utf-8"))
-    said = [patches["properties"][name]["description"] for name in ("x_mm", "y_mm")]
-    said += [one.columns["x_mm"].meaning for one in TABLES.values() if "x_mm" in one.columns]
-    assert len(said) > 2
-    assert [text for text in said if "from the reference corner" not in text] == []

@@ -81,13 +81,6 @@ def test_a_doubtful_contact_of_the_stone_is_told(tmp_path, caplog):
     assert any("of the edge of what is pressed" in message for message in caplog.messages)
 
 
-def test_cases_and_what_they_tell_are_named_in_their_caption():
-    text = table_caption("cases")
-    said = "study", "grinding", "slip share", "mean traction"
-    said += "tangential displacement", "cap", "share at the cap", "deepest yield"
-    assert [name for name in said if f"``{name}``" not in " ".join(text.split())] == []
-
-
 def test_a_form_taken_out_of_t1_is_warned_of_where_it_is_registered(tmp_path, caplog):
     rng = np.random.default_rng(1)
     x = np.tile(np.linspace(-1, 1, 64), (64, 1))
@@ -117,7 +110,7 @@ def test_a_form_taken_out_of_t1_is_warned_of_where_it_is_registered(tmp_path, ca
 def stone(tmp_path):
     """A folder with a flat face, and with what its wear said of its use, taken or not."""
 
-    def stone(*, taken: bool) -> Path:
+    def stone(*, taken):
         face = mesh_face(make_surface(np.zeros((16, 16)), 0.25), error=0.0, vertices=9, seed=1)
         for field in face.values():
             field.attrs |= {"units": "mm", "long_name": "of the face"}
@@ -188,19 +181,6 @@ def test_intervals_are_drawn_about_the_use_that_the_wear_tells(stone, tmp_path, 
     )
     found = read_table(tmp_path / "patch_intervals.csv")
     assert ((found.high_MPa > 1.1 * found.low_MPa) == taken).all()
-
-
-def test_cases_are_those_of_the_patches_in_the_study(tmp_path):
-    pressures, cases = tmp_path / "pressures.csv", tmp_path / "cases.csv"
-    contact = contact_at_pressure(interface(rough(5)), Load(20.0), modulus=1e4, tolerance=1e-6)
-    for patch in "AB":
-        write_dataset(tmp_path / f"1/{patch}.h5", contact.to_dataset())
-    given = [tmp_path / "1"], pressures, cases
-    settings = {"patches": ["A", "B"], "grinding": None, "pressure_cap": 500.0}
-    columns = "patch,x_mm,y_mm,rotation_deg,pressure_MPa,square_pressure_MPa,in_study"
-    pressures.write_text(f"{columns}\nA,1,1,0,20,9,yes\nB,3,3,0,600,9,no\n")
-    script_of("solve_cases").main(*given, **settings)
-    assert set(pd.read_csv(cases).patch.dropna()) == {"A"}  # and means over the patches
 
 
 @pytest.mark.parametrize(("least_MPa", "count"), [(5.0, 0), (500.0, 1)])

@@ -16,7 +16,6 @@ from filelock import FileLock
 from gst.config.reading import read_config
 from gst.config.tables import write_table
 from gstlib.io.tables import read_table
-from gstlib.study import Study as InMemory
 from sweep import study_of
 
 ROOT = Path(__file__).parents[2]
@@ -24,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 SNAKEMAKE = sys.executable, "-m", "gst.run.scheduler"
 
 
-def run(*command: object, cwd: Path | None = None, said: str = "", **environment: str):
+def run(*command, cwd=None, said="", **environment):
     """A command as a user gives it, answered with `said`; how it ended, and what it said."""
     return subprocess.run(
         list(map(str, command)),
@@ -46,35 +45,35 @@ class Study:
     environment: dict[str, str] = field(default_factory=dict)
 
     @property
-    def results(self) -> Path:
+    def results(self):
         return self.folder / yaml.safe_load((self.folder / self.config).read_text())["results"]
 
-    def command(self, *arguments: str, cores: int | None = 2) -> list[str]:
+    def command(self, *arguments, cores=2):
         where = "--snakefile", str(ROOT / "Snakefile"), "--directory", str(self.folder)
         config = "--configfile", str(self.folder / self.config)  # takes all that follows
         on = ("--cores", str(cores)) if cores else ()  # or as many as a profile says
         return [*SNAKEMAKE, *where, *on, *arguments, *config]
 
-    def run(self, *arguments: str, cores: int = 2) -> subprocess.CompletedProcess:
+    def run(self, *arguments, cores=2):
         return run(*self.command(*arguments, cores=cores), cwd=self.folder, **self.environment)
 
-    def gst(self, *arguments: str, said: str = "") -> subprocess.CompletedProcess:
+    def gst(self, *arguments, said=""):
         """The command `gst` in the folder, answered with `said`."""
         gst = Path(sys.executable).with_name("gst")
         return run(gst, *arguments, cwd=self.folder, said=said)
 
-    def succeed(self, *arguments: str, cores: int = 2) -> str:
+    def succeed(self, *arguments, cores=2):
         """Run, and give what was said."""
         result = self.run(*arguments, cores=cores)
         assert result.returncode == 0, result.stdout + result.stderr
         return result.stdout + result.stderr
 
-    def planned(self, *arguments: str) -> set[str]:
+    def planned(self, *arguments):
         """Names of the rules that a run would execute now."""
         counts = re.findall(r"^(\w+) +\d+$", self.succeed("--dry-run", *arguments), re.MULTILINE)
         return set(counts) - {"all", "total"}
 
-    def change(self, **sections: object) -> None:
+    def change(self, **sections):
         """Write a config of its own: the present one with these sections or keys replaced."""
         config = yaml.safe_load((self.folder / self.config).read_text())
         for name, value in sections.items():
@@ -85,40 +84,40 @@ class Study:
         self.config = "config/changed.yaml"
         (self.folder / self.config).write_text(yaml.safe_dump(config, sort_keys=False))
 
-    def tables(self) -> dict[str, str]:
+    def tables(self):
         return {file.name: file.read_text() for file in sorted(self.results.glob("tables/*.csv"))}
 
-    def fields(self) -> dict[str, bytes]:
+    def fields(self):
         files = sorted(self.results.rglob("*.h5"))
         return {str(file.relative_to(self.results)): file.read_bytes() for file in files}
 
 
-def in_memory(study: Study, config: dict | None = None) -> InMemory:
+def in_memory(study, config=None):
     """The study by the library alone, from the same files, with its own config or another."""
     return study_of(config or read_config(study.folder / study.config), study.folder)
 
 
-def assert_stored(found: pd.DataFrame, file: Path, folder: Path) -> None:
+def assert_stored(found, file, folder):
     """The table, as it would be written, is that of the file."""
     write_table(folder / file.name, found)
     again, stored = (read_table(path) for path in (folder / file.name, file))
     pd.testing.assert_frame_equal(again, stored, rtol=1e-4, atol=1e-9)
 
 
-def fresh(folder: Path) -> Study:
+def fresh(folder):
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copytree(ROOT / "config", folder / "config")
     return Study(folder)
 
 
 @pytest.fixture
-def study(tmp_path) -> Study:
+def study(tmp_path):
     """An empty folder with the shipped configs."""
     return fresh(tmp_path / "study")
 
 
 @pytest.fixture(scope="session")
-def finished_tiny(tmp_path_factory) -> Study:
+def finished_tiny(tmp_path_factory):
     """The tiny study, run once for all processes of the tests. Not to be changed: see `tiny`."""
     root = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -134,7 +133,7 @@ def finished_tiny(tmp_path_factory) -> Study:
 
 
 @pytest.fixture(scope="session")
-def results(finished_tiny) -> Path:
+def results(finished_tiny):
     """Of the tiny study."""
     return finished_tiny.results
 
@@ -146,13 +145,13 @@ def table(results):
 
 
 @pytest.fixture(scope="session")
-def config(finished_tiny) -> dict:
+def config(finished_tiny):
     """What the tiny study was asked for, with all that its config leaves out."""
     return read_config(finished_tiny.folder / finished_tiny.config)
 
 
 @pytest.fixture
-def tiny(finished_tiny, tmp_path) -> Study:
+def tiny(finished_tiny, tmp_path):
     """A copy of the finished tiny study, dates and Snakemake's records included."""
     folder = tmp_path / "study"
     shutil.copytree(finished_tiny.folder, folder, copy_function=shutil.copy2)
@@ -190,7 +189,7 @@ def middle_of(thing):
 
 
 @contextmanager
-def opened(browser, file: Path, size: tuple[int, int] = (1366, 768)):
+def opened(browser, file, size=(1366, 768)):
     """A page with a stone; it asks for nothing but itself, and complains of nothing."""
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
     asked, said = listened_to(page)
@@ -202,7 +201,7 @@ def opened(browser, file: Path, size: tuple[int, int] = (1366, 768)):
     assert said == []
 
 
-def as_measured(study: Study, finished: Study) -> Study:
+def as_measured(study, finished):
     """The specimen's files of a finished study, given as a user gives measured ones."""
     shutil.copytree(finished.results / "specimen", study.folder / "data")
     files = {"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"}

@@ -12,7 +12,6 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import lxml.html
@@ -32,7 +31,7 @@ PACKED = {"vertices": "<f4", "faces": "<u4", "colours": "u1"}
 DRAWN = "points", "d", "transform", "x", "y", "width", "height", "data-value", "viewBox"
 
 
-def assert_as_expected(results: Path, name: str, *only: str) -> None:
+def assert_as_expected(results, name, *only):
     """The results are those kept under `name`; of some studies only these tables."""
     kept, tables = EXPECTED / name, only or [file.stem for file in results.glob("tables/*.csv")]
     found = {} if only else {"fields": fields_of(results), "pictures": pictures_of(results)}
@@ -63,7 +62,7 @@ def assert_as_expected(results: Path, name: str, *only: str) -> None:
         assert page_of(results / "index.html").splitlines() == page.splitlines()
 
 
-def fields_of(results: Path) -> pd.DataFrame:
+def fields_of(results):
     """A row for each array, and for each attribute that is a number."""
     rows = []
     for file in sorted(results.rglob("*.h5")):
@@ -81,7 +80,7 @@ def fields_of(results: Path) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def drawn_in_space(page: Path) -> Iterator[tuple[str, np.ndarray]]:
+def drawn_in_space(page):
     """Each array that the page's script is given, by its name."""
 
     def arrays(value, name):
@@ -104,7 +103,7 @@ def drawn_in_space(page: Path) -> Iterator[tuple[str, np.ndarray]]:
     yield from arrays(json.loads(scene[1]) if scene else {}, "")
 
 
-def facts(values: np.ndarray) -> tuple:
+def facts(values):
     """Numbers in all and missing, mean, standard deviation, correlation with each axis."""
     known = np.isfinite(values)
     if not known.any():
@@ -120,7 +119,7 @@ def facts(values: np.ndarray) -> tuple:
     return values.size, values.size - known.sum(), mean, spread, *lean
 
 
-def pictures_of(results: Path) -> pd.DataFrame:
+def pictures_of(results):
     """Of each picture its size in pixels, and the grey of its parts from the upper left."""
     rows = []
     for file in sorted([*results.glob("figures/**/*.png"), *results.glob("figures/**/*.jpg")]):
@@ -133,7 +132,7 @@ def pictures_of(results: Path) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["file", "width", "height", *parts])
 
 
-def page_of(file: Path) -> str:
+def page_of(file):
     """Lines of the page, each with what in it has digits: words, or the places of a drawing."""
     page = lxml.html.fromstring(file.read_text(encoding="utf-8"))
     for part in page.xpath(ELSEWHERE):

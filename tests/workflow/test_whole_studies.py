@@ -95,18 +95,6 @@ def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(finished_ti
     assert single.tables() == finished_tiny.tables()
 
 
-def test_a_scan_of_the_specimen_that_was_changed_by_hand_is_made_again(tiny):
-    scan = tiny.results / "specimen/scans/5_T1.plu"
-    made, before = scan.read_bytes(), tiny.fields()
-    content = bytearray(made)
-    np.frombuffer(content, "<f4", 64 * 64, 508)[2000] += 0.5
-    scan.write_bytes(content)
-    tiny.succeed()
-    assert scan.read_bytes() == made
-    assert tiny.fields() == before
-    assert tiny.planned() == set()
-
-
 def test_a_changed_scan_changes_its_own_patch_alone(measured):
     measured.succeed("--until", "register_patches")
     scan, before = measured.folder / "data/scans/5_T1.plu", measured.fields()
