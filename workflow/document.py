@@ -2,8 +2,8 @@
 
 In docs/reference: tables.md, the columns of every table of results, from their schema; choices.md,
 the modelling choices marked ``# ASSUME:`` in the code, by stage; cli.md, what `gst --help` says.
-config/README.md: the tables of keys, from `gstlib.settings` and the JSON schemas. With --check, write
-nothing, and end with exit code 1 if one of them is out of date.
+config/README.md: the tables of keys, from `gstlib.settings` and the JSON schemas. With --check,
+write nothing, and end with exit code 1 if one of them is out of date.
 """
 
 import argparse

@@ -134,11 +134,7 @@ def test_defaults_come_in_as_snakemake_merges_the_template(config, name):
         ("counterface", {"mesh": "b.ply"}, "'counterface.mesh' needs 'counterface.pose'"),
         ("counterface", SECOND | {"radius_mm": 200.0}, "a radius and a mesh: give one of them"),
         ("counterface.radius_mm", [200.0, 0.5], "'counterface.radius_mm.1' is 0.5"),
-        (
-            "counterface",
-            {"angle_deg": 30.0},
-            "'counterface.angle_deg' needs",
-        ),
+        ("counterface", {"angle_deg": 30.0}, "'counterface.angle_deg' needs"),
         ("load.pressure_MPa", 22.0, "'load' has both of force_N and pressure_MPa"),
         ("load.force_N", None, "'load' has neither of force_N and pressure_MPa"),
         ("load.force_N", 5e6, "'load.force_N' is 5000000.0"),  # 5 MN

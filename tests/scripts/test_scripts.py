@@ -10,7 +10,6 @@ import pytest
 import scipy.ndimage
 import xarray as xr
 from contacts import interface, mesh_face, rough
-from gst.page.captions import table_caption
 from gstlib.contact import Load, contact_at_pressure
 from gstlib.coupling.intervals import Errors
 from gstlib.errors import ConfigError

@@ -222,7 +222,7 @@ def wear_path(  # noqa: PLR0913
     depth, curve = np.zeros_like(heights), []
     states, depths, highest = [], [], 0.0
     for step in range(steps):
-        reached = []
+        reached: list[ContactState] = []
         for body in bodies:
             state = body.press(step, pressure_cap, tolerance)
             loss = body.rate * state.pressure

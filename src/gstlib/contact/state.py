@@ -111,9 +111,10 @@ class Contact(ContactState):
         """From what `to_dataset` gives, or `ContactPath.to_dataset`."""
         through = float(stored.through_y), float(stored.through_x)
         is_free = not math.isnan(through[0])
+        values: dict[str, Any] = {name: stored[name] for name in _FIELDS}
+        values |= {name: float(stored[name]) for name in _NUMBERS}
         return cls(
-            **{name: stored[name] for name in _FIELDS},
-            **{name: float(stored[name]) for name in _NUMBERS},
+            **values,
             iterations=0,
             convolutions=0,
             interface=Interface.from_dataset(stored),

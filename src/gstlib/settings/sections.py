@@ -4,7 +4,7 @@ A string below a key is its description, which messages and config/README.md sho
 together is in `gstlib.settings.contradictions`.
 """
 
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_serializer
 from pydantic.json_schema import SkipJsonSchema
@@ -35,7 +35,7 @@ __all__ += ["Texts", "Texture", "Traces", "Uncertainty", "Use", "Validation", "W
 
 AnyType = TypeVar("AnyType")
 # A key without a default: it may be left out.
-Given = AnyType | SkipJsonSchema[None]
+Given: TypeAlias = AnyType | SkipJsonSchema[None]
 Texts = list[str]
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
