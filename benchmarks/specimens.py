@@ -108,9 +108,10 @@ def specimen_studies(config, patches, specimen_seed, wears=BY_RULE):
 
 
 def study_of(config, patches, specimen):
-    """The study of one specimen."""
+    """The study of one specimen, whatever parameters it was made from."""
+    settings = {key: value for key, value in config.items() if key != "specimen"}
     return Study(
-        config,
+        settings,
         patches,
         read_mesh=lambda: specimen.mesh,
         read_scan=lambda *patch_and_epoch: specimen.scans[patch_and_epoch],

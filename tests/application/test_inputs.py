@@ -268,11 +268,14 @@ def test_one_scan_in_another_unit(wavy, folder, caplog, mesh, factor):
     assert (f"{folder}/2.plu" in caplog.text) == (not problems and factor > 1.5)
 
 
-@pytest.mark.parametrize("halvings", [4, 5])
-def test_units_that_the_mesh_is_too_coarse_to_check_are_told(wavy, caplog, halvings):
+@pytest.mark.parametrize(("halvings", "is_told"), [(5, True), (6, False)])
+def test_units_that_the_mesh_is_too_coarse_to_check_are_told(folder, caplog, halvings, is_told):
     caplog.set_level(NOTE)
-    wavy(halvings, (Place(2.0, 2.0), 1.0))
-    assert ("could not be checked" in caplog.text) == (halvings == 4)
+    stone(halvings).export(folder / "stone.stl")
+    write_plu(folder / "1_T0.plu", 1e3 * noise(8), 0.02)
+    use = [ScanFile(folder / "1_T0.plu", "1", "T0", None, Place(2.0, 2.0))]
+    problems_of(folder, use, scan_settings=SCANS | {"size_mm": 1.0})
+    assert ("could not be checked" in caplog.text) == is_told
 
 
 @pytest.mark.parametrize(("size", "count"), [(30.0, 1), (1.0, 0)])

@@ -97,7 +97,8 @@ def test_the_schema_of_the_tables_belongs_to_what_writes_one(tmp_path, monkeypat
     assert hashes() == before
     schema.write_text(schema.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     assert {name for name, is_now in hashes().items() if is_now != before[name]} == {
-        "tabulate_texture"
+        "tabulate_texture",
+        "write_page",
     }
 
 
