@@ -35,7 +35,7 @@ def sentences(answer):
 
 def numbers(text):
     """The numbers of a sentence, in their order."""
-    return [float(number) for number in re.findall(r"(?<![TE\w])\d+(?:\.\d+)?", text)]
+    return [float(number) for number in re.findall(r"(?<!\w)\d+(?:\.\d+)?", text)]
 
 
 def loaded(forces, *, studied=True):
