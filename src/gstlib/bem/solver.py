@@ -114,7 +114,7 @@ def solve_contact(  # noqa: PLR0913
     springs : float
         Compliance of independent springs between the surface and the half-space (mm/MPa), none by
         default. With κ, wear coefficient × sliding, the pressure is that after the wear
-        (`gstlib.bem.wear`).
+        (`gstlib.bem.wear_path`).
     layer : Layer, optional
         A compliant layer between the surface and the half-space.
     periodic : bool

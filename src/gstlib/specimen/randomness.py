@@ -43,7 +43,7 @@ class SpecimenParameters:
     unmeasured_size_um : float
         Size of the blots that lack a value.
     wear_placement : str
-        Where wear lies, as in `gstlib.specimen.law.wear_depth`.
+        Where wear lies, as in ``gstlib.specimen.law.wear_depth``.
     worn_off_middle_mm : (float, float)
         Where the force of wear by a law acts, from the middle of the square along y and x.
     worn_radius_mm, worn_angle_deg

@@ -103,7 +103,7 @@ class Losses:
     def springs(self, pressure: np.ndarray) -> float:
         """Wear coefficient with the sliding, mm/MPa, under these pressures (patches,), MPa.
 
-        An element that gives way by it under pressure is one that has worn (`gstlib.bem.wear`).
+        An element that gives way by it under pressure has worn (`gstlib.bem.wear_path`).
         """
         borne = float(self.law.equivalent(pressure[np.newaxis]).sum())
         return 1e-3 * max(float(self.depth_um.sum()), 0.0) / borne if borne > 0 else 0.0
