@@ -5,7 +5,7 @@ Twenty default specimens (`config/config.yaml`), with scans on the points that t
 drawn. Scans of another stone, and of a smooth one, are to be said not to be found, and so is one
 that was taken elsewhere than the others say.
 
-    .venv/bin/python benchmarks/finding.py --output benchmarks/results/finding.csv
+    .venv/bin/python benchmarks/finding.py
 """
 
 import resource

@@ -20,15 +20,9 @@ from runner import RESULTS, means, options, pooled, save
 from specimens import merged, specimen_config, specimen_studies
 
 from gst.config.reading import read_study
-from gstlib.coupling.placement import (
-    AGREES,
-    AS_GIVEN,
-    ORIENTATIONS,
-    TABLES,
-    as_measured,
-    oriented,
-    place_patches,
-)
+from gstlib.coupling.comparison import AGREES
+from gstlib.coupling.orientations import AS_GIVEN, ORIENTATIONS, TABLES, as_measured, oriented
+from gstlib.coupling.placement import place_patches
 from gstlib.errors import InputsError
 from gstlib.io.tables import read_table
 

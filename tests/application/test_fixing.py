@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from gst.check.fixing import Cure, cures_of, offer
-from gstlib.coupling.placement import oriented
+from gstlib.coupling.orientations import oriented
 from gstlib.errors import ConfigError
 from gstlib.surfaces.footprints import Place, on_patch, spline_of
 from gstlib.surfaces.grid import make_surface

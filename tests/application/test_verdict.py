@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from gst.page.verdict import MODELS, TOUCHED, where_to_scan
 from gst.page.verdict import verdict as verdict_of
-from gstlib.coupling.placement import AGREES, CANNOT_TELL, ELSEWHERE
+from gstlib.coupling.comparison import AGREES, CANNOT_TELL, ELSEWHERE
 from gstlib.macroscale.sampling_sites import Concentration
 from gstlib.use.infer import NOT_PRESSED, PERHAPS, PRESSED, UNKNOWN
 from gstlib.validation.baselines import BASELINES, ORACLE

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from gst.check.matching import match_map
 from gst.config.patches import read_patches
-from gstlib.coupling import placement
+from gstlib.coupling import orientations, placement
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
@@ -128,11 +128,11 @@ def pebble():
     return study_of(specimen_config(*(ROOT / file for file in files)), ROOT)
 
 
-@pytest.mark.parametrize("mistake", placement.TABLES)
+@pytest.mark.parametrize("mistake", orientations.TABLES)
 def test_a_mistaken_table_of_the_pebble_is_named(pebble, mistake, caplog):
     table, settings = pebble.patches, pebble.settings["place_patches"]
     scans = {patch: pebble.prepared[patch, "T0"] for patch in table.patch}
-    x, y = placement.as_measured(table.x_mm, table.y_mm, 5.0, mistake)
+    x, y = orientations.as_measured(table.x_mm, table.y_mm, 5.0, mistake)
     found = placement.place_patches(
         pebble.face.height,
         table.assign(x_mm=x, y_mm=y),
@@ -143,7 +143,7 @@ def test_a_mistaken_table_of_the_pebble_is_named(pebble, mistake, caplog):
     faults = [record for record in caplog.records if record.levelname == "ERROR"]
     assert len(faults) == bool(mistake)
     if mistake:
-        right = placement.as_measured(x, y, 5.0, named)
+        right = orientations.as_measured(x, y, 5.0, named)
         np.testing.assert_allclose(right, (table.x_mm, table.y_mm))
     else:
-        assert named == placement.AS_GIVEN
+        assert named == orientations.AS_GIVEN

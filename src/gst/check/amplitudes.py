@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from skimage.transform import resize_local_mean
 
-from gstlib.coupling.placement import WAVE_PER_EDGE
+from gstlib.coupling.comparison import WAVE_PER_EDGE
 from gstlib.errors import NOTE, FaultError
 from gstlib.io.scans import unit_remedy
 from gstlib.surfaces.footprints import Place, on_patch, spline_of

@@ -28,7 +28,7 @@ from gst.config.reading import asked_of_files, read_config, read_study
 from gst.run.chain import check_links
 from gst.run.owned import claim_picture
 from gst.run.provenance import refuse_other_study
-from gstlib.coupling.placement import AGREES, CANNOT_TELL, shows_waves
+from gstlib.coupling.comparison import AGREES, CANNOT_TELL, shows_waves
 from gstlib.coupling.pressures import patch_pressures
 from gstlib.errors import NOTE, GstError, InputsError, unaccepted
 from gstlib.io.files import check_writable

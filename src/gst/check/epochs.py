@@ -13,7 +13,7 @@ from gst.config.patches import at_epoch
 from gstlib.change.form import form_warning
 from gstlib.change.registration import Registration, is_one_way, register
 from gstlib.change.selection import exchanged_epochs, other_heights, rise_warnings
-from gstlib.coupling.placement import AS_GIVEN, ORIENTATIONS, oriented
+from gstlib.coupling.orientations import AS_GIVEN, ORIENTATIONS, oriented
 from gstlib.errors import FaultError, GstError, InputError
 from gstlib.preprocess.scans import mould_of
 from gstlib.study import Study

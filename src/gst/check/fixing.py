@@ -21,17 +21,10 @@ from gst.check.nearby import REACH, match_near
 from gst.config.edited import Cells, save_text, text_of, with_cells, with_values
 from gst.config.reading import read_config_file
 from gstlib.change.selection import is_more
-from gstlib.coupling.placement import (
-    AS_GIVEN,
-    CANNOT_TELL,
-    SHIFTED,
-    Mould,
-    as_measured,
-    lying_right,
-    place_patches,
-    shows_waves,
-)
+from gstlib.coupling.comparison import CANNOT_TELL, SHIFTED, shows_waves
+from gstlib.coupling.orientations import AS_GIVEN, Mould, as_measured, lying_right
 from gstlib.coupling.placement import FAULT as PLACEMENT
+from gstlib.coupling.placement import place_patches
 from gstlib.errors import ConfigError, GstError
 from gstlib.io.files import write_whole
 from gstlib.macroscale.face import largest_face

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from gstlib.conditions import ARCHARD, Law
-from gstlib.coupling.placement import AGREES, CANNOT_TELL
+from gstlib.coupling.comparison import AGREES, CANNOT_TELL
 from gstlib.coupling.pressures import stated
 from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, Concentration
 from gstlib.use.infer import NOT_PRESSED, PRESSED, UNKNOWN

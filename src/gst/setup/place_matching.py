@@ -15,7 +15,7 @@ import xarray as xr
 from gst.check.matching import Match
 from gst.check.nearby import match_near
 from gst.setup.finding import find_on_map, find_on_stone, view_of
-from gstlib.coupling.placement import shows_waves
+from gstlib.coupling.comparison import shows_waves
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import spacing_of

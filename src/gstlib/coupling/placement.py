@@ -26,28 +26,14 @@ from gstlib.coupling.comparison import (
     CANNOT_TELL,
     ELSEWHERE,
     SHIFTED,
-    WAVE_PER_EDGE,
     Comparison,
     Shift,
     shows_waves,
 )
-from gstlib.coupling.orientations import (
-    AS_GIVEN,
-    LOOKS,
-    ORIENTATIONS,
-    TABLES,
-    Mould,
-    as_measured,
-    lying_right,
-    oriented,
-    remedy_of,
-    remedy_of_table,
-)
+from gstlib.coupling.orientations import AS_GIVEN, LOOKS, Mould, remedy_of, remedy_of_table
 from gstlib.errors import FaultError, raise_unless_accepted
 
-__all__ = ["AGREES", "ALL", "AS_GIVEN", "CANNOT_TELL", "ELSEWHERE", "FAULT", "ORIENTATIONS"]
-__all__ += ["SHIFTED", "TABLES", "WAVE_PER_EDGE", "Mould", "as_measured", "lying_right"]
-__all__ += ["oriented", "place_patches", "shows_waves"]
+__all__ = ["ALL", "FAULT", "place_patches"]
 
 _log = logging.getLogger(__name__)
 

@@ -3,18 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.coupling.placement import (
-    AGREES,
-    ALL,
-    CANNOT_TELL,
-    ELSEWHERE,
-    FAULT,
-    SHIFTED,
-    Mould,
-    lying_right,
-    oriented,
-    place_patches,
-)
+from gstlib.coupling.comparison import AGREES, CANNOT_TELL, ELSEWHERE, SHIFTED
+from gstlib.coupling.orientations import Mould, lying_right, oriented
+from gstlib.coupling.placement import ALL, FAULT, place_patches
 from gstlib.errors import InputsError
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import axis_coordinates, make_surface
