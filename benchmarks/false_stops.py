@@ -20,7 +20,7 @@ stated_*, worn_* the load point and radius that the study is told, and those tha
 found            whether the registration is believed;
 error_um, turn_error_deg   of the registration against the true places of the two scans;
 overlap          the true share of the area of T0 that T1 covers;
-correlation, height_scale, residual_um   as the registration states them;
+correlation, dale_depth_ratio, residual_um   as the registration states them;
 status           of the placement of the patch;
 answer           of the inference of the use;
 cpu_s            of the whole study.
@@ -52,7 +52,7 @@ from gstlib.io.tables import read_table
 from gstlib.specimen.generate import make_specimen, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import relocation
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import MM_TO_UM
 
 ROWS = RESULTS / "false_stops.csv"
@@ -68,7 +68,8 @@ STAGES = ["check", "change", "placement", "use"]
 WRONG_UM, COVERED = 10.0, 0.6
 # The columns of the rows after these, in their order.
 _COLUMNS = """stated_x_mm stated_y_mm stated_radius_mm worn_x_mm worn_y_mm worn_radius_mm
-found error_um turn_error_deg overlap correlation height_scale residual_um status answer cpu_s"""
+found error_um turn_error_deg overlap correlation dale_depth_ratio residual_um status
+answer cpu_s"""
 
 
 def drawn_use(generator):
@@ -80,7 +81,7 @@ def drawn_use(generator):
 
 def config_of(seed):
     """The config of the study of a stone, with the use that wore it."""
-    changes = {"specimen": {"seed": seed}, "reference_draws": None}
+    changes = {"specimen": {"seed": seed}, "reference_realisations": None}
     if seed == STOPPED:
         return merged(specimen_config(), changes | OF_STOPPED)
     generator = np.random.default_rng([seed, 13])
@@ -122,7 +123,7 @@ def check_files(config, specimen):
 
 def registered(change, at):
     """What the attributes of a height change state of a patch, against the truth `at` it."""
-    t0, t1 = (Place.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
+    t0, t1 = (PatchPosition.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     true_um = MM_TO_UM * np.array(relocation(t0, t1))
     shift_um = change["shift_y_um"], change["shift_x_um"]
     return {
@@ -130,7 +131,7 @@ def registered(change, at):
         "error_um": float(np.hypot(*(shift_um - true_um))),
         "turn_error_deg": abs(change["rotation_deg"] - (t1.rotation_deg - t0.rotation_deg)),
         "correlation": change["detail_correlation"],
-        "height_scale": change["height_scale"],
+        "dale_depth_ratio": change["dale_depth_ratio"],
         "residual_um": change["residual_um"],
     }
 

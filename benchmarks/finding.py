@@ -32,7 +32,7 @@ from gstlib.preprocess.scans import prepare_scan
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import sample, take_scan
 from gstlib.specimen.stone import Stone
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
 
@@ -78,7 +78,7 @@ def scattered(rng, turn):
     while len(places) < PATCHES:
         at = rng.uniform(margin, SQUARE - margin, 2)
         if all(np.hypot(*(at - other[:2])) > APART for other in places):
-            places.append(Place(*at, turn))
+            places.append(PatchPosition(*at, turn))
     return places
 
 
@@ -86,13 +86,16 @@ def of_stone(seed):
     """Rows of a specimen with its own scans, with those of another, smooth, and with one wrong."""
     rows, rng = [], np.random.default_rng(seed)
     mirrored, turn = bool(rng.integers(2)), rng.uniform(-180, 180)
-    whole, places = Place(*rng.uniform(1.7, SQUARE - 1.7, 2), turn), scattered(rng, turn)
+    whole, places = (
+        PatchPosition(*rng.uniform(1.7, SQUARE - 1.7, 2), turn),
+        scattered(rng, turn),
+    )
     at = np.array([place[:2] for place in places])
-    v, u = Place(*at.mean(axis=0), turn).seen(*at.T)
+    v, u = PatchPosition(*at.mean(axis=0), turn).seen(*at.T)
     offsets = np.transpose([v, -u if mirrored else u])
     readings = np.array([offsets * signs for signs in product((1, -1), (1, -1))])
     hand, turned = at + rng.uniform(-OFF, OFF, at.shape), turn + rng.uniform(-TURNED, TURNED)
-    by_hand = [Place(*place, turned) for place in hand]
+    by_hand = [PatchPosition(*place, turned) for place in hand]
     own = replace(PARAMETERS, seed=seed)
     stones = {
         "own": Specimen(own),
@@ -110,7 +113,7 @@ def of_stone(seed):
             rows += timed(way, seed, name, places, match, surface, scans, start)
     wide = SQUARE - 1.5 * PATCH  # the last is taken half of this from its place along both axes
     margin = 0.75 * PATCH
-    elsewhere = Place(*(at[-1] - margin + wide / 2) % wide + margin, turn)
+    elsewhere = PatchPosition(*(at[-1] - margin + wide / 2) % wide + margin, turn)
     taken = *places[:-1], elsewhere
     scans = [stones["own"].scan(next(names), place, mirrored) for place in taken]
     for way, (match, start) in ways.items():
@@ -211,7 +214,7 @@ def of_pebble():
     frame = frame_from_points(config["square"]["points_mm"])
     whole = read_mesh(DATA / "pebble-mesh-3dhop/lithic_tool_model_full.ply")
     scan = read_scan(DATA / "pebble-usewear/confoc_3d_grid10um.xyz", unit="um")
-    right = Place(patches.y_mm.mean(), patches.x_mm.mean())
+    right = PatchPosition(patches.y_mm.mean(), patches.x_mm.mean())
     grids = {"size_mm": 5.0, "grid": 100, "around": 120, "interpolation": "linear"}
     face = grid_mesh(whole, frame, **grids).height
     rows = [*timed("map on its face", 0, "pebble", [right], alone, face, scan)]

@@ -28,7 +28,7 @@ and:
 
 found            whether the registration is believed;
 error_um, turn_error_deg   its errors;
-correlation, height_scale   as it states them;
+correlation, dale_depth_ratio   as it states them;
 message          why the pair cannot be registered, if it cannot.
 """
 
@@ -42,7 +42,7 @@ import scipy
 from runner import RESULTS, ROOT, options, save
 from specimens import specimen_config
 
-from gstlib.change.change import measure_detection, register_patch, wear_summary
+from gstlib.change.change import estimate_detection_limit, register_patch, wear_summary
 from gstlib.change.registration import register
 from gstlib.change.selection import registration_table
 from gstlib.errors import InputError
@@ -50,13 +50,13 @@ from gstlib.io.scans import read_scan
 from gstlib.io.tables import read_table
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.fitting import robust_sigma
-from gstlib.surfaces.footprints import Place, spline_of
+from gstlib.surfaces.footprints import PatchPosition, spline_of
 from gstlib.surfaces.grid import MM_TO_UM, axis_coordinates, make_surface, spacing_of
 
 DATA = ROOT.parent / "shared/data"
 # The shift that is searched for, in sides of a scan: that of the default study.
 REACH = 0.6 / 0.85
-SETTINGS = {"minimum_points": 8}
+SETTINGS = {"minimum_cluster_points": 8}
 
 # Files with trace and retrace of one place, and the channels of the two.
 REPEATS = {
@@ -135,11 +135,13 @@ def repeat_row(name):
     except InputError as error:
         return row | {"message": error.problem}
     config = specimen_config()
-    limit = config["validation"]["max_noise_fraction"]
-    table = registration_table({name: change}, config["selection"], max_noise_fraction=limit)
+    limit = config["validation"]["max_gain_to_loss_ratio"]
+    table = registration_table(
+        {name: change}, config["selection"], max_gain_to_loss_ratio=limit
+    )
     row |= table.iloc[0].drop("patch").to_dict()
     again = {"before": {name: first}, "again": {name: second}}
-    row["serves"] = measure_detection(**again, **settings) is not None
+    row["serves"] = estimate_detection_limit(**again, **settings) is not None
     if change.attrs["known_fraction"]:
         row |= dict(neighbours(change))
         noise = np.random.default_rng(1).standard_normal(first.height.shape)
@@ -170,7 +172,7 @@ class Casting(NamedTuple):
         turn, *shift = self.laid
         middle = (GRID - 1) / 2
         # as `scipy.ndimage.rotate` turns, which is from y towards x
-        rows, columns = Place(middle, middle, turn).points(
+        rows, columns = PatchPosition(middle, middle, turn).points(
             y - shift[0] - middle, x - shift[1] - middle
         )
         outside = scipy.ndimage.map_coordinates(
@@ -219,8 +221,8 @@ def breech_rows(first, second, *, is_related):
     for (y, x), (other_y, other_x) in pairs:
         generator = np.random.default_rng([*first.encode(), *second.encode(), y, x])
         v, u, turn = generator.uniform(-1, 1, 3) * (SHIFT * SIDE, SHIFT * SIDE, TURN)
-        moved = Place(other_y + v, other_x + u, turn)
-        pieces = casting(first).piece(Place(y, x)), casting(second).piece(moved)
+        moved = PatchPosition(other_y + v, other_x + u, turn)
+        pieces = casting(first).piece(PatchPosition(y, x)), casting(second).piece(moved)
         t0, t1 = (prepare_scan(piece, maximum_unmeasured=1.0).height for piece in pieces)
         row = {"first": first, "second": second, "y": y, "x": x}
         row |= {"shift_y_points": v, "shift_x_points": u, "turn_deg": turn}
@@ -236,7 +238,7 @@ def breech_rows(first, second, *, is_related):
             "error_um": MM_TO_UM * np.hypot(*off_mm),
             "turn_error_deg": abs(match.rotation_deg - turn),
             "correlation": match.detail_correlation,
-            "height_scale": match.height_scale,
+            "dale_depth_ratio": match.dale_depth_ratio,
         }
 
 

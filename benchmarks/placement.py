@@ -22,7 +22,7 @@ from specimens import merged, specimen_config, specimen_studies
 from gst.config.reading import read_study
 from gstlib.coupling.comparison import AGREES
 from gstlib.coupling.orientations import AS_GIVEN, ORIENTATIONS, TABLES, as_measured, oriented
-from gstlib.coupling.placement import place_patches
+from gstlib.coupling.placement import check_placement
 from gstlib.errors import InputsError
 from gstlib.io.tables import read_table
 
@@ -116,10 +116,10 @@ def undoing_table(mistake):
 
 def judged(study, made, error_um):
     """Whether a fault stops the study and names the mistake, or else which patches agree."""
-    settings = study.settings["place_patches"] | {"placement_um": error_um}
+    settings = study.settings["check_placement"] | {"placement_um": error_um}
     faults, agrees = [], pd.Series(dtype=bool)
     try:
-        found = place_patches(study.face.height, made.table, made.scans, **settings)
+        found = check_placement(study.face.height, made.table, made.scans, **settings)
         agrees = found.set_index("patch").status[:-1] == AGREES
     except InputsError as error:
         faults = error.args[0]

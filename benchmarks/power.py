@@ -32,7 +32,7 @@ from specimens import (
 from gstlib.io.tables import read_table
 from gstlib.validation.inference import Draws, rank_correlation
 from gstlib.validation.scoring import own_model
-from gstlib.validation.summary import patch_statistics
+from gstlib.validation.summary import patch_statistics, statistic_names
 
 CONFIG, RESULT = Path(__file__).with_name("power.yaml"), RESULTS / "power.csv"
 # How many specimens there are, and how many of them are studied with an interlayer, too.
@@ -64,10 +64,10 @@ def specimen_p_values(config, patches, specimen_seed, interlayer, wears=tuple(WE
     kinds = [wear for wear in (OF_INTERLAYER if interlayer else OF_BARE) if wear in wears]
     for wear, study in specimen_studies(config, patches, specimen_seed, kinds):
         table = p_values(study, seed=[config["seed"], specimen_seed])
-        taken = study.use is not None and bool(study.use.attrs["taken"])
+        adopted = study.use is not None and bool(study.use.attrs["adopted"])
         names = table.test + WITH_INTERLAYER * interlayer
-        tables.append(table.assign(wear=wear, taken=taken, test=names, seed=specimen_seed))
-    columns = ["seed", "test", "drawn", "wear", "taken", "p_value"]
+        tables.append(table.assign(wear=wear, adopted=adopted, test=names, seed=specimen_seed))
+    columns = ["seed", "test", "drawn", "wear", "adopted", "p_value"]
     return pd.concat(tables, ignore_index=True)[columns]
 
 
@@ -82,6 +82,7 @@ def p_values(study, *, seed):
     """
     tables = asked(lambda study: study.scored(seed=seed, resamples=_RESAMPLES), study)
     patches, summary = tables["patches"], tables["summary"]
+    summary = summary.assign(statistic=statistic_names(summary))
     rows, own = [], own_model(list(summary.model))
     for row in summary[summary.model.isin(["", own])].itertuples():
         name = row.statistic

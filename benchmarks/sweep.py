@@ -26,6 +26,7 @@ from gstlib.io.tables import write_table
 from gstlib.macroscale.active_tool import ActiveTool
 from gstlib.study import Study
 from gstlib.validation.scoring import own_model
+from gstlib.validation.summary import statistic_names
 
 SETTINGS = Path(__file__).with_name("sweep.yaml")
 _PRESSURE, _CHANGE = "pressure_MPa", "relative_change(pressure_MPa)"
@@ -78,6 +79,7 @@ def outcomes(study):
     if study.worn:
         summary = study.scored()["summary"]
         own = summary[summary.model.isin(["", own_model(list(summary.model))])]
+        own = own.assign(statistic=statistic_names(own))
         for row in own[own.statistic.isin(_OF_PREDICTION)].itertuples():
             rows.append((row.statistic, "", row.value, row.low, row.high))
     texture = measure_texture(

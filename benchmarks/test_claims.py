@@ -126,7 +126,7 @@ def values_of(frame, columns, factors=()):
 
 def two_scales_by_form():
     for radius in (60, 200, 1000):
-        for variant in ("placed", "levelled"):
+        for variant in ("equilibrium", "paper"):
             row = scale_of(variant, radius=radius)
             yield percent(row.misplaced), percent(row.misplaced_of_all), values(row.f1)
 
@@ -134,7 +134,7 @@ def two_scales_by_form():
 def two_scales_by_load_point():
     for radius, distance in ((60, 1), (200, 1), (200, 3), (1000, 1)):
         cells = []
-        for variant, count in (("placed", 3), ("levelled", 1)):
+        for variant, count in (("equilibrium", 3), ("paper", 1)):
             row = scale_of(variant, radius=radius, distance=distance)
             cell = percent(row.misplaced)[:count] + percent(row.misplaced_of_all)[:1]
             cells.append(cell + values(row.f1)[:1])
@@ -144,11 +144,13 @@ def two_scales_by_load_point():
 def two_scales_by_error():
     for trial in two_scales.TRIALS:
         if not trial.startswith("S-filter"):
-            row, other = (scale_of(variant, trial=trial) for variant in ("placed", "levelled"))
-            levelled = percent(other.misplaced)[:1] + values(other.f1)[:1]
+            row, other = (
+                scale_of(variant, trial=trial) for variant in ("equilibrium", "paper")
+            )
+            paper = percent(other.misplaced)[:1] + values(other.f1)[:1]
             cells = percent(row.misplaced), row.f1, row.area_ratio, row.volume_error
             tilts = values(row.tilt_error_mrad)[:1] + values(row.stated_tilt_error_mrad)[:1]
-            yield *cells, tilts, levelled
+            yield *cells, tilts, paper
 
 
 def worth(worn_by):
@@ -284,21 +286,21 @@ def better_forms():
 
 
 def scales_in_detail():
-    placed, levelled, highest, unfiltered = (
+    equilibrium, paper, highest, unfiltered = (
         scale_of(variant, points=512, trial=trial)
         for variant, trial in (
-            ("placed", "default"),
-            ("levelled", "default"),
-            ("highest_placed", "default"),
-            ("placed", "S-filter none"),
+            ("equilibrium", "default"),
+            ("paper", "default"),
+            ("highest_equilibrium", "default"),
+            ("equilibrium", "S-filter none"),
         )
     )
-    pairs = [part for of in (placed, levelled) for part in (percent(of.misplaced), of.f1)]
+    pairs = [part for of in (equilibrium, paper) for part in (percent(of.misplaced), of.f1)]
     return *pairs, highest.f1, unfiltered.f1
 
 
 def edges():
-    square, face = scale_of("levelled"), scale_of("placed", radius=1000)
+    square, face = scale_of("paper"), scale_of("equilibrium", radius=1000)
     shares = square.edge_of_square, scale_of("true face").edge_of_square, face.edge_of_face
     return map(percent, shares)
 
@@ -364,14 +366,14 @@ WORDS = [
         edges,
     ),
     (
-        r"placed (\S+) % \[.*?\] and F1 (\S+) \[.*?levelled (\S+) % \[.*?\] and (\S+) \[.*?"
-        r"have F1 (\S+) placed\..*?F1 (\S+), and a quarter",
+        r"equilibrium (\S+) % \[.*?\] and F1 (\S+) \[.*?paper (\S+) % \[.*?\] and (\S+) \[.*?"
+        r"have F1 (\S+) in equilibrium\..*?F1 (\S+), and a quarter",
         scales_in_detail,
     ),
-    (HELD, lambda: map(percent, scale_of("placed", distance=1)[["held", "loaded_held"]])),
+    (HELD, lambda: map(percent, scale_of("equilibrium", distance=1)[["held", "loaded_held"]])),
     (
         r"at 200 mm is (\S+) \[.*?equilibrium, (\S+) \[.*?and (\S+) with",
-        lambda: [scale_of(name).volume_error for name in ("placed", "levelled", "true face")],
+        lambda: [scale_of(name).volume_error for name in ("equilibrium", "paper", "true face")],
     ),
     (
         r"in (\d+) such cases, a use was claimed in (\d+)\..*?"

@@ -19,6 +19,7 @@ from gst.config.tables import columns_of
 from gstlib.io.tables import read_table
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import Stone
+from gstlib.validation.summary import separated
 
 DEFAULT, TINY = (
     yaml.safe_load((ROOT / f"config/{name}.yaml").read_text()) for name in ("config", "tiny")
@@ -77,7 +78,7 @@ class Scored:
         rows.append(("", "spearman(pressure_MPa, loss_fraction)", 0.9, 0.001, 9))
         names = ["model", "statistic", "value", "p_value", "n"]
         summary = pd.DataFrame(rows, columns=names)
-        self.summary = summary.reindex(columns=columns_of("validation_summary"))
+        self.summary = separated(summary).reindex(columns=columns_of("validation_summary"))
         number, rising = (
             np.arange(10),
             np.arange(10.0) % 5,

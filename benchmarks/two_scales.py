@@ -30,16 +30,20 @@ from gstlib.coupling.intervals import Errors, Macroscale, draw_point, pressure_i
 from gstlib.coupling.placement import ALL
 from gstlib.coupling.pressures import patch_pressures
 from gstlib.macroscale.active_tool import rounded_counterface
-from gstlib.microscale.patches import LEVELLED, PLACED
+from gstlib.microscale.patches import EQUILIBRIUM, PAPER
 from gstlib.specimen.generate import within_square
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import place_scans, sample, take_scan
 from gstlib.specimen.stone import Stone
 from gstlib.study import Study
-from gstlib.surfaces.footprints import Place, footprint_weights, places_of, square_of
+from gstlib.surfaces.footprints import PatchPosition, footprint_weights, places_of, square_of
 from gstlib.surfaces.grid import make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
-from gstlib.validation.single_scale import patches_of_reference, press_whole, two_scales_table
+from gstlib.validation.single_scale import (
+    patches_of_reference,
+    solve_reference,
+    two_scales_table,
+)
 from gstlib.wear.archard import wear_contact
 
 ROWS = RESULTS / "two_scales.csv"
@@ -60,7 +64,7 @@ TRIALS = {
 RADII_MM = 60.0, 200.0, 1000.0
 DISTANCES_MM = 0.0, 1.0, 3.0
 COARSE = {"specimen": {"scan_points": 128, "scan_spacing_um": 6.64}}
-CAN_BE_KNOWN = {"young_fraction": 0.0, "poisson": 0.0}  # the specimen's constants are
+CAN_BE_KNOWN = {"young_log_sd": 0.0, "poisson": 0.0}  # the specimen's constants are
 EDGE = 0.02  # share of a side
 TRUE = "true face"
 SEEDS = list(range(3001, 3021))
@@ -111,7 +115,7 @@ def scanned(stone, surface, patches, parameters):
     """Scans before use; their true places and slopes."""
     scans, places = {}, []
     for row in patches.itertuples():
-        nominal = Place(row.y_mm, row.x_mm, row.rotation_deg)
+        nominal = PatchPosition(row.y_mm, row.x_mm, row.rotation_deg)
         place, _ = place_scans(
             row.patch, nominal, parameters, square_mm=stone.square_mm, poor_overlap=False
         )
@@ -165,7 +169,7 @@ def truth_of(study, stone, surface, distance_mm):
     true.composite = study.face.assign(height=height)
     contact = true.contact
     heights = within_square(surface, stone).astype(float)
-    pressed = press_whole(heights, contact)
+    pressed = solve_reference(heights, contact)
     face_mm2 = height.size * np.prod(spacing_of(height))
     wear = wear_contact(
         contact,
@@ -213,7 +217,7 @@ class Predicted(NamedTuple):
     def by(cls, study, places):
         contacts = {
             variant: {patch: study.contact_in(variant, patch) for patch in places.patch}
-            for variant in (PLACED, LEVELLED)
+            for variant in (EQUILIBRIUM, PAPER)
         }
         return cls(study, places, contacts)
 
@@ -247,15 +251,15 @@ def rows_of(predicted, truth):
             "square_N": float(square.sum() * np.prod(spacing_of(field))),
             "peak_MPa": float(square.max()),
             "edge_of_square": edge_fraction(square),
-            "edge_of_face": edge_fraction(field) if variant != LEVELLED else np.nan,
+            "edge_of_face": edge_fraction(field) if variant != PAPER else np.nan,
             "volume_error": volume_error(pressures.to_numpy(), lost),
         }
     table = two_scales_table(contacts, reference.expand_dims("draw"))
     pooled = table[table.patch == ALL].set_index("variant")
     for variant, scores in pooled[SCORES].iterrows():
         rows.setdefault(variant, {}).update(scores)
-    rows[PLACED] |= tilt_errors(study.composite, places)
-    rows[PLACED] |= {"patches": len(true), "loaded": (true > LOADED_MPA).sum()}
+    rows[EQUILIBRIUM] |= tilt_errors(study.composite, places)
+    rows[EQUILIBRIUM] |= {"patches": len(true), "loaded": (true > LOADED_MPA).sum()}
     return rows
 
 
@@ -272,8 +276,8 @@ def pressures_by_variant(predicted, truth):
     pressures = study.pressures
     true = patch_pressures(field, predicted.places, size_mm=predicted.patch_mm)
     return {
-        PLACED: (pressures.pressure_MPa, study.contact.pressure),
-        LEVELLED: (pressures.square_pressure_MPa, study.square_contact.pressure),
+        EQUILIBRIUM: (pressures.pressure_MPa, study.contact.pressure),
+        PAPER: (pressures.square_pressure_MPa, study.square_contact.pressure),
         TRUE: (true.pressure_MPa, field),
     }
 
@@ -318,7 +322,7 @@ def held_by_intervals(predicted, truth, error_mm):
         study.config["material"],
         Errors(**errors)._replace(load_point_mm=error_mm),
         force_N=predicted.force,
-        through=(size_mm / 2, size_mm / 2),
+        load_point=(size_mm / 2, size_mm / 2),
         patch_mm=predicted.patch_mm,
         seed=study.config["seed"],
     )
@@ -349,7 +353,9 @@ def specimen(config, seed, cases, bounded):
                     truths[form] = truth_of(predicted.study, stone, surface, case.distance_mm)
                 rows = rows_of(predicted, truths[form])
                 if case in bounded:
-                    rows[PLACED] |= held_by_intervals(predicted, truths[form], case.distance_mm)
+                    rows[EQUILIBRIUM] |= held_by_intervals(
+                        predicted, truths[form], case.distance_mm
+                    )
                 table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("variant")
                 values = dict(zip(KEY, [parameters.scan_points, seed, *case], strict=True))
                 table = table.reset_index().assign(**values)

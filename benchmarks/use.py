@@ -28,7 +28,8 @@ Stones and cases that the file holds already are not made again. Columns:
 
 true_*, mean_*    centre, logarithm of the radius, scatter, stroke, and spread by both together;
 sd_*, below_*     standard deviation of the draws, and their share below the truth;
-answer, taken, competitor, gain, gain_error, effective_draws, contacts, contact_error
+answer, adopted, competitor, log_score_gain, log_score_gain_error, effective_sample_size,
+contacts, contact_error
                   attributes of `gstlib.use.infer.infer_use`;
 least_draws       the fewest effective draws for one patch;
 log_score         log probability of each loss, given the others, summed;
@@ -96,7 +97,8 @@ ARTEFACT_SEED = 4104
 _DRAWS = 1000  # of the wear coefficient at known pressures
 _POINT = ["y_mm", "x_mm", "log_radius"]
 _STRIKES = ["scatter_mm", "stroke_mm", "spread_mm"]
-_ATTRIBUTES = "answer taken competitor gain gain_error effective_draws contacts contact_error"
+_ATTRIBUTES = """answer adopted competitor log_score_gain log_score_gain_error
+effective_sample_size contacts contact_error"""
 
 
 class Stone(NamedTuple):
@@ -135,7 +137,7 @@ def drawn_use(config, seed):
     errors, half = config["uncertainty"], config["square"]["size_mm"] / 2
     off = errors["load_point_mm"] * generator.standard_normal(2)
     off = np.clip(off, EDGE_MM - half, half - EDGE_MM)
-    log_radius = errors["radius_fraction"] * generator.standard_normal()
+    log_radius = errors["radius_log_sd"] * generator.standard_normal()
     radius = config["counterface"]["radius_mm"] * np.exp(log_radius)
     return {"worn_off_middle_mm": tuple(map(float, off)), "worn_radius_mm": float(radius)}
 
@@ -145,7 +147,7 @@ def worn_stone(config, patches, seed, faces):
     use, file = drawn_use(config, seed), faces and faces / f"{seed}.pkl"
     settings = Settings(**config).by_stage()["infer_use"]
     stated = StatedUse(**settings.pop("stated"))
-    point = np.array([*stated.through, np.log(use["worn_radius_mm"])])
+    point = np.array([*stated.load_point, np.log(use["worn_radius_mm"])])
     point[:2] += use["worn_off_middle_mm"]
     if file and file.exists():
         worn = pickle.loads(file.read_bytes())
@@ -440,7 +442,7 @@ def inferred(use, true):
     """The inferred use, beside the truth."""
     draws, weight = use.assign(log_radius=np.log(use.radius_mm)), use.weight.values
     row = {"log_score": float(use.log_score.sum())}
-    row["least_draws"] = float(use.effective_draws_without.min())
+    row["least_draws"] = float(use.effective_sample_size_without.min())
     for name in _POINT + _STRIKES:
         values = draws[name].values
         mean = row[f"mean_{name}"] = weight @ values
@@ -467,21 +469,24 @@ def summary(rows):
     ``held_95``, percent of the truths inside the middle 50 and 95 % of the draws; the counts for
     each, ``y_mm_50`` …, and for ``spread_mm`` where strikes scatter; median errors of the losses,
     ``told``, ``inferred`` and ``known``, and of their ratio, ``told_ratio`` and ``inferred_ratio``
-    over that with the use known; mean ``within_95``; medians of ``gain``, ``contacts``,
+    over that with the use known; mean ``within_95``; medians of ``log_score_gain``, ``contacts``,
     ``contact_error`` and ``cpu_s``; the least of ``least_draws``.
     """
     summaries = {}
     for case, trials in rows.groupby("case", sort=False):
         answered = trials[trials.log_score.notna()]
         row = {"stones": len(trials), "answered": len(answered)}
-        row |= {"pressed": (trials.answer == PRESSED).sum(), "taken": (trials.taken == 1).sum()}
+        row |= {
+            "pressed": (trials.answer == PRESSED).sum(),
+            "adopted": (trials.adopted == 1).sum(),
+        }
         if case not in UNPRESSED:
             row |= coverage(answered)
             for name in ("told", "inferred"):
                 row[f"{name}_ratio"] = (answered[name] / answered.known).median()
         row |= answered[["told", "inferred", "known"]].median()
         row["within_95"] = answered.within_95.mean()
-        row |= answered[["gain", "contacts", "contact_error", "cpu_s"]].median()
+        row |= answered[["log_score_gain", "contacts", "contact_error", "cpu_s"]].median()
         summaries[case] = row | {"least_draws": answered.least_draws.min()}
     return pd.DataFrame(summaries).T
 

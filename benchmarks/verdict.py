@@ -107,9 +107,9 @@ def strength_table(rows):
     names = [f"{limit:g} MPa" for limit in STRENGTHS]
     tried = rows[rows.seed.isin(rows.seed[rows.model.isin(names)]) & rows.in_statistics]
     groups = tried[tried.model.isin([BARE, *names])].groupby(["worn_by", "model"], sort=False)
-    table = groups[["marked_fraction", "mcc", "map_error_um"]].mean()
+    table = groups[["predicted_worn_fraction", "mcc", "map_error_um"]].mean()
     table.insert(0, "stones", groups.seed.nunique())
-    return table.rename(columns={"marked_fraction": "marked"}).reset_index().round(3)
+    return table.rename(columns={"predicted_worn_fraction": "marked"}).reset_index().round(3)
 
 
 def _shown(estimate):

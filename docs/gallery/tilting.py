@@ -21,7 +21,8 @@ offsets = np.linspace(0, radius / 3, 5)  # mm
 flat = make_surface(np.where(punch, 0.0, -np.inf), side / n)
 options = {"contact_modulus": modulus, "mean_pressure": force / side**2}
 states = [
-    solve_contact(flat, through=(side / 2, side / 2 + offset), **options) for offset in offsets
+    solve_contact(flat, load_point=(side / 2, side / 2 + offset), **options)
+    for offset in offsets
 ]
 tilts = np.array([state.tilt[1] for state in states])
 exact = np.array([RoundPunch(force, radius, modulus).tilt(offset) for offset in offsets])
@@ -30,7 +31,7 @@ print(f"tilt: {1e3 * tilts[-1]:.4f} mrad, in closed form {1e3 * exact[-1]:.4f} m
 waves = {"hurst_exponent": 0.8, "roll_off": 0.2, "shortest": 0.03}  # lengths in mm
 rough = self_affine_field(np.random.default_rng(1), n, side / n, **waves)
 stone = flat + 0.002 * rough / rough.std()
-rest = solve_contact(stone, through=(side / 2, side / 2 + offsets[-1]), **options)
+rest = solve_contact(stone, load_point=(side / 2, side / 2 + offsets[-1]), **options)
 centre = float((rest.pressure.sum("y") * x).sum() / rest.pressure.sum())
 print(f"rough: pressures have their centre {centre:.4f} mm off, the force {offsets[-1]:.4f} mm")
 

@@ -229,6 +229,27 @@ def press(scan, output, **options) -> None:
 
 
 @main.command()
+@click.argument("t0", type=_PATH)
+@click.argument("t1", type=_PATH)
+@click.option("--repeat", type=_PATH, help="T0 scanned again: for the detection limit.")
+@_UNIT
+@_SPACING
+@_OUTPUT
+def change(t0, t1, repeat, output, **options) -> None:
+    """Compare two scans, T0 and T1: their loss and a picture."""
+    from gst.page.figures.inspected import changed_figure
+    from gst.page.figures.style import save_figure
+    from gst.share.change import compare_scans, describe_change
+
+    height, changed = compare_scans(t0, t1, repeat, **options)
+    for line in describe_change(changed):
+        click.echo(line)
+    picture = output or Path(f"{t1.stem}_change.png")
+    save_figure(changed_figure(height, changed, (t0.name, t1.name)), picture)
+    click.echo(f"picture     {picture}")
+
+
+@main.command()
 @click.argument("before", type=_PATH)
 @click.argument("after", type=_PATH)
 @click.option(

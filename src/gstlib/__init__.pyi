@@ -20,7 +20,7 @@ from .bem import contact_modulus as contact_modulus
 from .bem import load_path as load_path
 from .bem import solve_contact as solve_contact
 from .bem import wear_path as wear_path
-from .change.change import measure_detection as measure_detection
+from .change.change import estimate_detection_limit as estimate_detection_limit
 from .change.change import register_patch as register_patch
 from .change.selection import select_patches as select_patches
 from .change.texture import measure_texture as measure_texture
@@ -28,7 +28,7 @@ from .contact import Contact as Contact
 from .contact import Interface as Interface
 from .contact import Load as Load
 from .coupling.intervals import pressure_intervals as pressure_intervals
-from .coupling.placement import place_patches as place_patches
+from .coupling.placement import check_placement as check_placement
 from .coupling.pressures import couple_scales as couple_scales
 from .errors import ConfigError as ConfigError
 from .errors import GstError as GstError
@@ -56,7 +56,7 @@ from .surfaces.grid import make_surface as make_surface
 from .surfaces.grid import spacing_of as spacing_of
 from .surfaces.leveling import remove_plane as remove_plane
 from .use.infer import infer_use as infer_use
-from .validation.single_scale import press_whole as press_whole
+from .validation.single_scale import solve_reference as solve_reference
 from .validation.summary import score_wear as score_wear
 from .wear.fit import fit_wear as fit_wear
 from .wear.fit import predict_wear as predict_wear

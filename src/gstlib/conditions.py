@@ -15,7 +15,7 @@ __all__ = [
     "ARCHARD",
     "Law",
     "load_force",
-    "load_point",
+    "resolved_load_point",
     "rounded_form",
     "study_modulus",
     "study_poisson",
@@ -101,7 +101,7 @@ def load_force(load: Mapping[str, Any], size_mm: float) -> float:
     return float(load["pressure_MPa"]) * size_mm**2
 
 
-def load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float, float]:
+def resolved_load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float, float]:
     """Where (y, x), mm, the force acts: where the section says, or in the middle of the square."""
     x, y = load["at_mm"] or 2 * [size_mm / 2]
     return float(y), float(x)
@@ -110,7 +110,7 @@ def load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float, float]:
 def rounded_form(config: Mapping[str, Any]) -> tuple[float | Sequence[float] | None, float]:
     """What `gstlib.macroscale.active_tool.RoundedTool` takes; the paper's tool is a flat."""
     counterface = config["counterface"] or {}
-    if config["coupling"] != "placed":
+    if config["coupling"] != "equilibrium":
         counterface = {}
     return counterface.get("radius_mm"), counterface.get("angle_deg", 0.0)
 

@@ -13,7 +13,7 @@ before it.
    moves (`gesture.press_poses`).
 3. `coupling`: each scanned patch carries the macroscale forces in its outline
    (`pressures.couple_scales`): a pressure with an interval (`intervals.pressure_intervals`).
-   `placement.place_patches` checks where the patches lie.
+   `placement.check_placement` checks where the patches lie.
 4. `microscale`: each patch, as it lies on the stone, is pressed at the scan's resolution up to its
    own pressure (`patches.solve_patches`). Stick and slip and a cap on the pressure are further
    cases (`slip_and_cap`).
@@ -25,12 +25,12 @@ before it.
 7. `validation`: the predicted loss is scored by the measured one, beside baselines that are given
    the same data (`summary.score_wear`).
 
-Two variants of the coupling exist. In the paper's, `LEVELLED`, the square is cut out of the mesh,
+Two variants of the coupling exist. In `PAPER`, the square is cut out of the mesh,
 pressed flat on its mean plane up to a mean pressure, and a patch is pressed as its scan was
-levelled. In `PLACED`, the stone lies where its forces balance, the scans enter its face, and a
+levelled. In `EQUILIBRIUM`, the stone lies where its forces balance, the scans enter its face, and a
 patch keeps its plane in it and yields to the pressures around it. Both are held against one contact
 of the whole square at the scans' resolution, which is placed in the face likewise
-(`validation.single_scale.press_whole`).
+(`validation.single_scale.solve_reference`).
 
 The functions take and return datasets and tables, and read and write no file of results: the
 workflow's scripts do, one stage each. `Study` runs the same stages in memory, for sweeps over
@@ -54,18 +54,23 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import xarray as xr
 
-from gstlib.change.change import SCAN_FIELDS, Detection, measure_detection, register_patch
+from gstlib.change.change import (
+    SCAN_FIELDS,
+    Detection,
+    estimate_detection_limit,
+    register_patch,
+)
 from gstlib.change.selection import registration_table, select_patches
 from gstlib.conditions import rounded_form
 from gstlib.contact import Contact
-from gstlib.coupling.placement import place_patches
+from gstlib.coupling.placement import check_placement
 from gstlib.coupling.pressures import couple_scales, covered_pressures
 from gstlib.errors import accepting, concerning
 from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.composite import compose_surface
 from gstlib.macroscale.equilibrium import solve_at_load
 from gstlib.macroscale.face import grid_macroscale
-from gstlib.microscale.patches import LEVELLED, Microscale, solve_patch
+from gstlib.microscale.patches import PAPER, Microscale, solve_patch
 from gstlib.preprocess.scans import crop_of, prepare_patch
 from gstlib.settings import Settings
 from gstlib.use.outcome import as_used, pressures_of_use, use_of_study
@@ -146,7 +151,7 @@ class Study:
     @cached_property
     def composite(self) -> xr.Dataset:
         """What is pressed: the scans laid on the face, from `compose_surface`, or it alone."""
-        if self.config["coupling"] == LEVELLED:
+        if self.config["coupling"] == PAPER:
             return self.face
         given = self.face, self.patches, self._before
         return compose_surface(*given, **self.settings["compose_surface"])
@@ -155,7 +160,7 @@ class Study:
     def use(self) -> xr.Dataset | None:
         """How the tool was used, from `use_of_study`; None where the study goes on as stated."""
         config = self.config
-        if config["use"] is None or config["coupling"] == LEVELLED or not self.worn:
+        if config["use"] is None or config["coupling"] == PAPER or not self.worn:
             return None
         given = self.composite, self.patches, self.registration
         return use_of_study(*given, **self.settings["infer_use"])[0]
@@ -164,13 +169,13 @@ class Study:
     def contact(self) -> Contact:
         """Contact of the stone in equilibrium under its load; the paper's of the square alone."""
         settings = dict(self.settings["solve_macroscale"])
-        face, settings["through"] = as_used(self.composite, self.use, settings["through"])
+        face, settings["load_point"] = as_used(self.composite, self.use, settings["load_point"])
         return solve_at_load(face, **settings)
 
     @cached_property
     def square_contact(self) -> Contact:
         """Contact of the square alone, on its mean plane."""
-        if self.config["coupling"] == LEVELLED:
+        if self.config["coupling"] == PAPER:
             return self.contact
         return solve_at_load(self.face, **self.settings["solve_square"])
 
@@ -183,9 +188,9 @@ class Study:
 
     @cached_property
     def placement(self) -> pd.DataFrame:
-        """Whether the patches lie where the patch table says, from `place_patches`."""
+        """Whether the patches lie where the patch table says, from `check_placement`."""
         given = self.face.height, self.patches, self._before
-        return place_patches(*given, **self.settings["place_patches"])
+        return check_placement(*given, **self.settings["check_placement"])
 
     @cached_property
     def counterface(self) -> xr.DataArray | None:
@@ -198,11 +203,13 @@ class Study:
 
     @cached_property
     def detection(self) -> Detection | None:
-        """The error of a height change, from `measure_detection`; None without repeats."""
+        """The error of a height change, from `estimate_detection_limit`; None without repeats."""
         table = self.patches
         twice = table.patch[table["repeat"] != ""] if "repeat" in table else ()
         again = {patch: self.prepared[patch, "repeat"] for patch in twice}
-        return measure_detection(self._before, again, **self.settings["register_patches"])
+        return estimate_detection_limit(
+            self._before, again, **self.settings["register_patches"]
+        )
 
     @cached_property
     def registration(self) -> pd.DataFrame:

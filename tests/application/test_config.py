@@ -3,6 +3,8 @@
 import copy
 import math
 import runpy
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -171,7 +173,7 @@ def test_defaults_come_in_as_snakemake_merges_the_template(config, name):
         ("counterface", None, None),
         ("interlayer", INTERLAYER, None),
         ("uncertainty.load_point_mm", 0.0, None),
-        ("uncertainty.radius_fraction", 0.0, None),
+        ("uncertainty.radius_log_sd", 0.0, None),
     ],
 )
 def test_a_value_and_what_is_wrong_with_it(config, path, value, words):
@@ -234,7 +236,7 @@ def test_decimal_commas(config):
 
 def test_the_square_alone_knows_no_active_tool_and_no_gesture(config):
     """Nor does it care for the face, and where in it the force acts."""
-    alone = config | {"coupling": "levelled"}
+    alone = config | {"coupling": "paper"}
     assert config_problems(alone) == []
     (second,) = config_problems(alone | {"counterface": SECOND})
     assert "'counterface.mesh' (or specimen.counterface_seed) needs a stone at rest" in second
@@ -273,7 +275,7 @@ def test_strikes_that_are_inferred_stay_on_the_face_and_include_the_gesture(conf
             assert config_problems(still | {"gesture": gesture} | without) == []
 
 
-FREE = {"uncertainty": ("load_point_mm", "radius_fraction"), "use": ("scatter_mm", "stroke_mm")}
+FREE = {"uncertainty": ("load_point_mm", "radius_log_sd"), "use": ("scatter_mm", "stroke_mm")}
 
 
 def test_something_is_left_to_infer(config):
@@ -286,10 +288,7 @@ def test_something_is_left_to_infer(config):
         for key in keys:
             assert config_problems(changed(config, f"{section}.{key}", 0.5)) == []
     # a mesh has no radius to infer
-    config |= {
-        "counterface": SECOND,
-        "uncertainty": config["uncertainty"] | {"radius_fraction": 0.7},
-    }
+    config |= {"counterface": SECOND, "uncertainty": config["uncertainty"] | {"radius_log_sd": 0.7}}
     assert config_problems(config) == [problem]
 
 
@@ -431,3 +430,13 @@ def test_what_is_no_config(tmp_path, content, problem):
         read_config_file(path)
     assert problem in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_config_is_read_without_the_packages_of_the_stages():
+    """Snakemake reads the rules anew for each job of a cluster, within the memory of the job."""
+    program = "import sys, gst.config.reading; print([*sys.modules])"
+    result = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    )
+    heavy = "scipy.stats", "scipy.optimize", "matplotlib", "trimesh", "shapely", "skimage"
+    assert not {name for name in heavy if f"'{name}'" in result.stdout}

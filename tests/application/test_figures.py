@@ -22,6 +22,7 @@ from gst.page.verdict import MODELS
 from gstlib.errors import InputError
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
+from gstlib.validation.summary import separated
 from matplotlib.figure import Figure
 
 
@@ -44,6 +45,7 @@ SUMMARY = table("""model statistic value low high p_value n
     rigid mean(mcc) 0.4 NA NA NA 3; oracle_area mean(mcc) 0.8 0.7 0.9 NA 3
     NA spearman(pressure_MPa,_loss_fraction) 0.5 -0.1 0.9 0.2 3
     NA spearman(touched,_mean_wear_depth_um) 0.4 NA NA NA 4""")
+SUMMARY = separated(SUMMARY)
 WEAR = table("""patch model predicted_volume_um3 measured_volume_um3; 1 archard 1e5 2e5
     3 archard 3e5 4e5; 5 archard 0 9e5; 1 rigid 2e5 2e5; 3 rigid 9e5 4e5""")
 PROFILE = table("patch band model loss_um; 5 1 archard 9")
@@ -56,8 +58,8 @@ PROFILE = pd.concat(
         for patch, model, of in (("1", "archard", 1.0), ("3", "archard", 3.0), ("1", "measured", 4))
     ]
 )
-TWO_SCALES = table("""patch variant f1; 1 levelled 0.4; 3 levelled 0.5; all levelled 0.45
-    1 placed 0.9; 3 placed 0.8; all placed 0.85""")
+TWO_SCALES = table("""patch variant f1; 1 paper 0.4; 3 paper 0.5; all paper 0.45
+    1 equilibrium 0.9; 3 equilibrium 0.8; all equilibrium 0.85""")
 ALONE["texture"] = table("""patch epoch Sq_um Sk_um Spk_um Svk_um Sal_um Str
     1 T0 2 1 1 1 1 1; 1 T1 1.5 1 1 1 1 1; 2 T0 3 1 1 1 1 1; 3 T0 4 1 1 1 1 1""")
 
@@ -109,7 +111,7 @@ FROM = {
     "wear": ((WEAR, PROFILE, PRESSURES, ["1", "3"]), {}),
 }
 TOUCHED = {patch: CONTACTS[patch].pressure.values > 30 for patch in "13"}
-FROM["two_scales"] = (({"levelled": CONTACTS, "placed": CONTACTS}, TOUCHED, TWO_SCALES), {})
+FROM["two_scales"] = (({"paper": CONTACTS, "equilibrium": CONTACTS}, TOUCHED, TWO_SCALES), {})
 ALONE["microscale_maps"] = CONTACTS
 FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
 DRAWS = {"x_mm": [1.0, 2.0, 2.5], "y_mm": [2.0, 1.0, 1.5], "radius_mm": [90.0, 200.0, 150.0]}
@@ -117,7 +119,7 @@ DRAWS |= {"scatter_mm": [0.1, 0.2, 0.0], "stroke_mm": [0.0, 0.0, 1.0]}
 DRAWS |= {"stroke_angle_deg": [0.0, 0.0, 90.0], "weight": [0.3, 0.6, 0.1]}
 USE = xr.Dataset({name: ("draw", of) for name, of in DRAWS.items()})
 STATED = pd.DataFrame({"parameter": ["load_point_x", "load_point_y", "radius"]}).assign(
-    stated=[1.5, 1.5, 200.0]
+    prior=[1.5, 1.5, 200.0]
 )
 FORETELLING = pd.DataFrame({"loss_um": [1.0, 0.2], "predicted_um": [0.9, 0.4]}).assign(
     low_um=[0.5, -0.1], high_um=[1.3, 0.9]
@@ -352,10 +354,10 @@ def test_the_likelier_a_use_the_more_strikes_it_has():
 
 def test_two_scales_shows_what_was_found_and_missed():
     figure = draw("two_scales")
-    assert "0.45 levelled and 0.85 placed" in figure.get_suptitle()
+    assert "0.45 paper and 0.85 equilibrium" in figure.get_suptitle()
     titles = [axes.get_title() for axes in figure.axes]
-    assert titles[:3] == ["1 levelled: 0.40", "1 placed: 0.90", "1 whole square"]
-    assert titles[3:] == ["3 levelled: 0.50", "3 placed: 0.80", "3 whole square"]
+    assert titles[:3] == ["1 paper: 0.40", "1 equilibrium: 0.90", "1 whole square"]
+    assert titles[3:] == ["3 paper: 0.50", "3 equilibrium: 0.80", "3 whole square"]
 
 
 # --- The whole stone -------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import pytest
 from gst.check.fixing import Cure, cures_of, offer
 from gstlib.coupling.orientations import oriented
 from gstlib.errors import ConfigError
-from gstlib.surfaces.footprints import Place, on_patch, spline_of
+from gstlib.surfaces.footprints import PatchPosition, on_patch, spline_of
 from gstlib.surfaces.grid import make_surface
 from scipy.ndimage import gaussian_filter
 
@@ -32,7 +32,7 @@ def study(
     stone = make_surface(0.1 * rough, SQUARE / 100, mesh_edge_mm=0.1, thickness_mm=thickness)
     mould, names, scans = {"invert": False, "flip": flip}, [*"123456789"], {}
     for name, (y, x) in zip(names, NINE, strict=True):
-        heights = on_patch(spline_of(stone), Place(y, x, 0.0), (POINTS, POINTS), SIZE)
+        heights = on_patch(spline_of(stone), PatchPosition(y, x, 0.0), (POINTS, POINTS), SIZE)
         if only in (None, name):
             heights = oriented(heights, laid)
         scans[name, "T0"] = make_surface(heights, SIZE / POINTS).to_dataset(name="height")
@@ -44,7 +44,7 @@ def study(
     return SimpleNamespace(
         config={"scans": {"size_mm": SIZE, "mould": mould}}
         | {"square": {"size_mm": SQUARE}, "macroscale": {"face_mm": 15.0}},
-        settings={"place_patches": {"patch_mm": SIZE, **mould}},
+        settings={"check_placement": {"patch_mm": SIZE, **mould}},
         face=SimpleNamespace(height=stone.copy(data=height * stone.values)),
         patches=patches,
         prepared=scans,

@@ -12,7 +12,7 @@ from gst.cli import main
 from gst.config.patches import ScanFile
 from gstlib.errors import NOTE, InputsError
 from gstlib.io.plu import write_plu
-from gstlib.surfaces.footprints import Place, square_of
+from gstlib.surfaces.footprints import PatchPosition, square_of
 from PIL import Image
 
 SPACING = 0.01
@@ -207,7 +207,7 @@ def test_an_active_tool_that_misses_the_passive_one_is_a_problem(folder, up_mm):
 def test_the_whole_square_needs_one_grid_and_the_memory(folder, monkeypatch):
     def is_named(**settings):
         problems = problems_of(folder, scans(folder), mesh=None, **settings)
-        return "reference_draws" in "".join(problems)
+        return "reference_realisations" in "".join(problems)
 
     assert not is_named(reference=True)
     with monkeypatch.context() as small:
@@ -244,10 +244,12 @@ def wavy(folder):
 @pytest.mark.parametrize("halvings", [5, 6])  # edges of a third of a patch's side, and of a sixth
 def test_scans_and_mesh_in_different_units(wavy, caplog, halvings):
     """Where both see the same waves, scans are as high as the mesh, and not a thousand times."""
-    place = Place(2.0, 1.5)
+    place = PatchPosition(2.0, 1.5)
     assert wavy(halvings, (place, 1.0)) == []
     # one that is a little lower is as wrong as the others, and no more
-    rows = [(Place(y, 1.5), factor) for y, factor in ((1.2, 1e-3), (2.0, 8e-4), (2.8, 1e-3))]
+    rows = [
+        (PatchPosition(y, 1.5), factor) for y, factor in ((1.2, 1e-3), (2.0, 8e-4), (2.8, 1e-3))
+    ]
     for patches in ([(place, 1e3)], rows):
         (problem,) = wavy(halvings, *patches)
         assert "scans.unit" in problem
@@ -261,7 +263,11 @@ def test_scans_and_mesh_in_different_units(wavy, caplog, halvings):
 @pytest.mark.parametrize("mesh", [None, "stone.stl"])
 def test_one_scan_in_another_unit(wavy, folder, caplog, mesh, factor):
     """Its heights are compared with those of the others, whether the mesh shows them or not."""
-    patches = [(Place(1.2, 2.0), 1.0), (Place(2.0, 2.0), factor), (Place(2.8, 2.0), 1.0)]
+    patches = [
+        (PatchPosition(1.2, 2.0), 1.0),
+        (PatchPosition(2.0, 2.0), factor),
+        (PatchPosition(2.8, 2.0), 1.0),
+    ]
     problems = wavy(5, *patches, mesh=mesh)
     assert len(problems) == (factor in (1e-3, 200.0) or (mesh is not None and factor == 20.0))
     assert all("2.plu" in problem for problem in problems)
@@ -273,7 +279,7 @@ def test_units_that_the_mesh_is_too_coarse_to_check_are_told(folder, caplog, hal
     caplog.set_level(NOTE)
     stone(halvings).export(folder / "stone.stl")
     write_plu(folder / "1_T0.plu", 1e3 * noise(8), 0.02)
-    use = [ScanFile(folder / "1_T0.plu", "1", "T0", None, Place(2.0, 2.0))]
+    use = [ScanFile(folder / "1_T0.plu", "1", "T0", None, PatchPosition(2.0, 2.0))]
     problems_of(folder, use, scan_settings=SCANS | {"size_mm": 1.0})
     assert ("could not be checked" in caplog.text) == is_told
 

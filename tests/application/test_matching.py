@@ -10,11 +10,11 @@ from gst.check.matching import Match, _elsewhere, match_map, match_together
 from gst.check.nearby import match_near
 from gst.setup.finding import find_on_map, find_on_stone
 from gstlib import self_affine_field
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import make_surface
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, map_coordinates
 
-LIKELY = Match(Place(1.0, 1.0), False, False, 0.9, 0.1, np.eye(3), found=True)
+LIKELY = Match(PatchPosition(1.0, 1.0), False, False, 0.9, 0.1, np.eye(3), found=True)
 FINE, STEP, EDGE, FACE = 0.02, 0.05, 0.2, 9.0  # mm
 OVERVIEW, PATCH = (1.9, 2.5), (0.85, 0.85)  # mm
 
@@ -55,7 +55,8 @@ def overview(fine, place, mirrored=False):
 
 
 @pytest.mark.parametrize(
-    ("place", "mirrored"), [(Place(6.27, 2.58, 133.0), True), (Place(4.5, 4.5, -92.4), False)]
+    ("place", "mirrored"),
+    [(PatchPosition(6.27, 2.58, 133.0), True), (PatchPosition(4.5, 4.5, -92.4), False)],
 )
 def test_a_map_is_found_where_it_was_taken(place, mirrored):
     fine = stone(2)
@@ -76,11 +77,11 @@ def test_a_map_is_found_where_it_was_taken(place, mirrored):
 
 def test_a_smooth_stone_shows_no_place():
     smooth = gaussian_filter(stone(5), 40)
-    assert not match_map(mesh(smooth), overview(smooth, Place(4.0, 5.0))).found
+    assert not match_map(mesh(smooth), overview(smooth, PatchPosition(4.0, 5.0))).found
 
 
 def test_what_cannot_be_matched():
-    surface, heights = mesh(stone(1)), overview(stone(1), Place(4.5, 4.5))
+    surface, heights = mesh(stone(1)), overview(stone(1), PatchPosition(4.5, 4.5))
     with pytest.raises(ValueError, match="fewer than 12 elements"):
         match_map(surface, heights[:20, :20])
     with pytest.raises(ValueError, match="does not fit"):
@@ -98,8 +99,8 @@ PATCHES = np.array([(3.0, 3.2), (3.4, 5.6), (4.4, 4.1), (5.5, 6.2), (6.1, 3.3), 
 def test_scans_that_the_stage_ties_together_are_found():
     """Whichever way its axes run; on another stone they are not."""
     fine, turn, centres = stone(2), -160.0, PATCHES[:3]
-    scans = [patch(fine, Place(y, x, turn), True) for y, x in centres]
-    v, u = Place(*centres.mean(axis=0), turn).seen(*centres.T)
+    scans = [patch(fine, PatchPosition(y, x, turn), True) for y, x in centres]
+    v, u = PatchPosition(*centres.mean(axis=0), turn).seen(*centres.T)
     offsets = np.transpose([v, -u])
     readings = np.array([offsets * (-1, 1), offsets])
     match, reading = match_together(mesh(fine), scans, readings)
@@ -113,9 +114,9 @@ def test_scans_that_the_stage_ties_together_are_found():
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_scans_near_places_by_hand_snap_together(mirrored):
     fine, rng = stone(3), np.random.default_rng(3)
-    scans = [patch(fine, Place(*at, 30.0), mirrored) for at in PATCHES]
-    scans[2] = patch(stone(4), Place(4.0, 4.0), mirrored)  # of another stone
-    by_hand = [Place(*at, 23.0) for at in PATCHES + rng.uniform(-0.5, 0.5, PATCHES.shape)]
+    scans = [patch(fine, PatchPosition(*at, 30.0), mirrored) for at in PATCHES]
+    scans[2] = patch(stone(4), PatchPosition(4.0, 4.0), mirrored)  # of another stone
+    by_hand = [PatchPosition(*at, 23.0) for at in PATCHES + rng.uniform(-0.5, 0.5, PATCHES.shape)]
     matches = match_near(mesh(fine), scans, by_hand)
     assert {(each.mirrored, each.inverted) for each in matches} == {(mirrored, mirrored)}
     assert [each.found for each in matches] == [True, True, False, True, True, True]
@@ -138,11 +139,11 @@ def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it():
     away = np.hypot(y - first[0], x - first[1])
     near = np.exp(-((away / 0.7) ** 6))
     fine = fine * (1 - near / 2) + near * 0.1 * np.cos(2 * np.pi * away / 0.8)
-    scans = [patch(fine, Place(*at, 30.0)) for at in PATCHES]
-    scans[0], scans[2] = patch(fine, Place(*first, 50.0)), 2 * scans[2]
+    scans = [patch(fine, PatchPosition(*at, 30.0)) for at in PATCHES]
+    scans[0], scans[2] = patch(fine, PatchPosition(*first, 50.0)), 2 * scans[2]
     noise = gaussian_filter(np.random.default_rng(1).normal(size=scans[4].shape), 6)
     scans[4] = scans[4] + 0.5 * float(scans[4].std()) * noise / noise.std()
-    near_by = mesh(fine, 6), scans, [Place(*at, 28.0) for at in PATCHES + 0.2]
+    near_by = mesh(fine, 6), scans, [PatchPosition(*at, 28.0) for at in PATCHES + 0.2]
     matches = match_near(*near_by)
     assert [each.found for each in matches] == [False, True, False, True, False, True]
     assert min(each.correlation for each in matches) > 0.8
@@ -174,7 +175,7 @@ def test_the_errors_of_a_place_and_of_the_lever_are_as_large_as_is_said():
         ground = rough(generator, (120, 120), 0.6)
         surface = make_surface(ground + 0.3 * rough(generator, ground.shape, 0.3), 0.05)
         scan = make_surface(ground[30:90, 30:90], 0.05)
-        fit = Fit.of(surface, [scan], np.zeros((1, 2)), False).refined(Place(3.0, 3.0))
+        fit = Fit.of(surface, [scan], np.zeros((1, 2)), False).refined(PatchPosition(3.0, 3.0))
         match = replace(LIKELY, place=fit.place, covariance=fit.covariance)
         for lever in (np.zeros(2), np.array([0.0, 3.0])):
             moved = match.at(*lever)
@@ -189,8 +190,8 @@ def test_a_scan_that_fits_at_two_places_is_not_certain():
     even, odd = (rows[:, [n]] - gaussian_filter1d(rows[:, [n]], 40, axis=0) for n in (100, 300))
     fine = even * np.cos(2 * np.pi * x / 0.6) + odd * np.sin(2 * np.pi * x / 0.6)
     fine = 0.03 * fine / fine.std() + 0.3 * stone(4)
-    scans = [patch(fine, Place(*at)) for at in PATCHES]
-    matches = match_near(mesh(fine), scans, [Place(y, x) for y, x in PATCHES + 0.05])
+    scans = [patch(fine, PatchPosition(*at)) for at in PATCHES]
+    matches = match_near(mesh(fine), scans, [PatchPosition(y, x) for y, x in PATCHES + 0.05])
     assert sum(match.is_uncertain for match in matches) >= 4
     for match, at in zip(matches, PATCHES, strict=True):
         assert match.found != match.is_uncertain
@@ -200,8 +201,8 @@ def test_a_scan_that_fits_at_two_places_is_not_certain():
 
 def test_scans_of_a_smooth_stone_do_not_snap():
     smooth = gaussian_filter(stone(5), 40)
-    scans = [patch(smooth, Place(*at)) for at in PATCHES[:3]]
-    by_hand = [Place(y + 0.2, x - 0.3) for y, x in PATCHES[:3]]
+    scans = [patch(smooth, PatchPosition(*at)) for at in PATCHES[:3]]
+    by_hand = [PatchPosition(y + 0.2, x - 0.3) for y, x in PATCHES[:3]]
     assert not any(match.found for match in match_near(mesh(smooth), scans, by_hand))
 
 
@@ -211,10 +212,10 @@ ON_MAP = AROUND - 4.5 + np.array(OVERVIEW) / 2
 
 def test_a_scan_that_is_not_found_on_a_map_is_where_the_stage_says():
     fine, centres = stone(1), AROUND[:3]
-    scans = dict(zip("abc", (patch(fine, Place(*at)) for at in centres), strict=True))
+    scans = dict(zip("abc", (patch(fine, PatchPosition(*at)) for at in centres), strict=True))
     noise = gaussian_filter(np.random.default_rng(1).normal(size=scans["c"].shape), 8)
     scans["c"] = scans["c"] + 0.02 * noise / noise.std()
-    on_map = overview(fine, Place(4.5, 4.5))
+    on_map = overview(fine, PatchPosition(4.5, 4.5))
     alone = find_on_map(on_map, scans, None)
     assert [match.found for match in alone.values()] == [True, True, False]
     # heights say more exactly than the stage where a scan lies
@@ -226,9 +227,9 @@ def test_a_scan_that_is_not_found_on_a_map_is_where_the_stage_says():
 
 def test_a_scan_of_another_stone_does_not_lie_where_the_stage_says():
     """Nor does it move the others, or turn them."""
-    scans = [patch(stone(1), Place(*at)) for at in AROUND]
-    scans[3] = patch(stone(2), Place(*AROUND[3]))
-    on_map, offsets = overview(stone(1), Place(4.5, 4.5)), AROUND - AROUND.mean(axis=0)
+    scans = [patch(stone(1), PatchPosition(*at)) for at in AROUND]
+    scans[3] = patch(stone(2), PatchPosition(*AROUND[3]))
+    on_map, offsets = overview(stone(1), PatchPosition(4.5, 4.5)), AROUND - AROUND.mean(axis=0)
     match, _ = match_together(on_map, scans, offsets[np.newaxis])
     assert match.found
     each = match.each(offsets)
@@ -238,7 +239,7 @@ def test_a_scan_of_another_stone_does_not_lie_where_the_stage_says():
 
 def test_what_fits_two_sides_of_a_stone_alike_is_not_found(monkeypatch):
     monkeypatch.setattr("gst.setup.finding.match_together", lambda *_: (LIKELY, 0))
-    heights = overview(stone(1), Place(4.5, 4.5))
+    heights = overview(stone(1), PatchPosition(4.5, 4.5))
     found = find_on_stone(trimesh.creation.box((9.0, 7.0, 5.0)), [heights], np.zeros((1, 1, 2)))
     assert (found.match.found, found.match.lead) == (False, 0)
 
@@ -247,7 +248,7 @@ def test_what_fits_two_sides_of_a_stone_alike_is_not_found(monkeypatch):
 def test_a_scan_on_a_map_lies_where_its_points_do_on_the_stone(mirrored):
     """Mirrored and turned as both are: the map on the stone, and the scan on the map."""
     middle, covariance = (0.9, 1.4), np.diag([9e-4, 9e-4, 0.0])
-    places = Place(7.0, 3.0, 25.0), Place(1.2, 1.1, -70.0)
+    places = PatchPosition(7.0, 3.0, 25.0), PatchPosition(1.2, 1.1, -70.0)
     outer, inner = (
         replace(LIKELY, place=place, mirrored=is_mirrored, covariance=covariance)
         for place, is_mirrored in zip(places, mirrored, strict=True)

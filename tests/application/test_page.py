@@ -77,7 +77,7 @@ def test_the_scene_has_its_patches_where_the_table_puts_them(stone):
 
 def test_messages_are_told_once_with_their_steps(tmp_path):
     texts = {
-        "place_patches": ["patches 12, a-1: check their places"],
+        "check_placement": ["patches 12, a-1: check their places"],
         "prepare_T0_scans_1": ["a.plu: only Z, is read"],
         "prepare_T0_scans_2": ["a.plu: only Z, is read"],
         "score_wear": ["a.plu: only Z, is read", "all"],
@@ -89,7 +89,7 @@ def test_messages_are_told_once_with_their_steps(tmp_path):
     steps = ["absent", *list(texts)[:-1]]
     found = reported(tmp_path, steps, "WARNING")
     assert [tuple(message.values()) for message in found] == [
-        ("patches 12, a-1: check their places", ["place patches"], ["12", "a-1"]),
+        ("patches 12, a-1: check their places", ["check placement"], ["12", "a-1"]),
         ("a.plu: only Z, is read", ["prepare T0 scans", "score wear"], []),
         ("all", ["score wear"], []),
     ]

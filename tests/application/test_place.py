@@ -31,7 +31,7 @@ from gst.setup.place_scans import picture_of
 from gst.setup.place_state import digest_of
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
-from gstlib.surfaces.footprints import Place, outline
+from gstlib.surfaces.footprints import PatchPosition, outline
 from gstlib.surfaces.frames import Frame
 from matplotlib.image import imread
 from scan_files import write_plu_at
@@ -230,7 +230,7 @@ def test_places_are_written_and_the_rest_stays(server, study):
 
 
 def test_answers_are_written_and_comments_stay(server, study):
-    unknown = {"counterface.radius_mm": 274, "uncertainty.radius_fraction": 0.98}
+    unknown = {"counterface.radius_mm": 274, "uncertainty.radius_log_sd": 0.98}
     more = {"load.at_mm": [1.5, 2]}, {"material.contact_modulus_MPa": None}
     for sent in ({"load.force_N": 30}, unknown, {"scans.mould.flip": "x"}, *more):
         digest = ask(server, "state")[1]["digest"]
@@ -562,7 +562,7 @@ def test_scans_find_their_exact_places_near_those_by_hand(server, study, flip, s
 
 @pytest.mark.parametrize("odd", ["mirrored", "inverted"])
 def test_a_scan_that_is_laid_otherwise_than_most_is_not_found(odd):
-    match = Match(Place(1.0, 2.0), False, False, 0.9, 0.1, np.eye(3), found=True)
+    match = Match(PatchPosition(1.0, 2.0), False, False, 0.9, 0.1, np.eye(3), found=True)
     laid = _laid_alike({"A": match, "B": match, "C": replace(match, **{odd: True})})
     assert [each.found for each in laid.values()] == [True, True, False]
 
@@ -570,7 +570,7 @@ def test_a_scan_that_is_laid_otherwise_than_most_is_not_found(odd):
 def test_what_is_found_on_one_square_lies_there_on_another():
     turned = Frame((1.0, 2.0, 3.0), (0.0, 0.6, 0.8), (1.0, 0.0, 0.0))
     square = Frame((1.0, 0.5, 2.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
-    match = Match(Place(1.0, 2.0, 150.0), False, False, 0.9, 0.1, np.eye(3), True)
+    match = Match(PatchPosition(1.0, 2.0, 150.0), False, False, 0.9, 0.1, np.eye(3), True)
     found = Found(turned, None, {"A": match, "B": replace(match, found=False)})
     seen = seen_in(square, found)
     assert list(seen) == ["A"]

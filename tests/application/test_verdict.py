@@ -11,6 +11,7 @@ from gstlib.coupling.comparison import AGREES, CANNOT_TELL, ELSEWHERE
 from gstlib.macroscale.sampling_sites import Concentration
 from gstlib.use.infer import NOT_PRESSED, PERHAPS, PRESSED, UNKNOWN
 from gstlib.validation.baselines import BASELINES, ORACLE
+from gstlib.validation.summary import separated
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 NAN = math.nan
@@ -81,7 +82,7 @@ def compared(*, model=BARE, touched=(), mean=(), gain=(), tested=(), volume=(), 
     return loaded([1.0, 2.0, 3.0, 0.0]) | {
         "registration": pd.DataFrame(lost),
         "validation_patches": patches,
-        "validation_summary": pd.DataFrame(rows),
+        "validation_summary": separated(pd.DataFrame(rows)),
     }
 
 
@@ -259,10 +260,10 @@ def test_a_study_says_only_what_it_can():
 def inferred(**more):
     """The table ``use``."""
     names = ["load_point_x", "load_point_y", "spread", "radius"]
-    use = pd.DataFrame({"parameter": names, "stated": [2.5, 2.5, NAN, 200.0]})
+    use = pd.DataFrame({"parameter": names, "prior": [2.5, 2.5, NAN, 200.0]})
     use = use.assign(mean=[2.24, 3.14, 0.72, 169.8], low=[2, 3, 0.41, 133.1])
     use = use.assign(high=[2.5, 3.3, 1.1, 224.1], answer=PRESSED, competitor="a spot of wear")
-    return use.assign(effective_draws=99.0, taken="yes", **more)
+    return use.assign(effective_sample_size=99.0, adopted="yes", **more)
 
 
 def used(use, square_mm=5.0):
@@ -277,7 +278,9 @@ def test_the_use_is_said_with_what_was_stated():
     assert "a spot of wear" in rest
     assert not any("radius" in text for text in used(inferred()[:3]))
     # a use that is taken has seen every loss, which the details add
-    told, read = (compared() | {"use": inferred().assign(taken=taken)} for taken in (False, True))
+    told, read = (
+        compared() | {"use": inferred().assign(adopted=adopted)} for adopted in (False, True)
+    )
     assert len(verdict(read).details) == len(verdict(told).details) + 1
 
 
@@ -314,7 +317,9 @@ def test_the_law_that_predicts_best_is_named():
     laws = pd.DataFrame({"law": ["archard", "threshold", "higher exponent", "touched"]}).assign(
         mean=[NAN, 3.04, 1.52, NAN], low=[NAN, 1.2, 1.4, NAN], high=[NAN, 8.1, 2.0, NAN]
     )
-    laws = laws.assign(gain=[0.0, -2.0, 4.06, -9.0], gain_error=[0.0, 1.0, 1.2, 3.0])
+    laws = laws.assign(
+        log_score_gain=[0.0, -2.0, 4.06, -9.0], log_score_gain_error=[0.0, 1.0, 1.2, 3.0]
+    )
 
     def sentence(answer, law=None):
         tables = compared() | {"laws": laws.assign(answer=answer)}
@@ -354,6 +359,6 @@ def test_where_to_scan_is_said_with_its_numbers():
     assert "no control" in told(places[:2])[1]
     (nothing,) = told(places[2:])
     assert nothing.startswith("No pose touches the square")
-    flat = inferred().assign(mean_without_curvature=[1.04, 2.0, NAN, 90.4])
+    flat = inferred().assign(posterior_mean_without_curvature=[1.04, 2.0, NAN, 90.4])
     assert numbers(told(places, use=flat)[0])[-3:] == [1.0, 2.0, 90]
-    assert len(told(places, use=flat.assign(mean_without_curvature=NAN))) == 4
+    assert len(told(places, use=flat.assign(posterior_mean_without_curvature=NAN))) == 4

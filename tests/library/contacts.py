@@ -51,10 +51,12 @@ def interface(height, counterface=None, slopes=(0.0, 0.0), surroundings=None):
     return Interface(height, over, Plane(0.0, *slopes), surroundings)
 
 
-def pressed(height, counterface=None, *, mean_pressure, through=None, modulus=1e4, tolerance=1e-8):
+def pressed(
+    height, counterface=None, *, mean_pressure, load_point=None, modulus=1e4, tolerance=1e-8
+):
     """The contact of two faces (mm) at a mean pressure (MPa)."""
     settings = {"modulus": modulus, "tolerance": tolerance, "source": "test"}
-    load = Load(mean_pressure, through)
+    load = Load(mean_pressure, load_point)
     return contact_at_pressure(interface(height, counterface), load, **settings)
 
 

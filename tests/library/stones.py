@@ -2,7 +2,7 @@
 
 import numpy as np
 import trimesh
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 FACE, FINE = 24.0, 0.02  # mm
@@ -33,5 +33,7 @@ def rough_stone(path):
 def taken(heights, centre, turn, side, step, mirrored=False):
     """A scan of the stone with its centre at (y, x), mm."""
     along = (np.arange(round(side / step)) - (round(side / step) - 1) / 2) * step
-    y, x = Place(*centre, turn).points(along[:, None], (-along if mirrored else along)[None, :])
+    y, x = PatchPosition(*centre, turn).points(
+        along[:, None], (-along if mirrored else along)[None, :]
+    )
     return map_coordinates(heights, [y / FINE - 0.5, x / FINE - 0.5], order=3)

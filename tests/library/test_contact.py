@@ -69,7 +69,7 @@ def test_the_force_acts_where_the_load_says_wherever_the_grid_begins():
     ball = around(-np.add.outer(along**2, along**2) / (2 * 50.0), 0.1, shift=3.0)
     summit = float(ball.y[12])
     for off in (0.0, 0.1):
-        load = Load(5.0, through=(summit, summit + off))
+        load = Load(5.0, load_point=(summit, summit + off))
         rests = contact_at_pressure(interface(ball), load, **SOURCE)
         plane = rests.interface.plane
         assert plane.slope_y == pytest.approx(0, abs=1e-7)
@@ -91,7 +91,7 @@ def test_errors_of_the_solver_name_the_file_and_the_remedy():
     contact_path(FACES, LOAD, **PATH | {"maximum_displacement_um": 1.01 * needed_um})
     with pytest.raises(InputError, match="cannot be reached"):
         contact_path(FACES, LOAD, **PATH | {"maximum_displacement_um": 0.99 * needed_um})
-    beside = Load(50.0, through=(0.12, 0.33))
+    beside = Load(50.0, load_point=(0.12, 0.33))
     with pytest.raises(
         InputError, match=r"surface\.h5: the stone tips over.*x 0\.33, y 0\.12 mm.*at_mm"
     ):

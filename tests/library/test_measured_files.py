@@ -130,10 +130,10 @@ def pebble():
 
 @pytest.mark.parametrize("mistake", orientations.TABLES)
 def test_a_mistaken_table_of_the_pebble_is_named(pebble, mistake, caplog):
-    table, settings = pebble.patches, pebble.settings["place_patches"]
+    table, settings = pebble.patches, pebble.settings["check_placement"]
     scans = {patch: pebble.prepared[patch, "T0"] for patch in table.patch}
     x, y = orientations.as_measured(table.x_mm, table.y_mm, 5.0, mistake)
-    found = placement.place_patches(
+    found = placement.check_placement(
         pebble.face.height,
         table.assign(x_mm=x, y_mm=y),
         scans,

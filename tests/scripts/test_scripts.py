@@ -74,7 +74,7 @@ def test_a_doubtful_contact_of_the_stone_is_told(tmp_path, caplog):
         variable.attrs.update(units="mm", long_name="height")
     write_dataset(tmp_path / "face.h5", face)
     face, *written = (tmp_path / name for name in ("face.h5", "contact.h5", "macroscale_path.csv"))
-    settings = {"through": (2.5, 2.5), "modulus": 1e4, "patch_mm": 0.85}
+    settings = {"load_point": (2.5, 2.5), "modulus": 1e4, "patch_mm": 0.85}
     settings["solving"] = {"steps": 2, "tolerance": 1e-6, "maximum_displacement_um": 100.0}
     script_of("solve_macroscale").main(face, [], *written, force_N=500.0, **settings)
     assert any("of the edge of what is pressed" in message for message in caplog.messages)
@@ -99,7 +99,7 @@ def test_a_form_taken_out_of_t1_is_warned_of_where_it_is_registered(tmp_path, ca
         tmp_path / "change",
         patches=["A", "B"],
         maximum_shift_mm=0.02,
-        minimum_points=2,
+        minimum_cluster_points=2,
     )
     (said,) = (message for message in caplog.messages if "long waves" in message)
     assert said.startswith("patch B: the long waves of T1 are")
@@ -109,7 +109,7 @@ def test_a_form_taken_out_of_t1_is_warned_of_where_it_is_registered(tmp_path, ca
 def stone(tmp_path):
     """A folder with a flat face, and with what its wear said of its use, taken or not."""
 
-    def stone(*, taken):
+    def stone(*, adopted):
         face = mesh_face(make_surface(np.zeros((16, 16)), 0.25), error=0.0, vertices=9, seed=1)
         for field in face.values():
             field.attrs |= {"units": "mm", "long_name": "of the face"}
@@ -125,16 +125,18 @@ def stone(tmp_path):
         # the strikes do not scatter
         same = (("draw", "patch"), np.ones((2, 2)), units)
         draws |= {"pressure": same, "pressure_at_centre": same}
-        use = xr.Dataset(draws, {"patch": ["A", "B"]}, {"taken": taken, "stated_radius_mm": np.nan})
+        use = xr.Dataset(
+            draws, {"patch": ["A", "B"]}, {"adopted": adopted, "stated_radius_mm": np.nan}
+        )
         write_dataset(tmp_path / "use.h5", use)
         return tmp_path
 
     return stone
 
 
-@pytest.mark.parametrize("taken", [True, False])
-def test_a_gesture_goes_on_where_the_wear_says_that_it_was_pressed(stone, tmp_path, taken):
-    stone(taken=taken)
+@pytest.mark.parametrize("adopted", [True, False])
+def test_a_gesture_goes_on_where_the_wear_says_that_it_was_pressed(stone, tmp_path, adopted):
+    stone(adopted=adopted)
     poses = stroke_poses(stroke_mm=0.0, poses=1, force_N=16.0)
     script_of("press_poses").main(
         tmp_path / "face.h5",
@@ -142,7 +144,7 @@ def test_a_gesture_goes_on_where_the_wear_says_that_it_was_pressed(stone, tmp_pa
         tmp_path / "use.h5",
         tmp_path / "batch.h5",
         size_mm=4.0,
-        through=(2.0, 1.5),
+        load_point=(2.0, 1.5),
         poses=poses.to_dict(),
         patches={"patch": ["A"], "x_mm": [2.0], "y_mm": [2.0], "rotation_deg": [0.0]},
         contact_modulus_MPa=1e4,
@@ -152,13 +154,13 @@ def test_a_gesture_goes_on_where_the_wear_says_that_it_was_pressed(stone, tmp_pa
     )
     pressure = read_dataset(tmp_path / "batch.h5").pressure.isel(shown=0)
     centre = [float((pressure * pressure[axis]).sum() / pressure.sum()) for axis in "yx"]
-    assert centre == pytest.approx([2.0, 2.5] if taken else [2.0, 1.5])
+    assert centre == pytest.approx([2.0, 2.5] if adopted else [2.0, 1.5])
 
 
-@pytest.mark.parametrize("taken", [True, False])
-def test_intervals_are_drawn_about_the_use_that_the_wear_tells(stone, tmp_path, taken):
+@pytest.mark.parametrize("adopted", [True, False])
+def test_intervals_are_drawn_about_the_use_that_the_wear_tells(stone, tmp_path, adopted):
     """Each patch lies where one of two uses presses; the stated one is certain."""
-    stone(taken=taken)
+    stone(adopted=adopted)
     patches = {"patch": ["A", "B"], "x_mm": [2.0, 3.0], "y_mm": [1.5, 2.5], "rotation_deg": 0.0}
     pressures = pd.DataFrame(patches).assign(pressure_MPa=1.0, square_pressure_MPa=1.0)
     pressures.to_csv(tmp_path / "pressures.csv", index=False)
@@ -173,13 +175,13 @@ def test_intervals_are_drawn_about_the_use_that_the_wear_tells(stone, tmp_path, 
         tmp_path / "patch_intervals.csv",
         uncertainty=errors,
         material=stones | {"contact_modulus_MPa": 1e4},
-        load={"force_N": 16.0, "through": (2.0, 1.5)},
+        load={"force_N": 16.0, "load_point": (2.0, 1.5)},
         radius_mm=None,
         patch_mm=1.0,
         seed=1,
     )
     found = read_table(tmp_path / "patch_intervals.csv")
-    assert ((found.high_MPa > 1.1 * found.low_MPa) == taken).all()
+    assert ((found.high_MPa > 1.1 * found.low_MPa) == adopted).all()
 
 
 @pytest.mark.parametrize(("least_MPa", "count"), [(5.0, 0), (500.0, 1)])

@@ -126,7 +126,13 @@ def test_everything_wrong_with_the_files_is_reported_at_once(measured, check):
     mesh = data / "mesh.stl"
     trimesh.load_mesh(mesh).apply_scale(1e-3).export(mesh)
     measured.change(interlayer={"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 9.0})
-    words = ["4 problems", "interlayer.thickness_um", "reference_draws", "mesh_unit", "truncated"]
+    words = [
+        "4 problems",
+        "interlayer.thickness_um",
+        "reference_realisations",
+        "mesh_unit",
+        "truncated",
+    ]
     words += ["data/mesh.stl", "7_T0.plu", "7_T1.plu", "13_T0.plu"]
     result = measured.run()
     for code, text in (check(measured), (result.returncode, result.stdout + result.stderr)):

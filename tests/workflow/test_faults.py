@@ -32,7 +32,7 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
     results, folder = tiny.results, tiny.results.name
     cut, edited = results / "change/1/7.h5", results / "tables/wear.csv"
     gone, record = results / "figures/patch/7.png", results / "logs/compare_scales.json"
-    lost = results / "microscale/levelled/1/7.h5"
+    lost = results / "microscale/paper/1/7.h5"
     whole = {file: file.read_bytes() for file in (cut, edited, gone, lost)}
     before = tiny.tables()
     cut.write_bytes(whole[cut][:9])

@@ -25,8 +25,9 @@ from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture
-from gstlib.surfaces.footprints import Place, square_of
+from gstlib.surfaces.footprints import PatchPosition, square_of
 from gstlib.surfaces.grid import spacing_of
+from gstlib.validation.summary import statistic_names
 from gstlib.wear.fit import fit_wear
 from specimens import merged
 
@@ -127,7 +128,7 @@ def studied(generated, tmp_path_factory):
         counterface=second | {"scan": "data/scans/5_T0.plu"},
         scans={"unit": "um", "spacing_um": 1e3 * SPACING_MM},
         gesture={"table": "poses.csv"},
-        reference_draws=2,
+        reference_realisations=2,
         **ASKED,
     )
     study.succeed()
@@ -223,7 +224,7 @@ def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(generated
     laid, made = stored("macroscale/composite"), plain.composite
     for patch in ALL:
         of, expected = laid.sel(patch=patch), made.sel(patch=patch)
-        slopes = Place(0, 0, TURNED.get(patch, 0)).points(of.slope_y, of.slope_x)
+        slopes = PatchPosition(0, 0, TURNED.get(patch, 0)).points(of.slope_y, of.slope_x)
         np.testing.assert_allclose(slopes, (expected.slope_y, expected.slope_x), atol=1e-6)
         near = {axis: abs(laid[axis] - of[f"{axis}_mm"]) < 0.35 for axis in "yx"}
         within = (
@@ -246,7 +247,7 @@ def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(generated
             np.testing.assert_allclose(found.height.values[good], height[good], atol=5e-6)
             assert (found.filled.values == np.rot90(made.filled, turned // 90)).all()
         if patch in WORN:
-            at = Place(0, 0, turned).points(*now.loc[patch, ["shift_y_um", "shift_x_um"]])
+            at = PatchPosition(0, 0, turned).points(*now.loc[patch, ["shift_y_um", "shift_x_um"]])
             np.testing.assert_allclose(at, was.loc[patch, ["shift_y_um", "shift_x_um"]], atol=1.0)
     seen = now.overlap > 0.7
     np.testing.assert_allclose(now[seen].loss_volume_um3, was[seen].loss_volume_um3, rtol=0.02)
@@ -264,7 +265,7 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     np.testing.assert_allclose(*tilts, rtol=1e-6)
     same(own.selected, "patch_pressures")
     same(anew.registration, "registration")
-    for variant, folder in {"placed": "", "levelled": "levelled/"}.items():
+    for variant, folder in {"equilibrium": "", "paper": "paper/"}.items():
         for patch in ALL:
             found = stored(f"microscale/{folder}1/{patch}")
             expected = own.contact_in(variant, patch).to_dataset()
@@ -386,7 +387,7 @@ def test_wear_follows_the_gesture(own, studied, stored, table, gesture, same):
     same(found["profile"], "wear_profile")
     same(found["patches"], "validation_patches")
     summary = table("validation_summary")
-    assert "expected_most_worn(7+13, pressure_MPa)" in set(summary.statistic)
+    assert "expected_most_worn(7+13, pressure_MPa)" in set(statistic_names(summary))
     assert len(summary) == len(found["summary"])
 
 

@@ -126,15 +126,15 @@ def test_grades_of_wear_tell_how_a_tool_was_used_as_expected(where, tmp_path_fac
     assert study.gst("check", study.config).returncode == 0
     study.succeed()
     table = read_table(study.results / "tables/use.csv").set_index("parameter")
-    assert table.effective_draws.iloc[0] >= 40
+    assert table.effective_sample_size.iloc[0] >= 40
     assert_as_expected(study.results, "grades", "use")
     for name, stated in zip(("load_point_x", "load_point_y"), told["at_mm"], strict=True):
-        assert table.stated[name] == stated
+        assert table.prior[name] == stated
         assert table.high[name] - table.low[name] < 2 * 1.96 * table.stated_error[name]
-    assert not table.mean_without_curvature["load_point_x":"radius"].isna().any()
+    assert not table.posterior_mean_without_curvature["load_point_x":"radius"].isna().any()
     contact = read_dataset(study.results / "macroscale/contact.h5")
-    pressed_at = table["mean"] if table.taken.iloc[0] else table.stated
-    point = float(contact.through_x), float(contact.through_y)
+    pressed_at = table["posterior_mean"] if table.adopted.iloc[0] else table.prior
+    point = float(contact.load_point_x), float(contact.load_point_y)
     assert point == pytest.approx(tuple(pressed_at[["load_point_x", "load_point_y"]]), rel=1e-4)
 
 

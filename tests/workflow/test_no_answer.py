@@ -32,7 +32,7 @@ VARIANTS = {
     "nothing was lost": (["7", "10", "13"], unworn, {"interlayer": LAYER}),
     "T1 is T0": (ALL, lambda t0, t1: t0, {}),
     "no patch is selected": (["7", "10", "13"], {}, HIGHEST),
-    "no T1 of a levelled study": (["7", "13"], unlike, {"coupling": "levelled"}),
+    "no T1 of a study as in the paper": (["7", "13"], unlike, {"coupling": "paper"}),
     "there is no T1": (["7", "13"], None, {}),
     "there is one patch": (["13"], {}, {}),
 }

@@ -32,10 +32,10 @@ COARSE = {
     "macroscale.face_mm": 10.0,
     "macroscale.steps": 6,
     "microscale.steps": 6,
-    "traces.minimum_points": 2,
+    "detection.minimum_cluster_points": 2,
     "validation.resamples": 199,
     "wear_steps": 4,
-    "reference_draws": None,
+    "reference_realisations": None,
     "use": None,
 }
 
@@ -228,7 +228,7 @@ def say_how(page, folder):
     config = config_of(folder)
     assert config["load"]["force_N"] == 100
     assert config["counterface"] == {"radius_mm": 274}
-    assert config["uncertainty"]["radius_fraction"] == 0.98
+    assert config["uncertainty"]["radius_log_sd"] == 0.98
     page.click("text=1 Where")
     page.check("text=Where it was pressed")
     page.mouse.click(*seen_on_plan(page, 3.5, 3.5))

@@ -14,7 +14,7 @@ CHANGES = {
     "load": (
         {"load": {"force_N": 550.0, "at_mm": [2.0, 3.0]}},
         {"solve_macroscale", "couple_scales", "bound_pressures", "solve_reference", "score_wear"},
-        {"solve_square", "compose_surface", "place_patches", "register_patches"},
+        {"solve_square", "compose_surface", "check_placement", "register_patches"},
     ),
     "uncertainty": (
         {"uncertainty": {"load_point_mm": 2.0}},
@@ -22,7 +22,7 @@ CHANGES = {
         {"compose_surface", "register_patches", "solve_square"},
     ),
     "coupling": (
-        {"coupling": "levelled"},
+        {"coupling": "paper"},
         {"grid_macroscale", "solve_macroscale", "couple_scales", "solve_patches"},
         {"prepare_scans", "compose_surface", "solve_reference"},
     ),

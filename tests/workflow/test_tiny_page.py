@@ -16,6 +16,7 @@ from gst.config.tables import columns_of
 from gst.page.figures.maps import FORCE_MAP
 from gstlib.io.store import read_dataset
 from gstlib.surfaces.footprints import square_of
+from gstlib.validation.summary import statistic_names
 from PIL import Image
 
 
@@ -50,7 +51,7 @@ def test_the_answer_stands_first_with_the_numbers_of_the_tables(results, page, t
         f"the {len(pressures)} patches, which bear {borne:.0%} of the force".replace("%", " %")
         in answer
     )
-    of = summary.set_index(["model", "statistic"])
+    of = summary.set_index(["model", statistic_names(summary)])
     scored, cap = of.loc[("archard", "mean(mcc)")], of.value["archard_capped", "mean(mcc)"]
     assert f"a mean MCC of {score(scored.value)} " in detail
     assert f"over {scored.n} patches" in detail

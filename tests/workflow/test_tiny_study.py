@@ -20,7 +20,7 @@ from gstlib.io.tables import read_table
 from gstlib.specimen.score import true_face
 from gstlib.surfaces.grid import spacing_of
 from gstlib.use.outcome import use_of_study
-from gstlib.validation.single_scale import press_whole
+from gstlib.validation.single_scale import solve_reference
 from PIL import Image
 from specimens import merged, specimen_config, specimen_studies, worn_patches
 from sweep import outcomes
@@ -74,7 +74,7 @@ def test_every_step_has_the_settings_of_the_config(results, config):
         "solve_patches_1/microscale": {"contact_modulus_MPa": modulus} | config["microscale"],
         "register_patches_1": {
             "maximum_shift_mm": config["registration"]["maximum_shift_mm"],
-            "minimum_points": config["traces"]["minimum_points"],
+            "minimum_cluster_points": config["detection"]["minimum_cluster_points"],
         },
         "prepare_scans_T1_1": {"settings": config["scans"]}
         | {"preprocessing": config["preprocessing"]},
@@ -144,7 +144,7 @@ def test_the_whole_square_lies_in_the_true_face_at_rest(results, truth, config):
     share = float(in_square(face.pressure).sum() / face.pressure.sum())
     assert 0.5 < share <= 1
     assert force_on(whole) == pytest.approx(share * config["load"]["force_N"], rel=0.01)
-    pressed = press_whole(true, face)
+    pressed = solve_reference(true, face)
     np.testing.assert_allclose(whole.height, pressed.height, atol=1e-6)
     np.testing.assert_allclose(whole.pressure, pressed.pressure, atol=1.0)
 
@@ -186,7 +186,7 @@ def test_every_stage_is_scored_against_the_truth(table):
         recovered, table("patch_pressures").set_index("patch").pressure_MPa[recovered.index]
     )
     true = rows[rows.quantity == "pressure"].set_index("patch").true
-    known = table("two_scales").query("variant == 'placed'").set_index("patch")
+    known = table("two_scales").query("variant == 'equilibrium'").set_index("patch")
     np.testing.assert_array_equal(true, known.reference_pressure_MPa[true.index])
     assert np.abs(true - recovered).max() > 0.1
 
@@ -237,10 +237,10 @@ def before(finished_tiny):
             ["mean(mcc)", "mean_change(Sq_um)"],
         ),
         ({"macroscale": {"grid": 30}}, ["pressure_MPa"]),
-        ({"coupling": "levelled"}, ["pressure_MPa"]),
+        ({"coupling": "paper"}, ["pressure_MPa"]),
         ({"microscale": {"s_filter_um": 50.0}}, ["mean(mcc)"]),
         ({"preprocessing": {"outlier_rule": "window"}}, ["mean(mcc)"]),
-        ({"traces": {"minimum_points": 6}}, ["mean(mcc)"]),
+        ({"detection": {"minimum_cluster_points": 6}}, ["mean(mcc)"]),
     ],
 )
 def test_a_changed_value_moves_the_outcomes(before, finished_tiny, config, changes, moved):

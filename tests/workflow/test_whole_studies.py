@@ -63,7 +63,7 @@ def test_the_measured_stone_is_as_the_evidence_says(tmp_path):
     (tmp_path / "shared").symlink_to(SHARED)
     study, found = fresh(tmp_path / "study"), {}
     study.config = "config/pebble.yaml"
-    for coupling in ("placed", "levelled"):
+    for coupling in ("equilibrium", "paper"):
         study.change(coupling=coupling, results=f"results-{coupling}")
         study.succeed(f"results-{coupling}/tables/patch_intervals.csv")
         found[coupling] = read_table(study.results / "tables/patch_intervals.csv")
@@ -73,13 +73,13 @@ def test_the_measured_stone_is_as_the_evidence_says(tmp_path):
         r"would have put (\d+) MPa on the first",
         text,
     ).groups()
-    rest = found["placed"]
+    rest = found["equilibrium"]
     (pressure,) = rest.pressure_MPa[rest.pressure_MPa > 0]
     assert f"{pressure:.1f}" == touched
     reached = rest.high_MPa[rest.high_MPa > 1]
     assert [f"{high:.0f}" for high in reached] == [first, second]
     assert rest.pressure_MPa[reached.index[0]] == 0
-    assert f"{found['levelled'].pressure_MPa[reached.index[0]]:.0f}" == alone
+    assert f"{found['paper'].pressure_MPa[reached.index[0]]:.0f}" == alone
 
 
 def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(finished_tiny, tmp_path):
@@ -108,7 +108,7 @@ def test_a_changed_scan_changes_its_own_patch_alone(measured):
 
 def test_batches_and_drawn_patches_leave_the_tables_alone(tiny):
     before = tiny.tables()
-    tiny.change(most_drawn_patches=2)
+    tiny.change(max_plotted_patches=2)
     tiny.succeed("--config", "patches_per_job=4")
     assert tiny.tables() == before
     # the most heavily loaded and the middle one of those with a T1

@@ -7,7 +7,7 @@ DETECTION = []
 
 if REPEATED_PATCHES:
 
-    rule measure_detection:
+    rule estimate_detection_limit:
         input:
             t0=expand(
                 rules.prepare_scans.output.surfaces,
@@ -18,20 +18,20 @@ if REPEATED_PATCHES:
         output:
             detection=f"{RESULTS}/change/detection.h5",
         log:
-            f"{RESULTS}/logs/measure_detection.log",
+            f"{RESULTS}/logs/estimate_detection_limit.log",
         resources:
             mem_mb=growing(500, scan=100),
             runtime=growing(10, scans=0.5),
         params:
             **SETTINGS["register_patches"],
             patches=REPEATED_PATCHES,
-            code=code("measure_detection.py"),
+            code=code("estimate_detection_limit.py"),
         message:
             "Measuring the error of a height change on repeated scans"
         script:
-            "../scripts/measure_detection.py"
+            "../scripts/estimate_detection_limit.py"
 
-    DETECTION = rules.measure_detection.output.detection
+    DETECTION = rules.estimate_detection_limit.output.detection
 
 
 rule register_patches:

@@ -61,8 +61,8 @@ SQUARE_MM = config["square"]["size_mm"]
 PATCH_MM = config["scans"]["size_mm"]
 GENERATED = config["specimen"] is not None
 # Of the coupling: the study's own, and the paper's to compare it with.
-PLACED = config["coupling"] == "placed"
-VARIANTS = ["placed", "levelled"] if PLACED else ["levelled"]
+EQUILIBRIUM = config["coupling"] == "equilibrium"
+VARIANTS = ["equilibrium", "paper"] if EQUILIBRIUM else ["paper"]
 
 ALL_PATCHES = list(PATCHES.index)
 WORN_PATCHES = [patch for patch in ALL_PATCHES if PATCHES.t1[patch]]
@@ -82,10 +82,10 @@ SETTINGS = Settings(**config).by_stage()
 # A claim about other patches says nothing about these.
 if not set(config["validation"]["expected_most_worn"]) <= set(ALL_PATCHES):
     SETTINGS["score_wear"]["expected_most_worn"] = []
-LOAD = {name: SETTINGS["solve_macroscale"][name] for name in ("force_N", "through")}
+LOAD = {name: SETTINGS["solve_macroscale"][name] for name in ("force_N", "load_point")}
 # How the tool was used is read from its wear, where the stone is free to tilt.
-INFERRED = PLACED and config["use"] is not None and (bool(WORN_PATCHES) or len(GRADED) > 0)
-REFERENCE = PLACED and SCANNED and config["reference_draws"] is not None
+INFERRED = EQUILIBRIUM and config["use"] is not None and (bool(WORN_PATCHES) or len(GRADED) > 0)
+REFERENCE = EQUILIBRIUM and SCANNED and config["reference_realisations"] is not None
 if not GENERATED:
     check_files(config, PATCHES, ", ".join(filter(None, [CONFIG_FILES, config["patches"]])))
 SCAN_USES = scan_files(PATCHES, SCAN_FOLDER, COUNTERFACE_SCAN or None)

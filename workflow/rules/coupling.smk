@@ -3,25 +3,25 @@
 # square, the pressure of every patch with its interval, and which patches enter the study.
 
 
-rule place_patches:
+rule check_placement:
     input:
         face=rules.grid_macroscale.output.face,
         t0=surfaces("T0"),
     output:
         table=table("placement", "3 Coupling"),
     log:
-        f"{RESULTS}/logs/place_patches.log",
+        f"{RESULTS}/logs/check_placement.log",
     priority: 90  # a fault shows before the long steps
     resources:
         mem_mb=growing(500, scan=60),
     params:
-        **SETTINGS["place_patches"],
+        **SETTINGS["check_placement"],
         patches=PLACES,
-        code=code("place_patches.py"),
+        code=code("check_placement.py"),
     message:
         "Comparing the patches with the square under them"
     script:
-        "../scripts/place_patches.py"
+        "../scripts/check_placement.py"
 
 
 rule couple_scales:

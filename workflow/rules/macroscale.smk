@@ -11,7 +11,7 @@ COMPOSITE = []
 PRESSED_FACE = rules.grid_macroscale.output.face
 
 
-if PLACED and SCANNED:
+if EQUILIBRIUM and SCANNED:
 
     rule compose_surface:
         input:
@@ -59,11 +59,11 @@ rule solve_macroscale:
         "../scripts/solve_macroscale.py"
 
 
-# A levelled study presses nothing but the square.
+# A study as in the paper presses nothing but the square.
 SQUARE_CONTACT = rules.solve_macroscale.output.contact
 
 
-if PLACED and SCANNED:
+if EQUILIBRIUM and SCANNED:
 
     rule solve_square:
         input:
@@ -107,7 +107,7 @@ if POSES is not None:
             tolerance=config["macroscale"]["tolerance"],
             patch_mm=PATCH_MM,
             size_mm=SQUARE_MM,
-            through=LOAD["through"],
+            load_point=LOAD["load_point"],
             poses=lambda wildcards: POSE_BATCHES[wildcards.batch],
             patches=PLACES,
             shown=[

@@ -15,7 +15,7 @@ DRAWN = {
 OF_PATCHES = {
     "patches": ALL_PATCHES,
     "worn": WORN_PATCHES,
-    "most_drawn_patches": config["most_drawn_patches"],
+    "max_plotted_patches": config["max_plotted_patches"],
 }
 # How the tool was used, where that is asked.
 OF_USE, USE_PICTURE = {}, {}
@@ -146,7 +146,7 @@ if WORN_PATCHES:
         log:
             f"{RESULTS}/logs/draw_validation.log",
         resources:
-            mem_mb=growing(500, scan=120),
+            mem_mb=growing(600, scan=120),
         params:
             **OF_PATCHES,
             **DRAWN,

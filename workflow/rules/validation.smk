@@ -54,10 +54,10 @@ if REFERENCE:
             f"{RESULTS}/logs/solve_reference.log",
         resources:
             mem_mb=growing(700, square=45),
-            runtime=growing(10, square=0.5 * config["reference_draws"]),
+            runtime=growing(10, square=0.5 * config["reference_realisations"]),
         params:
             drawn={
-                "draws": config["reference_draws"],
+                "draws": config["reference_realisations"],
                 "s_filter_um": config["microscale"]["s_filter_um"],
                 "seed": config["seed"],
             },
@@ -113,7 +113,7 @@ if GENERATED:
         input:
             truth=rules.generate_specimen.output.truth,
             surface=rules.grid_macroscale.output.face,
-            placement=rules.place_patches.output.table,
+            placement=rules.check_placement.output.table,
             pressures=PRESSURES,
             t0=surfaces("T0"),
             t1=surfaces("T1"),

@@ -14,7 +14,7 @@ def main(
     *,
     patches: list[str] | tuple = (),
     worn: list[str] | tuple = (),
-    most_drawn_patches: int = 0,
+    max_plotted_patches: int = 0,
     places: dict[str, list] | None = None,
     size_mm: float = math.nan,
     patch_mm: float = math.nan,
@@ -25,7 +25,7 @@ def main(
 ) -> None:
     """`files` are those that the figures show, and their pictures (see `draw`)."""
     pictures = {name: file for name, file in files.items() if name.endswith(PICTURES)}
-    shown = patches, worn, most_drawn_patches
+    shown = patches, worn, max_plotted_patches
     study = Results(files, *shown, places, size_mm, patch_mm, force_N, mesh_unit)
     draw(study, pictures, note)
 

@@ -33,7 +33,7 @@ def main(
     pressed, gesture = contact_of(contact), None
     if poses:
         tool = pressed.interface.counterface, active_tool_of(second), size_mm
-        gesture = Gesture(*tool, pressed.load.through, pd.DataFrame(poses))
+        gesture = Gesture(*tool, pressed.load.load_point, pd.DataFrame(poses))
     tables = read_pressures(pressures), read_table(registration)
     maps = PatchMaps(contacts_of(contacts, patches), changes_of(registered, patches))
     worn = fit_wear(pressed, *tables, maps, gesture=gesture, **wear)

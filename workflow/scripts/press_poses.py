@@ -20,15 +20,15 @@ def main(
     batch: Path,
     *,
     size_mm: float,
-    through: tuple[float, float],
+    load_point: tuple[float, float],
     poses: dict,
     patches: dict,
     **settings: Any,
 ) -> None:
     """`settings` are those of `press_poses`."""
-    whole, through = as_used(face_of(face), dataset_of(use), through)
+    whole, load_point = as_used(face_of(face), dataset_of(use), load_point)
     tool = whole.counterface, active_tool_of(second), size_mm
-    gesture = Gesture(*tool, through, pd.DataFrame(poses))
+    gesture = Gesture(*tool, load_point, pd.DataFrame(poses))
     found = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)
     write_dataset(batch, found, made_by("press_poses"))
 

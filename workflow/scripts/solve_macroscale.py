@@ -21,13 +21,13 @@ def main(
     path: Path,
     *,
     force_N: float,
-    through: tuple[float, float] | None,
+    load_point: tuple[float, float] | None,
     modulus: float,
     solving: dict[str, float],
     patch_mm: float,
 ) -> None:
-    whole, through = as_used(face_of(face), dataset_of(use), through)
-    pressed = face_under_load(whole, force_N, through)
+    whole, load_point = as_used(face_of(face), dataset_of(use), load_point)
+    pressed = face_under_load(whole, force_N, load_point)
     solved = contact_path(*pressed, source=face, modulus=modulus, every_step=True, **solving)
     stored, size_mm = solved.to_dataset(), float(whole.size_mm)
     write_dataset(contact, stored, made_by("solve_macroscale"))

@@ -8,7 +8,7 @@ from gst.run.provenance import made_by
 from gst.run.stored import contact_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.specimen.score import true_contact
-from gstlib.validation.single_scale import drawn_surfaces, solve_reference
+from gstlib.validation.single_scale import drawn_surfaces, solve_realisations
 
 
 def main(
@@ -31,7 +31,7 @@ def main(
         surfaces = [read_dataset(true_surface).height.astype(float)]
     else:
         surfaces = drawn_surfaces(mesh, lying, scans, **drawn)
-    whole, on_patches = solve_reference(
+    whole, on_patches = solve_realisations(
         surfaces, around, lying, scans, source=true_surface or face
     )
     for file, fields in ((contact, whole), (patches, on_patches)):

@@ -22,13 +22,15 @@ def main(
     *,
     worn: list[str],
     selection: dict[str, float],
-    max_noise_fraction: float,
+    max_gain_to_loss_ratio: float,
     accept: list[str],
 ) -> None:
     changes = Stored(files_of(registered, worn), ["change", "loss", "gain"])
-    table = registration_table(changes, selection, max_noise_fraction=max_noise_fraction)
+    table = registration_table(
+        changes, selection, max_gain_to_loss_ratio=max_gain_to_loss_ratio
+    )
     raise_unless_accepted([*other_heights(table), *exchanged_epochs(table)], accept)
-    for doubt in rise_warnings(table, max_noise_fraction=max_noise_fraction):
+    for doubt in rise_warnings(table, max_gain_to_loss_ratio=max_gain_to_loss_ratio):
         logging.getLogger("gst").warning("%s", doubt)
     write_table(registration, table)
 

@@ -16,7 +16,7 @@ import xarray as xr
 
 from gst.check.sliding import Template
 from gstlib.surfaces.fitting import planes_over, residuals
-from gstlib.surfaces.footprints import Place, spline_of
+from gstlib.surfaces.footprints import PatchPosition, spline_of
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["Fit", "Refined", "part_around", "widened"]
@@ -66,15 +66,15 @@ class Fit:
             points.append((v + dv, u + (-du if mirrored else du)))
         return cls(surface, points, heights, shapes, step)
 
-    def refined(self, start: Place, *, is_turned: bool = True) -> "Refined":
+    def refined(self, start: PatchPosition, *, is_turned: bool = True) -> "Refined":
         """The best place near another; perhaps without turning."""
         reach = max(np.hypot(v, u).max() for v, u in self.points) + 5 * self.step
         spline = spline_of(part_around(self.surface, start, reach))
 
-        def at(pose: np.ndarray) -> Place:
+        def at(pose: np.ndarray) -> PatchPosition:
             y, x, *turn = map(float, pose)
             degrees = math.degrees(turn[0]) if turn else start.rotation_deg
-            return Place(y, x, (degrees + 180) % 360 - 180)
+            return PatchPosition(y, x, (degrees + 180) % 360 - 180)
 
         def under(pose: np.ndarray) -> Iterator[np.ndarray]:
             yield from (spline.ev(*at(pose).points(v, u)) for v, u in self.points)
@@ -125,7 +125,7 @@ class Fit:
 class Refined(NamedTuple):
     """A place between the elements, how well scans fit there, and how sure that is."""
 
-    place: Place
+    place: PatchPosition
     correlation: float
     each: np.ndarray  # correlation of each scan by itself, there
     shape: np.ndarray  # covariance of y, x and perhaps the turn, over the variance
@@ -154,7 +154,7 @@ def widened(freedom: float) -> float:
     return float(scipy.special.stdtrit(freedom, 0.975)) / _NORMAL
 
 
-def part_around(surface: xr.DataArray, place: Place, half: float) -> xr.DataArray:
+def part_around(surface: xr.DataArray, place: PatchPosition, half: float) -> xr.DataArray:
     """The part of a surface around a place."""
     y, x = (slice(at - half, at + half) for at in place[:2])
     return surface.sel(y=y, x=x)

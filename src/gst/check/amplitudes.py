@@ -19,7 +19,7 @@ from skimage.transform import resize_local_mean
 from gstlib.coupling.comparison import WAVE_PER_EDGE
 from gstlib.errors import NOTE, FaultError
 from gstlib.io.scans import unit_remedy
-from gstlib.surfaces.footprints import Place, on_patch, spline_of
+from gstlib.surfaces.footprints import PatchPosition, on_patch, spline_of
 from gstlib.surfaces.grid import MM_TO_UM, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
@@ -52,7 +52,11 @@ class Amplitude(NamedTuple):
 
     @classmethod
     def of(
-        cls, path: Path, scan: xr.DataArray, square: xr.DataArray | None, place: Place | None
+        cls,
+        path: Path,
+        scan: xr.DataArray,
+        square: xr.DataArray | None,
+        place: PatchPosition | None,
     ) -> "Amplitude":
         """That of a scan at a place of the square, if it has one; `square` is the mesh's."""
         apart = max(1, scan.shape[1] // 8)
@@ -65,7 +69,7 @@ class Amplitude(NamedTuple):
 
 
 def _common_waves(
-    scan: xr.DataArray, square: xr.DataArray, place: Place
+    scan: xr.DataArray, square: xr.DataArray, place: PatchPosition
 ) -> tuple[float, float] | None:
     side = min(n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
     blocks = int(2 * side / (WAVE_PER_EDGE * square.attrs["mesh_edge_mm"]))
@@ -110,7 +114,7 @@ def other_units(
             f"in the waves that scans and mesh both resolve, the scans are {scan * MM_TO_UM:.3g} "
             f"µm high (r.m.s.) and the mesh under them {mesh * MM_TO_UM:.3g} µm",
             f"{remedy} Check inputs.mesh_unit, too. If both units are right, the mesh does not "
-            "show how the patches lie: set coupling to levelled.",
+            "show how the patches lie: set coupling to paper.",
         )
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 from gst.check.inputs import Inputs
 from gst.config.contradictions import counterface_mesh
 from gst.run.chain import break_in
-from gstlib.conditions import load_force, load_point, study_modulus
+from gstlib.conditions import load_force, resolved_load_point, study_modulus
 from gstlib.io.meshes import steps_of
 from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
 from gstlib.surfaces.footprints import square_of
@@ -48,7 +48,7 @@ def summary(
         scans=inputs and inputs.scans,
         size_mm=size_mm,
         other=other,
-        at_mm=load_point(config["load"], size_mm),
+        at_mm=resolved_load_point(config["load"], size_mm),
         force_N=load_force(config["load"], size_mm),
         modulus_MPa=study_modulus(config["material"]),
         grades=patches.wear_grade.dropna(),
@@ -74,11 +74,11 @@ def draw(
     from gst.page.figures.tool import PressedFace, check_figure
 
     size_mm, face, pressed = config["square"]["size_mm"], inputs.face, None
-    if face is not None and config["coupling"] != "levelled":
-        through = np.array(load_point(config["load"], size_mm))
+    if face is not None and config["coupling"] != "paper":
+        load_point = np.array(resolved_load_point(config["load"], size_mm))
         moved = np.zeros((1, 2)) if poses is None else poses[["y_mm", "x_mm"]].to_numpy()
         interlayer_um = (config["interlayer"] or {}).get("thickness_um")
-        pressed = PressedFace(face, through + moved, interlayer_um)
+        pressed = PressedFace(face, load_point + moved, interlayer_um)
     figure = check_figure(
         inputs.stone,
         inputs.frame,

@@ -192,7 +192,7 @@ class CoarseStudy(Study):
         )
         super().__init__(
             # under the use that is stated: to read it from the wear takes longer than the rest
-            config | {"traces": {"minimum_points": _SPOT}, "use": None},
+            config | {"detection": {"minimum_cluster_points": _SPOT}, "use": None},
             patches.loc[has_t0],
             read_mesh=lambda: stone,
             read_scan=lambda *scan: inputs.coarse[scan],

@@ -55,7 +55,7 @@ def epochs_on_each_other(study: Study) -> tuple[list[GstError], str]:
     problems += [*unlike, *other_heights(table[~table.patch.isin(named)])]
     problems += exchanged_epochs(table)
     # that much may be noise is no news of scans so coarse
-    for doubt in rise_warnings(table, max_noise_fraction=np.inf):
+    for doubt in rise_warnings(table, max_gain_to_loss_ratio=np.inf):
         _log.warning("%s", doubt)
     return problems, _shifts(study, table[table.found.astype(bool)])
 

@@ -24,7 +24,7 @@ from gstlib.change.selection import is_more
 from gstlib.coupling.comparison import CANNOT_TELL, SHIFTED, shows_waves
 from gstlib.coupling.orientations import AS_GIVEN, Mould, as_measured, lying_right
 from gstlib.coupling.placement import FAULT as PLACEMENT
-from gstlib.coupling.placement import place_patches
+from gstlib.coupling.placement import check_placement
 from gstlib.errors import ConfigError, GstError
 from gstlib.io.files import write_whole
 from gstlib.macroscale.face import largest_face
@@ -67,8 +67,8 @@ def _of_places(study: Study) -> Iterator[Cure]:
     if patches.empty or not shows_waves(study.face.height, patch_mm):
         return
     scans = {patch: study.prepared[patch, "T0"] for patch in patches.index}
-    settings = study.settings["place_patches"] | {"accept": [PLACEMENT]}
-    table = place_patches(study.face.height, study.patches, scans, **settings)
+    settings = study.settings["check_placement"] | {"accept": [PLACEMENT]}
+    table = check_placement(study.face.height, study.patches, scans, **settings)
     together, mould = table.iloc[-1], Mould(**study.config["scans"]["mould"])
     if together.orientation not in ("", AS_GIVEN):
         if not patches.flip.any():  # in some rows, which are another matter

@@ -358,11 +358,11 @@ def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[Gst
     if needed > (available := os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
         yield FaultError(
             "memory",
-            "config, reference_draws",
+            "config, reference_realisations",
             f"the contact of the whole square at the scans' resolution has {count} × {count} "
             f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "
             f"{available / 2**30:.1f} GiB",
-            "Set reference_draws to null, or run the study on a larger machine.",
+            "Set reference_realisations to null, or run the study on a larger machine.",
         )
     for patch, other in grids[1:2]:
         (ny, nx), (other_ny, other_nx) = first.grid[0], other.grid[0]
@@ -370,5 +370,5 @@ def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[Gst
             other.path,
             f"patch {patch} has {other_nx} × {other_ny} points, but {first.path} has {nx} × {ny}: "
             "the contact of the whole square needs scans of one grid",
-            "Scan all patches alike, or set reference_draws to null.",
+            "Scan all patches alike, or set reference_realisations to null.",
         )

@@ -27,7 +27,7 @@ from gst.check.sliding import (
     slid,
     to_search,
 )
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["LEAST_LEAD", "Match", "match_map", "match_together"]
@@ -54,7 +54,7 @@ class Match:
     """Where a scan lies on a surface, and how sure that is."""
 
     # Of the scan's centre; the scan is reversed first, if it is mirrored, then turned.
-    place: Place
+    place: PatchPosition
     mirrored: bool  # whether it is reversed along x
     inverted: bool  # whether its heights have the other sign, as those of a mould
     correlation: float  # of heights, a plane removed from each
@@ -66,7 +66,7 @@ class Match:
     # Whether a scan was taken here, but at which of several places nearby, or where exactly, is
     # not certain; and the other places.
     is_uncertain: bool = False
-    alternatives: tuple[Place, ...] = ()
+    alternatives: tuple[PatchPosition, ...] = ()
 
     @property
     def error_mm(self) -> float:
@@ -78,10 +78,10 @@ class Match:
         """Over the next best, in Fisher's z."""
         return math.atanh(min(self.correlation, _ONE)) - math.atanh(min(self.next_best, _ONE))
 
-    def place_of(self, v: float, u: float) -> Place:
+    def place_of(self, v: float, u: float) -> PatchPosition:
         """The place of what lies (v, u) along the axes of the scan from its centre, mm."""
         y, x = self.place.points(v, -u if self.mirrored else u)
-        return Place(float(y), float(x), self.place.rotation_deg)
+        return PatchPosition(float(y), float(x), self.place.rotation_deg)
 
     def at(self, v: float, u: float) -> "Match":
         """The same of what lies (v, u) from the centre, where the error of the turn counts."""
@@ -106,7 +106,7 @@ class Match:
         y, x, turn = inner.place
         there, way = self.at(y - middle[0], x - middle[1]), -1 if self.mirrored else 1
         turned = there.place.rotation_deg + way * turn
-        upright = Place(0.0, 0.0, there.place.rotation_deg)
+        upright = PatchPosition(0.0, 0.0, there.place.rotation_deg)
         axes = np.diag([0.0, 0.0, way])
         axes[:2, :2] = upright.points(np.array([1, 0]), np.array([0, way]))
         return replace(
@@ -189,7 +189,7 @@ def match_together(
     mirrored, turn, number = key
     y, x = middles(best[np.newaxis, 1:], search, templates)[0]
     sign, at = np.sign(best[0]), readings[number]
-    start = Place(y, x, turn)
+    start = PatchPosition(y, x, turn)
     fit = Fit.of(surface, scans, at, mirrored).refined(start)
     own, best_fit = sign * fit.each, fit
     if not (fits := _fitting(own)).all():  # the others alone say where they lie

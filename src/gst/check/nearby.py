@@ -27,7 +27,7 @@ from gst.check.sliding import (
     to_search,
 )
 from gstlib.surfaces.fitting import vertex
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["REACH", "match_near"]
@@ -53,7 +53,7 @@ _Pose = tuple[bool, float, int, int]  # mirrored, sign, half turns, and number o
 
 
 def match_near(
-    surface: xr.DataArray, scans: Sequence[xr.DataArray], places: Sequence[Place]
+    surface: xr.DataArray, scans: Sequence[xr.DataArray], places: Sequence[PatchPosition]
 ) -> list[Match]:
     """Find scans near places by hand: within 0.75 mm, and turned by a common angle up to 12°.
 
@@ -65,7 +65,7 @@ def match_near(
     ----------
     surface, scans
         As in `gst.check.matching.match_together`.
-    places : sequence of Place
+    places : sequence of PatchPosition
         Where each lies, about.
 
     Raises
@@ -83,11 +83,11 @@ def match_near(
     turn = 180 * half + _top(number, [sums[*pose[:3], n] for n in range(len(_BY_HAND))])
     fits = [Fit.of(surface, [scan], np.zeros((1, 2)), mirrored) for scan in scans]
 
-    def lying(starts: Iterable[Sequence[Place]]) -> list[_Lying | None]:
+    def lying(starts: Iterable[Sequence[PatchPosition]]) -> list[_Lying | None]:
         return [_lying(*each, sign) for each in zip(fits, places, starts, strict=True)]
 
     by_hand = lying(
-        [Place(y, x, place.rotation_deg + turn) for _, y, x in peaks[pose]]
+        [PatchPosition(y, x, place.rotation_deg + turn) for _, y, x in peaks[pose]]
         for peaks, place in zip(near, places, strict=True)
     )
     off = _common_turn([each for each in by_hand if each])
@@ -126,7 +126,9 @@ class _Lying(NamedTuple):
         return 1 / max(float(self.free.shape[2, 2]), 1e-12)
 
 
-def _lying(fit: Fit, by_hand: Place, starts: Sequence[Place], sign: float) -> _Lying | None:
+def _lying(
+    fit: Fit, by_hand: PatchPosition, starts: Sequence[PatchPosition], sign: float
+) -> _Lying | None:
     """A scan with heights of a sign, refined from the first of several places; None if nowhere."""
     fits: list[Refined] = []
     for start in starts[:_PEAKS]:
@@ -216,7 +218,7 @@ class _Shared(NamedTuple):
         return covariance * widened(self.freedom) ** 2
 
 
-def _apart(one: Place, other: Place) -> float:
+def _apart(one: PatchPosition, other: PatchPosition) -> float:
     return math.dist(one[:2], other[:2])
 
 
@@ -239,7 +241,9 @@ def _common_turn(lying: Sequence[_Lying]) -> float:
     return float(np.average(turns[is_usual], weights=weights[is_usual]))
 
 
-def _near(search: xr.DataArray, template: Template, place: Place) -> dict[_Pose, np.ndarray]:
+def _near(
+    search: xr.DataArray, template: Template, place: PatchPosition
+) -> dict[_Pose, np.ndarray]:
     """Peaks (score, y, x) around a place, by mirroring, sign, half turn and number of the turn."""
     step = spacing_of(search)[0]
     part = part_around(search, place, template.count(step) * step / 2 + REACH + step)

@@ -21,7 +21,7 @@ import pandas as pd
 
 from gst.config.tables import columns_of
 from gst.config.user_tables import Problem, read_rows, rows_of
-from gstlib.surfaces.footprints import Place, outline, places_of
+from gstlib.surfaces.footprints import PatchPosition, outline, places_of
 
 __all__ = [
     "COUNTERFACE",
@@ -185,7 +185,7 @@ class ScanFile(NamedTuple):
     epoch: str  # T0, T1, repeat, or empty
     # Centre (y, x), mm, of the piece to cut, from the scan's centre; None for the whole scan.
     crop: tuple[float, float] | None = None
-    place: Place | None = None  # on the square
+    place: PatchPosition | None = None  # on the square
     flip: str = ""  # as in the table
 
 
@@ -196,7 +196,7 @@ def scan_files(
     scans = []
     for row in patches.itertuples():
         crop = None if math.isnan(row.crop_x_mm) else (row.crop_y_mm, row.crop_x_mm)
-        place = Place(row.y_mm, row.x_mm, row.rotation_deg)
+        place = PatchPosition(row.y_mm, row.x_mm, row.rotation_deg)
         for column, epoch in EPOCHS.items():
             if name := getattr(row, column):
                 path = Path(folder) / name

@@ -23,6 +23,7 @@ from gst.config.contradictions import file_problems, improbable
 from gst.config.named_files import check_files
 from gst.config.patches import no_patches, read_patches
 from gst.config.poses import poses_of
+from gst.config.renamed import COUPLINGS, KEYS
 from gst.config.strict_yaml import read_yaml
 from gst.config.todo import is_to_do, left_in
 from gst.config.user_tables import cells_to_do, read_rows
@@ -163,15 +164,15 @@ def asked_of_files(
     `active_tool` is as in `gst.config.contradictions.counterface_mesh`, with ``reach_mm``; None
     without a mesh of it.
     """
-    is_placed = config["coupling"] == "placed"
+    is_equilibrium = config["coupling"] == "equilibrium"
     return {
         "mesh_unit": mesh_unit,
         "face": Settings(**config).by_stage()["grid_macroscale"],
         "rounded": rounded_form(config),
         "scan_settings": config["scans"],
         "maximum_unmeasured": config["preprocessing"]["maximum_unmeasured"],
-        "placed": is_placed,
-        "reference": is_placed and config["reference_draws"] is not None,
+        "placed": is_equilibrium,
+        "reference": is_equilibrium and config["reference_realisations"] is not None,
         "interlayer": config["interlayer"],
         "active_tool": active_tool,
         "accept": config["accept"],
@@ -281,14 +282,19 @@ def _explain(error: ValidationError) -> str:
         said += f" ({_NUMBER})"
     if error.validator == "maxItems":
         said += f" ({_LIST})"
+    if key == "coupling" and isinstance(value, str) and value in COUPLINGS:
+        said += f" ({value} is now {COUPLINGS[value]})"
     return f"{said} [{text}]" if (text := error.schema.get("description")) else said
 
 
 def _unknown_keys(section: str, given: list[str], known: Mapping) -> str:
     unknown = sorted({*given} - {*known})
-    alike = {key: difflib.get_close_matches(key, known, n=1) for key in unknown}
+    renamed = ", ".join(f"{key} is now {KEYS[key]}" for key in unknown if key in KEYS)
+    others = [key for key in unknown if key not in KEYS]
+    alike = {key: difflib.get_close_matches(key, known, n=1) for key in others}
     meant = ", ".join(f"{names[0]} for {key}" for key, names in alike.items() if names)
-    hint = f"did you mean {meant}? " if meant else ""
+    hint = f"{renamed}; " if renamed else ""
+    hint += f"did you mean {meant}? " if meant else ""
     place = f"'{section}' has" if section else "there are"
     remedy = f"remove or correct them ({hint}known: {sorted(known)})"
     return f"{place} unknown keys {unknown}: {remedy}"

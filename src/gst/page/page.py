@@ -18,7 +18,7 @@ import pandas as pd
 import xarray as xr
 
 from gst.page.viewer import coarsen, packed, shipped, stone_data, three_js, to_script
-from gstlib.surfaces.footprints import Place, outline, places_of
+from gstlib.surfaces.footprints import PatchPosition, outline, places_of
 from gstlib.surfaces.grid import spacing_of
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def tool_scene(
     stone, *colours = coloured_tool(mesh, frame, *fields)
     size, patch_mm = sizes_mm
 
-    def outlined(place: Place, side: float, name: str = "") -> dict[str, list]:
+    def outlined(place: PatchPosition, side: float, name: str = "") -> dict[str, list]:
         flat = outline(place, side)
         on_tool = outline_on(stone, frame, flat, size)
         return {
@@ -163,7 +163,7 @@ def tool_scene(
         "view": view.axes[2].tolist(),
         "middle": list(map(float, view.origin)),
         "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
-        "square": outlined(Place(size / 2, size / 2, 0.0), size),
+        "square": outlined(PatchPosition(size / 2, size / 2, 0.0), size),
         "patches": [
             {"patch": patch} | outlined(place, patch_mm, str(patch))
             for patch, place in places_of(pd.DataFrame(places)).items()

@@ -37,7 +37,7 @@ class Results:
     files: Mapping[str, Any]  # a file, the folders with a file for each patch, or [] for none
     patches: Sequence[str] = ()
     worn: Sequence[str] = ()  # those with a T1
-    most_drawn_patches: int = 0  # that are drawn one by one
+    max_plotted_patches: int = 0  # that are drawn one by one
     places: Mapping[str, list] | None = None  # columns ``patch, x_mm, y_mm, rotation_deg``
     size_mm: float = math.nan  # side of the square
     patch_mm: float = math.nan
@@ -97,7 +97,7 @@ class Results:
         table = self.pressures[among].sort_values(
             "pressure_MPa", ascending=False, kind="stable"
         )
-        return evenly(list(table.patch), self.most_drawn_patches)
+        return evenly(list(table.patch), self.max_plotted_patches)
 
     @cached_property
     def contacts(self) -> dict[str, xr.Dataset]:

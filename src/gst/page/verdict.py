@@ -24,6 +24,7 @@ from gstlib.use.infer import NOT_PRESSED, PRESSED, UNKNOWN
 from gstlib.use.laws import BASE, UNDECIDED
 from gstlib.validation.baselines import ORACLE
 from gstlib.validation.scoring import own_model
+from gstlib.validation.summary import statistic_names
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 __all__ = ["LEVEL", "MODELS", "TOUCHED", "Answer", "Line", "verdict", "where_to_scan"]
@@ -149,7 +150,8 @@ def where_to_scan(
 
 def _scores(summary: pd.DataFrame) -> dict[str, dict]:
     """The rows of the summary by model and statistic."""
-    by_model = summary.fillna({"model": ""}).groupby("model")
+    named = summary.assign(statistic=statistic_names(summary))
+    by_model = named.fillna({"model": ""}).groupby("model")
     return {
         str(model): rows.set_index("statistic").to_dict("index") for model, rows in by_model
     }
@@ -174,7 +176,7 @@ def _laws(laws: pd.DataFrame | None) -> dict[str, Any] | None:
     if laws is None or laws.empty:
         return None
     others = laws[laws.law != BASE].set_index("law")
-    return {"answer": laws.answer.iloc[0], **_highest(others.reset_index(), "gain")}
+    return {"answer": laws.answer.iloc[0], **_highest(others.reset_index(), "log_score_gain")}
 
 
 def _highest(table: pd.DataFrame, column: str) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from typing import Any
 import psutil
 from filelock import SoftFileLock, Timeout
 
+from gst.config.renamed import STEPS
 from gst.run.chain import Step, is_inside, read_record, record_of
 from gst.run.received import OUTPUTS, read_json, regular_file
 from gstlib.errors import InputError
@@ -72,6 +73,7 @@ def _inside(names: Iterable[str]) -> set[str]:
 
 def refuse_foreign(steps: Iterable[Step], results: Path) -> None:
     """End with exit code 2 if a file is in the way of the study that no study made."""
+    _refuse_earlier(results)
     owned = recorded(results) | claimed_by(results)
     for path in written_by(steps, results):
         name = path.relative_to(results).as_posix()
@@ -85,6 +87,21 @@ def refuse_foreign(steps: Iterable[Step], results: Path) -> None:
             remedy = "Give `results` another name in the config, or move the file."
             print(f"ERROR: {InputError(file, problem, remedy)}", file=sys.stderr)
             sys.exit(2)  # Snakemake would give any other error another code
+
+
+def _refuse_earlier(results: Path) -> None:
+    """End with exit code 2 if an earlier version made these results, under other names."""
+    if not any((results / f"logs/{step}.json").is_file() for step in STEPS):
+        return
+    problem = (
+        "contains the results of an earlier version, whose steps and tables had other names"
+    )
+    remedy = (
+        "Give `results` another name in the config, or run `gst clean` first. "
+        "workflow/rename_tables.py copies the old tables under the present names."
+    )
+    print(f"ERROR: {InputError(results, problem, remedy)}", file=sys.stderr)
+    sys.exit(2)
 
 
 def refuse_links(folder: Path) -> None:

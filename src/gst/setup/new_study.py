@@ -38,7 +38,7 @@ from gstlib.io.files import write_whole
 from gstlib.io.meshes import UNITS, is_closed, is_mesh, read_mesh, steps_of, units_of_size
 from gstlib.macroscale.face import largest_face
 from gstlib.preprocess.use_face import Layout, find_use_face
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import frame_from_points
 
 if TYPE_CHECKING:
@@ -291,7 +291,7 @@ def _of_pairs(pairs: Pairs) -> Iterator[Line]:
         yield Line("Overview", text, DOUBT)
 
 
-def _table(pairs: Pairs, places: Mapping[str, Place], *, is_cut: bool) -> str:
+def _table(pairs: Pairs, places: Mapping[str, PatchPosition], *, is_cut: bool) -> str:
     """The patch table. Semicolons leave room for decimal commas."""
     columns = ["patch", "x_mm", "y_mm"]
     columns += ["rotation_deg"] * any(place.rotation_deg for place in places.values())

@@ -16,7 +16,7 @@ from gst.check.matching import Match
 from gst.check.nearby import match_near
 from gst.setup.finding import find_on_map, find_on_stone, view_of
 from gstlib.coupling.comparison import shows_waves
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import spacing_of
 
@@ -98,7 +98,7 @@ def _laid_alike(matches: dict[str, Match]) -> dict[str, Match]:
 
 def on_square(
     found: Found, *, side_mm: float, least_mm: float
-) -> tuple[Frame, float, dict[str, Place]]:
+) -> tuple[Frame, float, dict[str, PatchPosition]]:
     """A square around the scans that are found: its frame, its side, and their places on it.
 
     Its side is `least_mm`, or more if the scans, with a side of `side_mm`, need it.
@@ -122,7 +122,7 @@ def snapped(
     frame: Frame,
     size_mm: float,
     scans: Mapping[str, xr.DataArray],
-    places: Mapping[str, Place],
+    places: Mapping[str, PatchPosition],
 ) -> dict[str, Match]:
     """Where scans lie whose places on a square of a stone are known to half a millimetre.
 
@@ -138,7 +138,7 @@ def snapped(
     return dict(zip(names, found, strict=True))
 
 
-def seen_in(frame: Frame, found: Found) -> dict[str, Place]:
+def seen_in(frame: Frame, found: Found) -> dict[str, PatchPosition]:
     """Where the scans that are found lie on another square."""
     assert found.frame is not None
     x_axis, y_axis, _ = found.frame.axes
@@ -148,7 +148,7 @@ def seen_in(frame: Frame, found: Found) -> dict[str, Place]:
     for name, match in found.placed.items():
         y, x, own = match.place
         ((u, v, _),) = frame.to_frame(np.array([found.frame.origin + x * x_axis + y * y_axis]))
-        places[name] = Place(float(v), float(u), (own + turn + 180) % 360 - 180)
+        places[name] = PatchPosition(float(v), float(u), (own + turn + 180) % 360 - 180)
     return places
 
 

@@ -29,7 +29,7 @@ from gstlib.errors import ConfigError, GstError, InputError, accepting, concerni
 from gstlib.io.scans import read_scan
 from gstlib.io.stage import stage_of
 from gstlib.preprocess.scans import crop_of, cut_patch, mould_of, prepare_scan
-from gstlib.surfaces.footprints import Place, places_of
+from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import coarser, spacing_of
 
@@ -89,7 +89,7 @@ def find_places(path: Path) -> dict[str, Any]:
     }
 
 
-def _shown(place: Place, turn: float) -> dict[str, float]:
+def _shown(place: PatchPosition, turn: float) -> dict[str, float]:
     rotation_deg = (place.rotation_deg + turn + 180) % 360 - 180
     turned = place._replace(rotation_deg=rotation_deg)
     return {name: round(value, DECIMALS) for name, value in turned._asdict().items()}
@@ -121,7 +121,7 @@ def _nothing_found(found: Found) -> str:
 
 
 def _of_matches(
-    config: Mapping, matches: Mapping[str, Match], places: Mapping[str, Place]
+    config: Mapping, matches: Mapping[str, Match], places: Mapping[str, PatchPosition]
 ) -> tuple[dict[str, Any], float]:
     """How moulds are undone and how sure places are, by scans that were matched undone.
 

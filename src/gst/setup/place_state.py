@@ -59,9 +59,9 @@ _ANSWERS = (
     "scans.size_mm",
     "scans.spacing_um",
     "scans.unit",
-    "uncertainty.force_fraction",
+    "uncertainty.force_log_sd",
     "uncertainty.placement_um",
-    "uncertainty.radius_fraction",
+    "uncertainty.radius_log_sd",
 )
 # A table of places that the study proposes is a patch table, too.
 _RENAMED = {"place": "patch"}

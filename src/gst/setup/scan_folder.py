@@ -203,7 +203,7 @@ class _Comparisons:
         ]
         try:
             registration, change = measured_change(
-                *pair, maximum_shift_mm=self._shift_mm, minimum_points=_SPOT
+                *pair, maximum_shift_mm=self._shift_mm, minimum_cluster_points=_SPOT
             )
         except InputError:  # another spacing, or other heights
             return _Compared(False)

@@ -11,7 +11,7 @@ from gst.config.reading import complete
 from gst.config.todo import TODO, is_to_do
 from gst.setup.place_matching import Found, corners_of, described, located, on_square
 from gst.setup.scan_folder import Scan
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 
 if TYPE_CHECKING:
     import trimesh
@@ -38,7 +38,7 @@ class Line(NamedTuple):
 class Where(NamedTuple):
     """Where scans lie on the square, by patch, and what follows for the config."""
 
-    places: dict[str, Place]
+    places: dict[str, PatchPosition]
     values: dict[str, Any]
     lines: list[Line]
 
@@ -148,7 +148,7 @@ def _by_stage(
     span = float(np.ptp(at, axis=0).max()) + size_mm
     square_mm = max(default_square_mm(), math.ceil(2 * span) / 2)  # in halves of a millimetre
     places = {
-        patch: Place(*np.round(place - middle + square_mm / 2, 4)[::-1].tolist())
+        patch: PatchPosition(*np.round(place - middle + square_mm / 2, 4)[::-1].tolist())
         for patch, place in zip(patches, at, strict=True)
     }
     mirrored = ", mirrored in x as moulds are" * is_mould

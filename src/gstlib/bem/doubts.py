@@ -54,7 +54,7 @@ def warn_of_doubts(state, problem):
     if share > _TILTED and not any(state.tilt):
         doubts.append(
             "the heights are hardly more than an inclined plane, so that one side carries the "
-            "force: level them, or let the body rest under a force `through` a point"
+            "force: level them, or give `load_point`, so that the body rests under a force"
         )
     for doubt in doubts:
         warnings.warn(doubt, ContactWarning, stacklevel=3)

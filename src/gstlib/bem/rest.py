@@ -255,18 +255,18 @@ def _solved(matrix, right):
     return vectors[:, firm] @ scaled, bool(firm.all())
 
 
-def checked_point(through) -> np.ndarray:
+def checked_point(load_point) -> np.ndarray:
     """A point (y, x) of finite numbers (mm)."""
     try:
-        point = np.array(through, dtype=float)
+        point = np.array(load_point, dtype=float)
     except (TypeError, ValueError):
         point = np.zeros(0)
     if point.shape != (2,) or not np.isfinite(point).all():
-        raise ContactInputError(f"through must be a point (y, x) in mm, got {through!r}")
+        raise ContactInputError(f"load_point must be a point (y, x) in mm, got {load_point!r}")
     return point
 
 
-def resting(relief, half_space, force, through):
+def resting(relief, half_space, force, load_point):
     """The load of a force through a point, and the tilt of the rigid rest.
 
     Parameters
@@ -276,7 +276,7 @@ def resting(relief, half_space, force, through):
     half_space : HalfSpace
     force : float
         Sum of the elements' pressures (MPa).
-    through : ndarray, shape (2,)
+    load_point : ndarray, shape (2,)
         Point of the force (y, x), from the grid's corner (mm).
 
     Returns
@@ -291,9 +291,9 @@ def resting(relief, half_space, force, through):
         The point is not in the hull of the elements with surface.
     """
     spacing = np.array(half_space.spacing)
-    supports = settle(relief, through / spacing - 0.5)
+    supports = settle(relief, load_point / spacing - 0.5)
     if supports is None:
-        raise TippingError(tipping(through, "lies outside all that can touch"))
+        raise TippingError(tipping(load_point, "lies outside all that can touch"))
     point, slopes, elements = supports
     length = float((relief.shape * spacing).max())
     load = RestingLoad(
@@ -313,9 +313,9 @@ def tilted_too_far(tilt):
     return math.hypot(*tilt) > _STEEPEST_TILT
 
 
-def tipping(through, why):
+def tipping(load_point, why):
     """The sentence for a body that does not come to rest."""
-    y, x = through
+    y, x = load_point
     return (
         f"the stone tips over: the point of the force (y, x) = ({y:g}, {x:g}) mm {why}. Move it "
         "further inside the surface."

@@ -75,7 +75,7 @@ def solve_contact(  # noqa: PLR0913
     *,
     displacement=None,
     mean_pressure=None,
-    through=None,
+    load_point=None,
     initial_pressure=None,
     pressure_cap=math.inf,
     springs=0.0,
@@ -98,7 +98,7 @@ def solve_contact(  # noqa: PLR0913
         Far-field displacement from first touch at the highest summit (mm), ≥ 0.
     mean_pressure : float, optional
         Force over nominal area (MPa), that of the whole grid, ≥ 0. Give exactly one of the two.
-    through : (float, float), optional
+    load_point : (float, float), optional
         The body is free to tilt, and the force acts through this point (y, x), from the grid's
         corner (mm): the centre of element (0, 0) is at half a spacing. Needs a mean pressure. The
         point must lie in the convex hull of the elements' centres, or the stone tips over. By
@@ -110,7 +110,7 @@ def solve_contact(  # noqa: PLR0913
     pressure_cap : float
         Cap on the pressure, such as a hardness (MPa): the elastic, perfectly plastic contact
         p ≤ H of Almqvist et al. (Tribol. Int. 40 (2007) 574). Infinite by default; not with
-        `through`.
+        `load_point`.
     springs : float
         Compliance of independent springs between the surface and the half-space (mm/MPa), none by
         default. With κ, wear coefficient × sliding, the pressure is that after the wear
@@ -120,7 +120,7 @@ def solve_contact(  # noqa: PLR0913
     periodic : bool
         The surface repeats itself without end in both directions; by default nothing touches beyond
         the grid. The displacement is then that of the mean of the half-space's surface: it cannot
-        grow beyond full contact, and a flat surface takes none. Not with `through`.
+        grow beyond full contact, and a flat surface takes none. Not with `load_point`.
     tolerance : float
         Largest `residual`, see `ContactState`. About 1e-12 is the floor of float64.
 
@@ -164,20 +164,20 @@ def solve_contact(  # noqa: PLR0913
         if initial_pressure.min() < 0:
             raise ContactInputError("initial_pressure must not be negative (MPa)")
         initial_pressure = np.where(problem.relief > -math.inf, initial_pressure, 0.0)
-    if through is not None:
+    if load_point is not None:
         if periodic:
-            raise ContactInputError("a periodic surface cannot tilt: leave out `through`")
+            raise ContactInputError("a periodic surface cannot tilt: leave out `load_point`")
         if load.force is None or pressure_cap < math.inf:
             raise ContactInputError(
                 "a force through a point needs mean_pressure (MPa), not displacement, and no "
                 "pressure_cap: solve at rest without it, add the plane of `tilt` to the heights "
                 "and press these on a fixed plane"
             )
-        problem, load = problem.at_rest(load.force, checked_point(through))
+        problem, load = problem.at_rest(load.force, checked_point(load_point))
     state = problem.solve(load, checked_tolerance(tolerance), initial_pressure)
     if tilted_too_far(state.tilt):
         _refuse_steep_plane(heights, problem.half_space.spacing)
-        raise TippingError(tipping(through, "would tilt it by more than 45°"))
+        raise TippingError(tipping(load_point, "would tilt it by more than 45°"))
     warn_of_doubts(state, problem)
     return state.like(like)
 
@@ -239,12 +239,12 @@ class ContactProblem:
         pressure_cap = checked_cap(pressure_cap, mean_pressure)
         return LoadControl(None, mean_pressure * self.relief.size, pressure_cap)
 
-    def at_rest(self, force, through):
+    def at_rest(self, force, load_point):
         """The problem of the surface as it lies at rest if all is rigid, and its load.
 
         The force (MPa, sum of the elements' pressures) acts through a point (y, x) (mm).
         """
-        load, tilt = resting(self.relief, self.half_space, force, through)
+        load, tilt = resting(self.relief, self.half_space, force, load_point)
         problem, _ = self.lowered(-load.plane([0.0, *(tilt * load.length)], self.relief.shape))
         problem.tilt = tilt
         return problem, load

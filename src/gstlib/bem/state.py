@@ -44,12 +44,12 @@ class ContactState:
         surface has yielded, not a violation.
     tilt : (float, float)
         Slopes (y, x) by which the surface has tilted: this is the contact of
-        heights + tilt·(r − through), from the highest summit of which `displacement` is counted.
-        Zero unless the force acts `through` a point; without force, the tilt of the rigid rest.
+        heights + tilt·(r − load_point), from the highest summit of which `displacement` is counted.
+        Zero without `load_point`; without force, the tilt of the rigid rest.
     moment_residual : float
-        Distance between the pressure's centre Σ p r/Σ p and `through`, over the longer side of the
-        grid, from the final pressure in double precision; at most the tolerance. Zero without such
-        a point.
+        Distance between the pressure's centre Σ p r/Σ p and `load_point`, over the longer side of
+        the grid, from the final pressure in double precision; at most the tolerance. Zero without
+        such a point.
     periodic : bool
         Whether the surface repeats itself.
     """

@@ -31,8 +31,8 @@ from gstlib.surfaces.grid import described, spacing_of
 __all__ = [
     "SCAN_FIELDS",
     "Detection",
+    "estimate_detection_limit",
     "height_change",
-    "measure_detection",
     "measured_change",
     "register_patch",
     "wear_summary",
@@ -65,12 +65,12 @@ _FIELDS = {
 _ODD_SCATTER = 2.0
 
 
-def measure_detection(
+def estimate_detection_limit(
     before: Mapping[str, xr.Dataset],
     again: Mapping[str, xr.Dataset],
     *,
     maximum_shift_mm: float,
-    minimum_points: int,
+    minimum_cluster_points: int,
 ) -> Detection | None:
     """The error of a height change, from patches that were scanned twice without use between.
 
@@ -82,7 +82,7 @@ def measure_detection(
     before, again : mapping of str to xarray.Dataset
         The two prepared scans by patch, as in `measured_change`; each is looked up once. The
         patches are those of `again`.
-    maximum_shift_mm, minimum_points
+    maximum_shift_mm, minimum_cluster_points
         As in `measured_change`.
 
     Returns
@@ -96,7 +96,10 @@ def measure_detection(
         first, second = before[patch], again[patch]
         try:
             registration, change = measured_change(
-                first, second, maximum_shift_mm=maximum_shift_mm, minimum_points=minimum_points
+                first,
+                second,
+                maximum_shift_mm=maximum_shift_mm,
+                minimum_cluster_points=minimum_cluster_points,
             )
             fault = _no_repeat(registration, change)
         except InputError as error:
@@ -142,8 +145,8 @@ def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
         return "it was not found on t0"
     if not change.attrs["known_fraction"]:
         return "hardly any point has a height of its own in both scans"
-    if is_other(registration.height_scale, _ODD_HEIGHTS):
-        return f"its dales are {registration.height_scale:.3g} times as deep as those of t0"
+    if is_other(registration.dale_depth_ratio, _ODD_HEIGHTS):
+        return f"its dales are {registration.dale_depth_ratio:.3g} times as deep as those of t0"
     summary = wear_summary(change)
     lost, gained = summary["loss_fraction"], summary["gain_fraction"]
     if abs(lost - gained) > max(_CHANGED, min(lost, gained)):
@@ -159,7 +162,7 @@ def measured_change(
     after: xr.Dataset,
     *,
     maximum_shift_mm: float,
-    minimum_points: int,
+    minimum_cluster_points: int,
     detection: Detection | None = None,
 ) -> tuple[Registration, xr.Dataset]:
     """Register T1 to T0 and take the height change.
@@ -181,7 +184,7 @@ def measured_change(
         t0,
         on_t0,
         known,
-        minimum_points=minimum_points,
+        minimum_cluster_points=minimum_cluster_points,
         detection=detection,
         shift_errors_mm=tuple(np.nan_to_num(errors_mm)),
     )
@@ -194,7 +197,7 @@ def register_patch(
     *,
     patch: str,
     maximum_shift_mm: float,
-    minimum_points: int,
+    minimum_cluster_points: int,
     detection: Detection | None = None,
 ) -> xr.Dataset:
     """Register T1 to T0 and take the height change.
@@ -208,7 +211,7 @@ def register_patch(
             before,
             after,
             maximum_shift_mm=maximum_shift_mm,
-            minimum_points=minimum_points,
+            minimum_cluster_points=minimum_cluster_points,
             detection=detection,
         )
     except InputError as error:  # it names the epoch, but not the patch
@@ -242,13 +245,13 @@ def _report(
     change: xr.Dataset,
 ) -> None:
     """Log what is odd about a patch whose T1 was found on its T0."""
-    if is_other(registration.height_scale, _ODD_HEIGHTS):
+    if is_other(registration.dale_depth_ratio, _ODD_HEIGHTS):
         _log.warning(
             "patch %s: its dales at T1 are %.3g times as deep as at T0. If that is not wear all "
             "over the patch, the heights of one scan are calibrated otherwise: measured wear is "
             "then wrong",
             patch,
-            registration.height_scale,
+            registration.dale_depth_ratio,
         )
     shift = registration.shift_y_mm, registration.shift_x_mm
     off = np.abs(np.divide(shift, spacing_of(before.height))).max()
@@ -285,7 +288,7 @@ def height_change(
     t1_on_t0: xr.DataArray,
     known: np.ndarray | None = None,
     *,
-    minimum_points: int = 1,
+    minimum_cluster_points: int = 1,
     detection: Detection | None = None,
     shift_errors_mm: tuple[float, float] = (0.0, 0.0),
 ) -> xr.Dataset:
@@ -297,12 +300,12 @@ def height_change(
         Heights before and after use on one grid, mm; after use NaN outside the overlap.
     known : (y, x) ndarray of bool, optional
         Where both heights were measured; everywhere by default.
-    minimum_points : int
+    minimum_cluster_points : int
         Fewest adjacent points (corners count) that make a loss or a gain. If the errors of
         neighbouring points correlate, more are needed, or deeper ones.
     detection : Detection, optional
-        The error of a change as measured on repeated scans, from `measure_detection`; by default it
-        is fitted to the unchanged part.
+        The error of a change as measured on repeated scans, from `estimate_detection_limit`. By
+        default it is fitted to the unchanged part.
     shift_errors_mm : (float, float)
         Standard errors (y, x) of the registration, mm, which add to the error of repeated scans.
 
@@ -312,7 +315,8 @@ def height_change(
         ``t1``: heights after use (mm), shifted and tilted to agree with T0 where nothing changed,
         NaN outside the overlap; ``change``: T1 - T0 (mm), negative where material was lost, and
         ``level_of_detection`` (mm, float32), NaN where unknown; ``loss``, ``gain``: where the
-        change exceeds that level, down or up, in spots of at least `minimum_points`. Attributes:
+        change exceeds that level, down or up, in spots of at least `minimum_cluster_points`.
+        Attributes:
         ``level_of_detection_um`` (median), ``change_sigma_um`` (robust standard deviation of the
         unchanged part), ``lateral_sigma_um`` (distance by which the measurements miss each other),
         ``known_fraction`` (of T0's area), ``detection`` (source of the level: ``repeat``, ``own``
@@ -328,7 +332,7 @@ def height_change(
         inside[:] = False
     datum, limit = np.full((2, *t0.shape), np.nan)
     sigma = lateral = typical = alike_mm2 = math.nan
-    source, cluster = "", minimum_points
+    source, cluster = "", minimum_cluster_points
     if inside.any():
         places = [np.linspace(-0.5, 0.5, count, endpoint=False) for count in t0.shape]
         y, x = np.meshgrid(*places, indexing="ij")
@@ -352,10 +356,10 @@ def height_change(
         )
         limit = np.where(inside, sigmas * np.sqrt(np.maximum(variance, smallest)), np.nan)
         typical = np.median(limit[inside])
-        cluster = max(minimum_points, math.ceil(noise.CLUSTER * alike_mm2 / cell_mm2))
+        cluster = max(minimum_cluster_points, math.ceil(noise.CLUSTER * alike_mm2 / cell_mm2))
     change = np.where(inside, difference - datum, np.nan)
     loss, gain = (
-        noise.spots(sign * change / limit, minimum_points, cluster) for sign in (-1, 1)
+        noise.spots(sign * change / limit, minimum_cluster_points, cluster) for sign in (-1, 1)
     )
     fields = after - datum, change, limit.astype(np.float32), loss, gain
     maps = xr.Dataset(
@@ -380,7 +384,7 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
     ``loss_fraction`` and ``gain_fraction``: shares of the known points that lost and gained height
     (equal for noise alone); ``loss_area_mm2``; ``loss_volume_um3``; ``mean_depth_where_worn_um``:
     mean depth where lost (NaN without loss); ``mean_wear_depth_um``: volume over the known area,
-    comparable between patches with different overlap; ``noise_fraction``: area that rose over
+    comparable between patches with different overlap; ``gain_to_loss_ratio``: area that rose over
     area that fell (NaN without loss): noise raises as often as it lowers, so this is the share of
     the loss that it would explain.
     """
@@ -397,5 +401,5 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
         "mean_depth_where_worn_um": float(lost_um.mean()) if lost_um.size else np.nan,
         "mean_wear_depth_um": float(lost_um.sum() * share),
         "gain_fraction": float(gain.sum() * share),
-        "noise_fraction": float(gain.sum() / loss.sum()) if loss.any() else np.nan,
+        "gain_to_loss_ratio": float(gain.sum() / loss.sum()) if loss.any() else np.nan,
     }

@@ -199,7 +199,7 @@ def unchanged_plane(
     return plane, sigma, kept
 
 
-def spots(excess: np.ndarray, minimum_points: int, cluster_points: int) -> np.ndarray:
+def spots(excess: np.ndarray, minimum_cluster_points: int, cluster_points: int) -> np.ndarray:
     """The points beyond the level of detection in spots that count; corners count as adjacent.
 
     `excess` is the change over the level of detection.
@@ -209,8 +209,8 @@ def spots(excess: np.ndarray, minimum_points: int, cluster_points: int) -> np.nd
     spot, _ = scipy.ndimage.label(excess > 1, np.ones((3, 3)))
     size = np.bincount(spot.ravel())
     counts = size >= cluster_points
-    if cluster_points > minimum_points:
+    if cluster_points > minimum_cluster_points:
         deep = np.bincount(spot[excess > _DEEP], minlength=size.size)
-        counts |= (size >= minimum_points) & (deep > size / 2)
+        counts |= (size >= minimum_cluster_points) & (deep > size / 2)
     counts[0] = False
     return counts[spot]

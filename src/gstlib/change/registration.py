@@ -59,7 +59,9 @@ class Registration:
     detail_correlation: float
     # of their slopes, in the direction in which these correlate least: striae match along one alone
     slope_correlation: float
-    height_scale: float  # depth of the moving surface's dales over the reference's, band-passed
+    dale_depth_ratio: (
+        float  # depth of the moving surface's dales over the reference's, band-passed
+    )
     residual_mm: float  # robust standard deviation of the levelled height difference
     shift_x_error_mm: float  # standard errors in the middle of the overlap
     shift_y_error_mm: float  # NaN if no slopes that both surfaces share determine the shift
@@ -108,10 +110,10 @@ def register(
     details = Details.of(h0, h1, aspect, factor)
     left = 1 - maximum_shift_mm / spacing / h0.shape
     match = details.search(max(LEAST_OVERLAP, float(np.prod(np.maximum(left, 0)))))
-    errors, height_scale = np.full(2, math.nan), details.height_scale(match.pose)
-    if not (match.is_beyond_chance and is_other(height_scale)):
+    errors, dale_depth_ratio = np.full(2, math.nan), details.dale_depth_ratio(match.pose)
+    if not (match.is_beyond_chance and is_other(dale_depth_ratio)):
         match, errors = refine(h0, h1, details, match, factor)
-        height_scale = details.height_scale(match.pose)
+        dale_depth_ratio = details.dale_depth_ratio(match.pose)
     slope_correlation, _ = details.compare_slopes(match.pose)
     pose = match.pose * (factor, factor, 1.0)
     on_grid = reference.copy(data=sample(spline(h1), pose, h0.shape, aspect))
@@ -129,7 +131,7 @@ def register(
         correlation=pearson(flat0, flat1),
         detail_correlation=match.correlation,
         slope_correlation=slope_correlation,
-        height_scale=height_scale,
+        dale_depth_ratio=dale_depth_ratio,
         residual_mm=robust_sigma(flat1 - flat0),
         shift_x_error_mm=float(error_x),
         shift_y_error_mm=float(error_y),
@@ -160,9 +162,9 @@ def is_one_way(detail_correlation: float, slope_correlation: float) -> bool:
     return detail_correlation >= LEAST_CORRELATION and slope_correlation < LEAST_ALONG
 
 
-def is_other(height_scale: float, times: float = OTHER_HEIGHTS) -> bool:
+def is_other(dale_depth_ratio: float, times: float = OTHER_HEIGHTS) -> bool:
     """Whether one of two surfaces is more than so many times as high as the other."""
-    return max(height_scale, 1 / height_scale) > times
+    return max(dale_depth_ratio, 1 / dale_depth_ratio) > times
 
 
 def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:

@@ -117,7 +117,7 @@ class Details(NamedTuple):
         overlap = one.size / min(self.reference.size, self.moving.size)
         return Match(pose, pearson(one, other), overlap)
 
-    def height_scale(self, pose: np.ndarray) -> float:
+    def dale_depth_ratio(self, pose: np.ndarray) -> float:
         """How much deeper dales are on what moves. Dales, since wear takes summits."""
         one, other = self.common(pose)
         if not one.size:

@@ -19,11 +19,11 @@ __all__ += ["rise_warnings", "select_patches"]
 _REGISTRATION = ["patch", "found", "shift_x_um", "shift_y_um", "shift_x_error_um"]
 _REGISTRATION += ["shift_y_error_um", "rotation_deg", "t1_x_um", "t1_y_um", "t1_size_x_um"]
 _REGISTRATION += ["t1_size_y_um", "overlap", "correlation"]
-_REGISTRATION += ["detail_correlation", "slope_correlation", "height_scale", "residual_um"]
+_REGISTRATION += ["detail_correlation", "slope_correlation", "dale_depth_ratio", "residual_um"]
 _REGISTRATION += ["change_sigma_um", "lateral_sigma_um", "level_of_detection_um"]
 _REGISTRATION += ["cluster_points", "detection"]
 _REGISTRATION += ["known_fraction", "loss_fraction", "gain_fraction", "loss_volume_um3"]
-_REGISTRATION += ["mean_depth_where_worn_um", "mean_wear_depth_um", "noise_fraction"]
+_REGISTRATION += ["mean_depth_where_worn_um", "mean_wear_depth_um", "gain_to_loss_ratio"]
 _REGISTRATION += ["above_noise"]
 # Wear takes height. Of synthetic specimens, whose T0 and T1 are right, no patch gained on a larger
 # share of its points than it lost on; exchanged, four of five gain by these on more.
@@ -35,18 +35,18 @@ def registration_table(
     changes: Mapping[str, xr.Dataset],
     selection: Mapping[str, float],
     *,
-    max_noise_fraction: float,
+    max_gain_to_loss_ratio: float,
 ) -> pd.DataFrame:
     """How well T1 matches T0 on each patch, how much was lost, and which patches that excludes.
 
     `changes` are the height changes by patch; each is looked up once. A loss is above the noise
-    if the area that rose is at most the share `max_noise_fraction` of the area that fell.
+    if the area that rose is at most the share `max_gain_to_loss_ratio` of the area that fell.
     """
     rows = []
     for patch, change in changes.items():
         row = {**change.attrs, **wear_summary(change), "patch": patch}
         row["found"] = bool(row["registration_found"])
-        is_noise = row["noise_fraction"] > max_noise_fraction
+        is_noise = row["gain_to_loss_ratio"] > max_gain_to_loss_ratio
         row["above_noise"] = not is_noise and row["known_fraction"] > 0
         rows.append(row)
     # what is excluded, and why, follows from the rest
@@ -86,26 +86,28 @@ def other_heights(registration: pd.DataFrame) -> Iterator[FaultError]:
     `registration` is from `registration_table`.
     """
     for row in registration[registration.found.astype(bool)].itertuples():
-        if is_other(row.height_scale):
+        if is_other(row.dale_depth_ratio):
             yield FaultError(
                 "heights",
                 f"patch {row.patch}, T1",
-                f"its dales match those of T0, but are {row.height_scale:.3g} times as deep, which "
-                "no wear causes",
+                f"its dales match those of T0, but are {row.dale_depth_ratio:.3g} times as deep, "
+                "which no wear causes",
                 "Give both scans in one unit and with one height calibration, or leave t1 empty in "
                 "the patch table.",
                 patches=(row.patch,),
             )
 
 
-def rise_warnings(registration: pd.DataFrame, *, max_noise_fraction: float) -> Iterator[str]:
+def rise_warnings(
+    registration: pd.DataFrame, *, max_gain_to_loss_ratio: float
+) -> Iterator[str]:
     """Sentences about the patches where as much rose as fell; of most patches, see the fault.
 
-    `registration` is from `registration_table`, which has taken the same `max_noise_fraction`.
+    `registration` is from `registration_table`, which has taken the same `max_gain_to_loss_ratio`.
     """
     is_rise = _rose(registration)
     rose, noisy = registration[is_rise], registration[~is_rise]
-    noisy = noisy[noisy.noise_fraction > max_noise_fraction]
+    noisy = noisy[noisy.gain_to_loss_ratio > max_gain_to_loss_ratio]
     if 0 < 2 * len(rose) <= registration.found.sum():
         yield (
             f"{_named(rose)}: more rose than fell from T0 to T1 (up to "
@@ -114,11 +116,12 @@ def rise_warnings(registration: pd.DataFrame, *, max_noise_fraction: float) -> I
             "waves, or for residue on the stone"
         )
     if len(noisy):
+        least = 100 * noisy.gain_to_loss_ratio.min()
         yield (
-            f"{_named(noisy)}: at least {100 * noisy.noise_fraction.min():.0f} % as much rose as "
-            "fell, so the loss may be noise, which mimics wear of the highest points; it is not "
+            f"{_named(noisy)}: at least {least:.0f} % as much rose as fell, "
+            " so the loss may be noise, which mimics wear of the highest points; it is not "
             "tested against chance, and left out of the statistics over patches. A larger "
-            "traces.minimum_points removes noise"
+            "detection.minimum_cluster_points removes noise"
         )
 
 

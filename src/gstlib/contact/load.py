@@ -17,21 +17,24 @@ class Load(NamedTuple):
     ----------
     mean_pressure : float
         MPa, over the nominal area.
-    through : (float, float) or None
+    load_point : (float, float) or None
         Place (y, x), mm, on the surface, through which the force acts on a body that is free to
         tilt; without one its plane stays as it is.
     """
 
     mean_pressure: float
-    through: tuple[float, float] | None = None
+    load_point: tuple[float, float] | None = None
 
     @classmethod
     def of_force(
-        cls, force_N: float, surface: xr.DataArray, through: tuple[float, float] | None = None
+        cls,
+        force_N: float,
+        surface: xr.DataArray,
+        load_point: tuple[float, float] | None = None,
     ) -> "Load":
         """A force (N) on a surface."""
         area = surface.size * float(np.prod(spacing_of(surface)))
-        return cls(force_N / area, through)
+        return cls(force_N / area, load_point)
 
 
 def from_corner(place: tuple[float, float], surface: xr.DataArray) -> tuple[float, float]:

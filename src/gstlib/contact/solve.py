@@ -56,7 +56,7 @@ def contact_path(
     InputError
         The load is not reached within `maximum_displacement_um`, or the solver gives up.
     """
-    if load.through is not None:
+    if load.load_point is not None:
         # ASSUME: on the way to the target load a body has the tilt that it has in the end.
         interface = contact_at_pressure(
             interface, load, modulus=modulus, tolerance=tolerance, source=source
@@ -108,7 +108,9 @@ def contact_at_pressure(
     `gstlib.bem.solve_contact`; `initial_pressure` (ny, nx), MPa, of a contact that is much like
     this one, is where the solver starts.
     """
-    through = None if load.through is None else from_corner(load.through, interface.height)
+    load_point = (
+        None if load.load_point is None else from_corner(load.load_point, interface.height)
+    )
     state = _run(
         solve_contact,
         interface,
@@ -116,12 +118,12 @@ def contact_at_pressure(
         modulus,
         source,
         mean_pressure=load.mean_pressure,
-        through=through,
+        load_point=load_point,
         springs=springs,
         tolerance=tolerance,
         initial_pressure=initial_pressure,
     )
-    if through is not None:
+    if load_point is not None:
         interface = interface.tilted(state.tilt)
     return Contact.of_state(state, interface, load=load, modulus=modulus, tolerance=tolerance)
 
@@ -158,7 +160,7 @@ def _run(
             warnings.simplefilter("ignore", ContactWarning)
             solved = solver(*interface.for_solver, modulus, **options)
     except TippingError as error:
-        y, x = load.through or (math.nan, math.nan)
+        y, x = load.load_point or (math.nan, math.nan)
         raise InputError(
             source,
             f"the stone tips over: its force acts through x {x:g}, y {y:g} mm of the square's "

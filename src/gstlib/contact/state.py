@@ -35,8 +35,14 @@ _VARIABLES = FIELDS | {
     "contact_modulus": ("MPa", "contact modulus"),
     "target_pressure": ("MPa", "mean pressure asked for"),
     "tolerance": ("1", "largest residual asked for"),
-    "through_y": ("mm", "y of the load point of a body free to tilt, NaN of one that is not"),
-    "through_x": ("mm", "x of the load point of a body free to tilt, NaN of one that is not"),
+    "load_point_y": (
+        "mm",
+        "y of the load point of a body free to tilt, NaN of one that is not",
+    ),
+    "load_point_x": (
+        "mm",
+        "x of the load point of a body free to tilt, NaN of one that is not",
+    ),
     "displacement": ("mm", "far-field displacement from first touch"),
     "mean_pressure": ("MPa", "mean pressure"),
     "contact_fraction": ("1", "real over nominal contact area"),
@@ -86,7 +92,7 @@ class Contact(ContactState):
     def to_dataset(self) -> xr.Dataset:
         """As it is stored, with units and long names."""
         face, surroundings = self.interface, self.interface.surroundings
-        through_y, through_x = self.load.through or (math.nan, math.nan)
+        load_point_y, load_point_x = self.load.load_point or (math.nan, math.nan)
         values = {
             "height": face.height.values,
             "counterface": face.counterface.values,
@@ -97,8 +103,8 @@ class Contact(ContactState):
             "slope_x": face.plane.slope_x,
             "placed": surroundings is not None,
             "target_pressure": self.load.mean_pressure,
-            "through_y": through_y,
-            "through_x": through_x,
+            "load_point_y": load_point_y,
+            "load_point_x": load_point_x,
             "contact_modulus": self.modulus,
             "tolerance": self.tolerance,
             **{name: float(getattr(self, name)) for name in _NUMBERS},
@@ -109,8 +115,8 @@ class Contact(ContactState):
     @classmethod
     def from_dataset(cls, stored: xr.Dataset) -> "Contact":
         """From what `to_dataset` gives, or `ContactPath.to_dataset`."""
-        through = float(stored.through_y), float(stored.through_x)
-        is_free = not math.isnan(through[0])
+        load_point = float(stored.load_point_y), float(stored.load_point_x)
+        is_free = not math.isnan(load_point[0])
         values: dict[str, Any] = {name: stored[name] for name in _FIELDS}
         values |= {name: float(stored[name]) for name in _NUMBERS}
         return cls(
@@ -118,7 +124,7 @@ class Contact(ContactState):
             iterations=0,
             convolutions=0,
             interface=Interface.from_dataset(stored),
-            load=Load(float(stored.target_pressure), through if is_free else None),
+            load=Load(float(stored.target_pressure), load_point if is_free else None),
             modulus=float(stored.contact_modulus),
             tolerance=float(stored.tolerance),
         )

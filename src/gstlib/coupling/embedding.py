@@ -13,7 +13,13 @@ from gstlib.bem.halfspace import HalfSpace
 from gstlib.bem.layer import Layer
 from gstlib.contact import Contact, Interface, turned_over
 from gstlib.surfaces.filtering import s_filtered
-from gstlib.surfaces.footprints import Place, footprint_weights, on_patch, rotated, spline_of
+from gstlib.surfaces.footprints import (
+    PatchPosition,
+    footprint_weights,
+    on_patch,
+    rotated,
+    spline_of,
+)
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import Plane, remove_plane
 
@@ -22,7 +28,7 @@ __all__ = ["place_patch", "placed_faces", "prepare_faces", "surroundings"]
 
 def surroundings(
     pressure: xr.DataArray,
-    place: Place,
+    place: PatchPosition,
     shape: tuple[int, int],
     *,
     size_mm: float,
@@ -84,14 +90,16 @@ def place_patch(
     at = composite.sel(patch=patch)
     slopes = float(at.slope_y), float(at.slope_x)
     size_mm = float(composite.patch_mm)
-    return placed_faces(height, face, contact, Place.of(at), size_mm=size_mm, slopes=slopes)
+    return placed_faces(
+        height, face, contact, PatchPosition.of(at), size_mm=size_mm, slopes=slopes
+    )
 
 
 def placed_faces(
     height: xr.DataArray,
     face: xr.DataArray | None,
     contact: Contact,
-    place: Place,
+    place: PatchPosition,
     *,
     size_mm: float,
     slopes: tuple[float, float] = (0.0, 0.0),
@@ -106,7 +114,7 @@ def placed_faces(
         A scan of what is pressed on it, mm, turned over.
     contact : Contact
         Of the larger one.
-    place : Place
+    place : PatchPosition
         Where the finer one lies on it.
     size_mm : float
         Its side.

@@ -34,7 +34,7 @@ from gstlib.coupling.pressures import patch_pressures
 from gstlib.macroscale.active_tool import as_round_as, face_in_pose
 from gstlib.macroscale.composite import compose_grid, draw_mesh_errors, plane_under
 from gstlib.macroscale.ensemble import Case, press_each
-from gstlib.surfaces.footprints import Place, moved, places_of, spline_of
+from gstlib.surfaces.footprints import PatchPosition, moved, places_of, spline_of
 from gstlib.surfaces.grid import coarser
 from gstlib.surfaces.leveling import remove_plane
 
@@ -56,7 +56,7 @@ class Errors(NamedTuple):
 
     Attributes
     ----------
-    young_fraction : float
+    young_log_sd : float
         Of the logarithm of each Young's modulus.
     poisson : float
         Of each Poisson's ratio.
@@ -66,19 +66,19 @@ class Errors(NamedTuple):
         Of the place of an active tool.
     load_point_mm : float
         Of the point through which the force acts, along each axis.
-    radius_fraction : float
+    radius_log_sd : float
         Of the logarithm of the active tool's radius.
-    force_fraction : float
+    force_log_sd : float
         Of the logarithm of the force.
     """
 
-    young_fraction: float
+    young_log_sd: float
     poisson: float
     placement_um: float
     pose_um: float
     load_point_mm: float
-    radius_fraction: float
-    force_fraction: float
+    radius_log_sd: float
+    force_log_sd: float
 
 
 class Macroscale(NamedTuple):
@@ -121,7 +121,7 @@ def draw_contact_moduli(
     for stone in (1, 2):
         young, ratio = material[f"young_{stone}_MPa"], material[f"poisson_{stone}"]
         nominal += [young, ratio]
-        drawn.append(young * np.exp(errors.young_fraction * generator.standard_normal(draws)))
+        drawn.append(young * np.exp(errors.young_log_sd * generator.standard_normal(draws)))
         ratios = ratio + errors.poisson * generator.standard_normal(draws)
         # no stone is auxetic, nor above the ratio of the incompressible
         drawn.append(np.clip(ratios, min(0.0, ratio), max(0.5, ratio)))
@@ -131,7 +131,7 @@ def draw_contact_moduli(
 
 def draw_point(
     surface: xr.DataArray,
-    through: tuple[float, float],
+    load_point: tuple[float, float],
     error_mm: float,
     generator: np.random.Generator,
 ) -> tuple[float, float]:
@@ -140,7 +140,7 @@ def draw_point(
     `error_mm` is the standard deviation along each axis. Of several draws the first with stone
     under it counts.
     """
-    y, x = np.transpose(through + error_mm * generator.standard_normal((_TRIES, 2)))
+    y, x = np.transpose(load_point + error_mm * generator.standard_normal((_TRIES, 2)))
     under = surface.interp(
         y=xr.DataArray(y, dims="try"), x=xr.DataArray(x, dims="try"), method="nearest"
     )
@@ -155,7 +155,7 @@ def pressure_intervals(
     errors: Errors,
     *,
     force_N: float,
-    through: tuple[float, float] | None,
+    load_point: tuple[float, float] | None,
     patch_mm: float,
     seed: int,
 ) -> pd.DataFrame:
@@ -172,7 +172,7 @@ def pressure_intervals(
     errors : Errors
     force_N : float
         On the face.
-    through : (float, float) or None
+    load_point : (float, float) or None
         Where (y, x), mm, it acts on a stone that is free to tilt; None for the square alone on its
         mean plane.
     patch_mm : float
@@ -190,7 +190,7 @@ def pressure_intervals(
     modulus = study_modulus(material)
     moduli = modulus * draw_contact_moduli(material, errors, generator=generator)
     forces_N = force_N * np.exp(
-        errors.force_fraction * np.random.default_rng([seed, 3]).standard_normal(len(moduli))
+        errors.force_log_sd * np.random.default_rng([seed, 3]).standard_normal(len(moduli))
     )
     mesh = coarser(macroscale.face.height, _COARSER)
     mesh_errors = draw_mesh_errors(
@@ -205,7 +205,7 @@ def pressure_intervals(
             # the generator goes on: another detail in each draw
             height = _laid_on(height, composite, places[draw], patch_mm, generators[draw])
         pose = np.random.default_rng([seed, 4, draw])
-        if through is None:
+        if load_point is None:
             point, radius_mm, height = None, macroscale.radius_mm, remove_plane(height)[0]
         elif (use := uses[draw]) is not None:
             # the wear knows F R / E* alone, and may give no radius
@@ -215,7 +215,7 @@ def pressure_intervals(
                 radius_mm = float(use.radius_mm) * stiffer
         else:
             # first, so that the point is the same with an active tool and without
-            point, radius_mm = _stated_use(macroscale, mesh, through, errors, pose)
+            point, radius_mm = _stated_use(macroscale, mesh, load_point, errors, pose)
         over = _posed_over(macroscale, mesh, radius_mm, errors, pose)
         load = Load.of_force(float(forces_N[draw]), height, point)
         return Case(Interface(height, over), load, float(moduli[draw]))
@@ -279,7 +279,7 @@ def _likely_uses(
     use: xr.Dataset | None, draws: int, generator: np.random.Generator
 ) -> list[xr.Dataset | None]:
     """So many uses, drawn from what the wear says; None where it says nothing."""
-    if use is None or not use.attrs["taken"]:
+    if use is None or not use.attrs["adopted"]:
         return [None] * draws
     chosen = generator.choice(use.sizes["draw"], draws, p=use.weight.values)
     return [use.isel(draw=one) for one in chosen]
@@ -297,14 +297,14 @@ def _over_strikes(pressures: pd.DataFrame, use: xr.Dataset | None) -> np.ndarray
 def _stated_use(
     macroscale: Macroscale,
     mesh: xr.DataArray,
-    through: tuple[float, float],
+    load_point: tuple[float, float],
     errors: Errors,
     generator: np.random.Generator,
 ) -> tuple[tuple[float, float], float | None]:
     """A load point (y, x), mm, and a radius: as stated, with their errors."""
-    point, radius_mm = draw_point(mesh, through, errors.load_point_mm, generator), None
+    point, radius_mm = draw_point(mesh, load_point, errors.load_point_mm, generator), None
     if macroscale.radius_mm is not None:
-        error = errors.radius_fraction * generator.standard_normal()
+        error = errors.radius_log_sd * generator.standard_normal()
         radius_mm = macroscale.radius_mm * float(np.exp(error))
     return point, radius_mm
 
@@ -324,4 +324,4 @@ def _posed_over(
             return over
         return as_round_as(over, macroscale.radius_mm, radius_mm)
     y, x = errors.pose_um * 1e-3 * generator.standard_normal(2)
-    return face_in_pose(macroscale.counterface, mesh, Place(y, x), size_mm=size_mm)
+    return face_in_pose(macroscale.counterface, mesh, PatchPosition(y, x), size_mm=size_mm)

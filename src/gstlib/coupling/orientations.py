@@ -62,7 +62,7 @@ def as_measured(x: Any, y: Any, size_mm: float, mistake: str) -> tuple[Any, Any]
 def lying_right(orientation: str, mould: Mould, *, is_alone: bool = False) -> tuple[Mould, int]:
     """How to undo the moulds of patches with an orientation so that they lie right.
 
-    `orientation` is that of `place_patches`, with the moulds undone as `mould` says. There may be
+    `orientation` is that of `check_placement`, with the moulds undone as `mould` says. There may be
     degrees to add to the rotation of each patch, too, from -90 to 180. A half turn is one of the
     mould, which is flipped along the other axis, or, if `is_alone`, one of the patch.
 

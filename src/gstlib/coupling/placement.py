@@ -33,7 +33,7 @@ from gstlib.coupling.comparison import (
 from gstlib.coupling.orientations import AS_GIVEN, LOOKS, Mould, remedy_of, remedy_of_table
 from gstlib.errors import FaultError, raise_unless_accepted
 
-__all__ = ["ALL", "FAULT", "place_patches"]
+__all__ = ["ALL", "FAULT", "check_placement"]
 
 _log = logging.getLogger(__name__)
 
@@ -46,7 +46,7 @@ _SMOOTH = 0.5
 _MOST = 2 / 3
 
 
-def place_patches(
+def check_placement(
     surface: xr.DataArray,
     patches: pd.DataFrame,
     scans: Mapping[str, xr.Dataset],
@@ -263,7 +263,7 @@ def _problem(they_fit: str, orientation: str, other: float, fit: float) -> str:
 
 
 def _table(compared: Comparison, claims: list[_Claim], *, is_as_given: bool) -> pd.DataFrame:
-    """The result of `place_patches`."""
+    """The result of `check_placement`."""
     last, correlation, shared = len(compared.scan), compared.fits[:, 0], compared.shared
     table = pd.DataFrame(
         {

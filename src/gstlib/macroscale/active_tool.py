@@ -23,7 +23,7 @@ import xarray as xr
 from gstlib.errors import ConfigError, FaultError, InputError, refuse
 from gstlib.io.meshes import read_mesh
 from gstlib.preprocess.mesh import grid_mesh
-from gstlib.surfaces.footprints import Place, rotated, spline_of, square_of
+from gstlib.surfaces.footprints import PatchPosition, rotated, spline_of, square_of
 from gstlib.surfaces.frames import Frame, find_frame
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -260,7 +260,7 @@ def grid_counterface(
 
 
 def face_in_pose(
-    face: xr.DataArray, height: xr.DataArray, pose: Place, *, size_mm: float
+    face: xr.DataArray, height: xr.DataArray, pose: PatchPosition, *, size_mm: float
 ) -> xr.DataArray:
     """The active face over the passive one after the stone was moved.
 
@@ -274,7 +274,7 @@ def face_in_pose(
         The face does not reach so far.
     """
     middle = size_mm / 2
-    moved = Place(middle + pose.y_mm, middle + pose.x_mm, pose.rotation_deg)
+    moved = PatchPosition(middle + pose.y_mm, middle + pose.x_mm, pose.rotation_deg)
     y, x = np.meshgrid(height.y.values, height.x.values, indexing="ij")
     v, u = moved.seen(y, x)
     at = [v + middle, u + middle]

@@ -25,7 +25,7 @@ import xarray as xr
 
 from gstlib.surfaces.filtering import radial_frequency, s_filtered
 from gstlib.surfaces.footprints import (
-    Place,
+    PatchPosition,
     half_extent,
     on_patch,
     places_of,
@@ -59,7 +59,7 @@ _LYING = {
 
 
 def plane_under(
-    spline: "scipy.interpolate.RectBivariateSpline", place: Place, patch_mm: float
+    spline: "scipy.interpolate.RectBivariateSpline", place: PatchPosition, patch_mm: float
 ) -> Plane:
     """Least-squares plane of a surface under an outline, along the axes of the scan there."""
     heights = on_patch(spline, place, 2 * (_PLANE_POINTS,), patch_mm)
@@ -167,7 +167,7 @@ def compose_surface(
 
 def compose(
     spline: "scipy.interpolate.RectBivariateSpline",
-    scans: Iterable[tuple[Place, Plane, np.ndarray]],
+    scans: Iterable[tuple[PatchPosition, Plane, np.ndarray]],
     patch_mm: float,
     grid: xr.DataArray,
     density: xr.DataArray,
@@ -205,7 +205,7 @@ def compose(
 
 def compose_grid(
     height: xr.DataArray,
-    scans: Iterable[tuple[Place, Plane, np.ndarray]],
+    scans: Iterable[tuple[PatchPosition, Plane, np.ndarray]],
     patch_mm: float,
     density: xr.DataArray,
     seed: int | np.random.Generator,
@@ -256,7 +256,7 @@ def draw_mesh_errors(
 
 def _plane_errors(
     face: xr.Dataset,
-    places: Mapping[str, Place],
+    places: Mapping[str, PatchPosition],
     density: xr.DataArray,
     patch_mm: float,
     placement_um: float,

@@ -14,7 +14,7 @@ __all__ = ["face_under_load", "macroscale_table", "solve_at_load"]
 
 
 def face_under_load(
-    face: xr.Dataset, force_N: float, through: tuple[float, float] | None
+    face: xr.Dataset, force_N: float, load_point: tuple[float, float] | None
 ) -> tuple[Interface, Load]:
     """The two faces and their load, as `gstlib.contact` takes them (section 2.3).
 
@@ -24,21 +24,21 @@ def face_under_load(
         ``height``, ``counterface`` and ``size_mm``, from
         `gstlib.macroscale.face.grid_macroscale` or `gstlib.macroscale.composite.compose_surface`.
     force_N : float
-    through : (float, float) or None
+    load_point : (float, float) or None
         As in `gstlib.contact.Load`: the whole face is free to tilt. Without it, the square is
         pressed alone, on its mean plane.
     """
     interface = (
-        square_alone(face) if through is None else Interface(face.height, face.counterface)
+        square_alone(face) if load_point is None else Interface(face.height, face.counterface)
     )
-    return interface, Load.of_force(force_N, interface.height, through)
+    return interface, Load.of_force(force_N, interface.height, load_point)
 
 
 def solve_at_load(
     face: xr.Dataset,
     *,
     force_N: float,
-    through: tuple[float, float] | None = None,
+    load_point: tuple[float, float] | None = None,
     source: str = "macroscale",
     **solving: Any,
 ) -> Contact:
@@ -46,7 +46,7 @@ def solve_at_load(
 
     `source` and `solving` are the options of `gstlib.contact.contact_at_pressure`.
     """
-    pressed = face_under_load(face, force_N, through)
+    pressed = face_under_load(face, force_N, load_point)
     return contact_at_pressure(*pressed, source=source, **solving)
 
 

@@ -24,7 +24,7 @@ from gstlib.macroscale.active_tool import (
     rounded_counterface,
 )
 from gstlib.preprocess.mesh import elements_around, grid_mesh
-from gstlib.surfaces.footprints import Place, square_of
+from gstlib.surfaces.footprints import PatchPosition, square_of
 from gstlib.surfaces.frames import find_frame, frame_variables
 from gstlib.surfaces.leveling import remove_plane
 
@@ -103,7 +103,7 @@ def grid_macroscale(
         counterface = grid_counterface(
             active_tool, height, frame, size_mm=size_mm, interpolation=interpolation
         )
-        over = face_in_pose(counterface, height, Place(0.0, 0.0), size_mm=size_mm)
+        over = face_in_pose(counterface, height, PatchPosition(0.0, 0.0), size_mm=size_mm)
     else:
         counterface = None
         radius_mm, angle_deg = active_tool

@@ -24,7 +24,7 @@ import xarray as xr
 from gstlib.contact import Interface, Load
 from gstlib.macroscale.active_tool import face_in_pose
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import described
 
 __all__ = [
@@ -70,7 +70,7 @@ class Gesture(NamedTuple):
         What is pressed in its place, from `gstlib.macroscale.active_tool.grid_counterface`.
     size_mm : float
         Side of the square, about whose middle a stone turns.
-    through : (float, float)
+    load_point : (float, float)
         Where (y, x), mm, the force acts in the pose at (0, 0).
     poses : pandas.DataFrame
         From `stroke_poses` or `scatter_poses`, or a table of their columns; the index numbers them.
@@ -79,10 +79,10 @@ class Gesture(NamedTuple):
     counterface: xr.DataArray
     mesh: xr.DataArray | None
     size_mm: float
-    through: tuple[float, float]
+    load_point: tuple[float, float]
     poses: pd.DataFrame
 
-    def over(self, height: xr.DataArray, place: Place) -> xr.DataArray:
+    def over(self, height: xr.DataArray, place: PatchPosition) -> xr.DataArray:
         """The active tool over a face (y, x), mm, in a pose."""
         if self.mesh is None:
             return self.counterface
@@ -90,9 +90,9 @@ class Gesture(NamedTuple):
 
     def case(self, height: xr.DataArray, pose: Any, modulus: float) -> Case:
         """What is pressed in a pose, a row of `poses`."""
-        place = Place(pose.y_mm, pose.x_mm, pose.rotation_deg)
-        through = self.through[0] + pose.y_mm, self.through[1] + pose.x_mm
-        load = Load.of_force(pose.force_N, height, through)
+        place = PatchPosition(pose.y_mm, pose.x_mm, pose.rotation_deg)
+        load_point = self.load_point[0] + pose.y_mm, self.load_point[1] + pose.x_mm
+        load = Load.of_force(pose.force_N, height, load_point)
         return Case(Interface(height, self.over(height, place)), load, modulus)
 
 

@@ -100,9 +100,9 @@ def _inside_outline(contact: Contact) -> float | None:
 
     None for a contact on a fixed plane; NaN for one whose outline has no width.
     """
-    if contact.load.through is None:
+    if contact.load.load_point is None:
         return None
-    place = np.array(contact.load.through)
+    place = np.array(contact.load.load_point)
     rows, columns = np.nonzero(contact.pressure.values > 0)
     y, x = (contact.pressure[axis].values for axis in "yx")
     touching = np.column_stack([y[rows], x[columns]])

@@ -24,9 +24,9 @@ from gstlib.coupling.embedding import place_patch, prepare_faces
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = [
-    "LEVELLED",
+    "EQUILIBRIUM",
     "LOAD_PATHS",
-    "PLACED",
+    "PAPER",
     "Microscale",
     "microscale_tables",
     "solve_patch",
@@ -35,8 +35,8 @@ __all__ = [
 ]
 
 # The variants of the coupling, and the pressure of a patch that each takes, from `couple_scales`.
-PLACED, LEVELLED = "placed", "levelled"
-_PRESSURES = {PLACED: "pressure_MPa", LEVELLED: "square_pressure_MPa"}
+EQUILIBRIUM, PAPER = "equilibrium", "paper"
+_PRESSURES = {EQUILIBRIUM: "pressure_MPa", PAPER: "square_pressure_MPa"}
 
 
 class Microscale(NamedTuple):
@@ -94,7 +94,7 @@ def solve_patches(
         Of the first variant with the path to it and the stiffness of the interface, if there are
         steps.
     """
-    if PLACED in variants and (composite is None or contact is None):
+    if EQUILIBRIUM in variants and (composite is None or contact is None):
         raise ValueError("to be placed, patches need the composite surface and its contact")
     of = pressures.set_index("patch")
     for patch in scans:
@@ -103,7 +103,7 @@ def solve_patches(
             scans[patch].height, counterface, s_filter_um=settings.s_filter_um, source=source
         )
         for variant in variants:
-            if variant == PLACED and composite is not None and contact is not None:
+            if variant == EQUILIBRIUM and composite is not None and contact is not None:
                 interface = place_patch(height, pressed, composite, contact, patch)
             else:
                 over = xr.zeros_like(height) if pressed is None else pressed

@@ -9,11 +9,12 @@ from typing import Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from gstlib.conditions import load_force, load_point, study_modulus, study_radius
+from gstlib.conditions import load_force, resolved_load_point, study_modulus, study_radius
 from gstlib.errors import FAULTS
 from gstlib.settings.contradictions import contradictions
 from gstlib.settings.sections import (
     Counterface,
+    DetectionSettings,
     Gesture,
     Grinding,
     Inputs,
@@ -31,7 +32,6 @@ from gstlib.settings.sections import (
     Square,
     Texts,
     Texture,
-    Traces,
     Uncertainty,
     Use,
     Validation,
@@ -75,17 +75,17 @@ class Settings(Section):
     nothing is scanned yet: the study presses the mesh alone, and proposes places to scan."""
     published: str | None = None
     """CSV of published figures to print beside the computed ones, or null."""
-    coupling: Literal["placed", "levelled"] = "placed"
-    """How a patch takes its place in the stone. With placed, the scans are laid on the mesh and
-    pressed with it at the macroscale, and each patch keeps its plane in the stone and yields to
-    the pressures around it; levelled is solved, too, to compare. With levelled, the paper's
-    way, the mesh alone is pressed, and each patch as its scan was levelled."""
-    reference_draws: int | None = Field(4, ge=1, le=1000)
+    coupling: Literal["equilibrium", "paper"] = "equilibrium"
+    """How a patch takes its place in the stone. With equilibrium, the scans are laid on the mesh
+    and pressed with it at the macroscale, and each patch keeps its plane in the stone and yields
+    to the pressures around it; the coupling of the paper is solved, too, to compare. With paper,
+    the mesh alone is pressed, and each patch as its scan was levelled."""
+    reference_realisations: int | None = Field(4, ge=1, le=1000)
     """How often the whole square is pressed at the scans' resolution, to tell what pressing it at
     two scales costs. What was not scanned is drawn anew each time; a synthetic specimen's true
     surface is known and pressed once. Each takes about 20 s and 1.7 GB for 3000 × 3000 points.
-    With null, or with levelled coupling, nothing is compared."""
-    most_drawn_patches: int = Field(40, ge=1, le=10_000)
+    With null, or with the coupling of the paper, nothing is compared."""
+    max_plotted_patches: int = Field(40, ge=1, le=10_000)
     """Largest number of patches in a figure with one panel per patch, and of patches with figures
     of their own. Of more patches, a selection is drawn, in even steps from the most heavily
     loaded to the least; tables have all."""
@@ -98,7 +98,7 @@ class Settings(Section):
     scans: Scans = Scans()
     preprocessing: Preprocessing = Preprocessing()
     registration: Registration = Registration()
-    traces: Traces = Traces()
+    detection: DetectionSettings = DetectionSettings()
     texture: Texture = Texture()
     uncertainty: Uncertainty = Uncertainty()
     selection: Selection = Selection()
@@ -138,9 +138,9 @@ class Settings(Section):
         tolerance = self.macroscale.tolerance
         at_load = {"modulus": modulus, "tolerance": tolerance, "force_N": force_N}
         # The paper's square stays on its mean plane, and a flat presses it.
-        through, face_mm = None, None
-        if self.coupling == "placed":
-            through, face_mm = load_point(load, size_mm), self.macroscale.face_mm
+        load_point, face_mm = None, None
+        if self.coupling == "equilibrium":
+            load_point, face_mm = resolved_load_point(load, size_mm), self.macroscale.face_mm
         errors, use = self.uncertainty, {} if self.use is None else self.use.model_dump()
         strikes = {name: use.pop(name) for name in ("scatter_mm", "stroke_mm") if use}
         wear_law = self.wear_law.model_dump()
@@ -164,10 +164,10 @@ class Settings(Section):
             "infer_use": {
                 "stated": {
                     "force_N": force_N,
-                    "through": through,
+                    "load_point": load_point,
                     "load_point_mm": errors.load_point_mm,
                     "radius_mm": study_radius(self.model_dump()),
-                    "radius_fraction": errors.radius_fraction,
+                    "radius_log_sd": errors.radius_log_sd,
                     **strikes,
                 },
                 "modulus": modulus,
@@ -175,19 +175,19 @@ class Settings(Section):
                 "sampling": use | {"seed": self.seed},
                 "wear_law": wear_law,
             },
-            "solve_macroscale": at_load | {"through": through},
+            "solve_macroscale": at_load | {"load_point": load_point},
             "solve_square": at_load,
             "couple_scales": {"patch_mm": patch_mm},
-            "place_patches": {
+            "check_placement": {
                 "patch_mm": patch_mm,
                 "placement_um": errors.placement_um,
                 "accept": self.accept,
                 **self.scans.mould.model_dump(),
             },
-            "register_patches": self.registration.model_dump() | self.traces.model_dump(),
+            "register_patches": self.registration.model_dump() | self.detection.model_dump(),
             "select_patches": {
                 "selection": self.selection.model_dump(),
-                "max_noise_fraction": self.validation.max_noise_fraction,
+                "max_gain_to_loss_ratio": self.validation.max_gain_to_loss_ratio,
             },
             "solve_patches": self.microscale.model_dump() | {"contact_modulus_MPa": modulus},
             "fit_wear": {

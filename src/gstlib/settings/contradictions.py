@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Collection, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from gstlib.conditions import load_force, load_point
+from gstlib.conditions import load_force, resolved_load_point
 from gstlib.errors import FAULTS, ConfigError
 from gstlib.settings.sections import Section
 from gstlib.surfaces.frames import frame_from_points
@@ -20,7 +20,7 @@ _ONE_SOURCE = (
 )
 _AT_REST = (
     "'counterface.mesh' (or specimen.counterface_seed) needs a stone at rest, and coupling is "
-    "levelled, which presses a flat: set coupling to placed"
+    "paper, which presses a flat: set coupling to equilibrium"
 )
 _A_GESTURE = "give a table, or poses with stroke_mm or load_point_scatter_mm"
 # Keys of a section, each with the key that it needs beside it.
@@ -80,22 +80,22 @@ def _sources(settings: "Settings") -> Iterator[tuple[bool, str]]:
 
 
 def _counterface(settings: "Settings") -> Iterator[tuple[bool, str]]:
-    tool, is_levelled = settings.counterface, settings.coupling == "levelled"
+    tool, is_paper = settings.counterface, settings.coupling == "paper"
     specimen = settings.specimen
     has_mesh = tool is not None and tool.mesh is not None
     is_flat = tool is None or (tool.radius_mm is None and not has_mesh)
     yield (
-        is_levelled
+        is_paper
         and (has_mesh or (specimen is not None and specimen.counterface_seed is not None)),
         _AT_REST,
     )
     yield (
         settings.use is not None
-        and not is_levelled
-        and settings.uncertainty.radius_fraction < 0.7
+        and not is_paper
+        and settings.uncertainty.radius_log_sd < 0.7
         and is_flat,
-        "'uncertainty.radius_fraction' states a radius well known, and 'counterface' a flat, which "
-        "has none: give counterface.radius_mm, or leave radius_fraction out",
+        "'uncertainty.radius_log_sd' states a radius well known, and 'counterface' a flat, which "
+        "has none: give counterface.radius_mm, or leave radius_log_sd out",
     )
     if tool is None:
         return
@@ -113,8 +113,8 @@ def _gesture(settings: "Settings") -> Iterator[tuple[bool, str]]:
     gesture, law = settings.gesture, settings.wear_law
     has_layer, moves = settings.interlayer is not None, gesture is not None
     yield (
-        moves and settings.coupling == "levelled",
-        "'gesture' needs a stone at rest, and coupling is levelled: set coupling to placed, or "
+        moves and settings.coupling == "paper",
+        "'gesture' needs a stone at rest, and coupling is paper: set coupling to equilibrium, or "
         "gesture to null",
     )
     yield (
@@ -221,7 +221,7 @@ def _in_load(settings: "Settings") -> Iterator[str]:
             f"'pressure_cap_MPa' is {cap} MPa, not above the mean pressure on the square, "
             f"{pressure:.4g} MPa: no contact bears more than that; raise it, or set it to null"
         )
-    if settings.coupling == "levelled":
+    if settings.coupling == "paper":
         return
     face_mm = settings.macroscale.face_mm
     if face_mm < size_mm:
@@ -230,7 +230,7 @@ def _in_load(settings: "Settings") -> Iterator[str]:
             "contains the square; make it larger"
         )
     low, high = (size_mm - face_mm) / 2, (size_mm + face_mm) / 2
-    if not all(low < along < high for along in load_point(load, size_mm)):
+    if not all(low < along < high for along in resolved_load_point(load, size_mm)):
         yield (
             f"'load.at_mm' is {load['at_mm']}, outside the face, which reaches from {low:g} to "
             f"{high:g} mm: the stone would tip over; move it inside"
@@ -240,7 +240,7 @@ def _in_load(settings: "Settings") -> Iterator[str]:
 def _in_use(settings: "Settings") -> Iterator[str]:
     """What cannot be inferred from the wear, or goes beyond the face."""
     use, errors = settings.use, settings.uncertainty
-    if use is None or settings.coupling != "placed":
+    if use is None or settings.coupling != "equilibrium":
         return
     face_mm = settings.macroscale.face_mm
     for key, value, reach_mm in (
@@ -269,8 +269,8 @@ def _in_use(settings: "Settings") -> Iterator[str]:
                 )
     is_round = settings.counterface is not None and settings.counterface.radius_mm is not None
     free = errors.load_point_mm, use.scatter_mm, use.stroke_mm
-    if not any(free) and not (is_round and errors.radius_fraction):
+    if not any(free) and not (is_round and errors.radius_log_sd):
         yield (
-            "'uncertainty.load_point_mm', 'uncertainty.radius_fraction', 'use.scatter_mm' and "
+            "'uncertainty.load_point_mm', 'uncertainty.radius_log_sd', 'use.scatter_mm' and "
             "'use.stroke_mm' leave nothing to infer: raise one of them, or set use to null"
         )

@@ -31,7 +31,15 @@ __all__ += [
     "Specimen",
     "Square",
 ]
-__all__ += ["Texts", "Texture", "Traces", "Uncertainty", "Use", "Validation", "WearLaw"]
+__all__ += [
+    "DetectionSettings",
+    "Texts",
+    "Texture",
+    "Uncertainty",
+    "Use",
+    "Validation",
+    "WearLaw",
+]
 
 AnyType = TypeVar("AnyType")
 # A key without a default: it may be left out.
@@ -174,7 +182,7 @@ class Macroscale(Section):
     """Elements along each side of the square."""
     face_mm: float = Field(15.0, gt=0, le=500)
     """Side of the face (mm), with the square in its middle: as much of the stone as comes to rest
-    on the other. With levelled coupling, the square is pressed alone."""
+    on the other. With the coupling of the paper, the square is pressed alone."""
     interpolation: Literal["best", "linear"] = "best"
     """How the heights between the mesh's vertices are found: linearly over the triangles between
     them (the paper), or by the best of three ways at predicting vertices left out: linearly,
@@ -228,10 +236,10 @@ class Registration(Section):
     T1 must cover a quarter of T0 to be found."""
 
 
-class Traces(Section):
+class DetectionSettings(Section):
     """What counts as height lost or gained from T0 to T1."""
 
-    minimum_points: int = Field(8, ge=1, le=10_000)
+    minimum_cluster_points: int = Field(8, ge=1, le=10_000)
     """Fewest adjacent points (corners count) beyond the level of detection that make a loss or a
     gain. Noise alone puts 2.5 % of all points beyond it on either side, but hardly ever so many
     together if its points are independent. If the errors of neighbouring points correlate, more
@@ -262,12 +270,12 @@ class Uncertainty(Section):
     load_point_mm: float = Field(1.0, ge=0, le=20)
     """That of the load point (mm), as far as it is the same in all strokes; the scatter from
     stroke to stroke is gesture.load_point_scatter_mm."""
-    radius_fraction: float = Field(0.7, ge=0, le=3)
+    radius_log_sd: float = Field(0.7, ge=0, le=3)
     """Standard deviation of the logarithm of the active tool's radius; 0.7 is a factor of 2."""
-    force_fraction: float = Field(0.2, ge=0, le=2)
+    force_log_sd: float = Field(0.2, ge=0, le=2)
     """Standard deviation of the logarithm of the force."""
-    young_fraction: float = Field(0.2, ge=0, le=1)
-    """Standard deviation of each stone's Young's modulus, over its value."""
+    young_log_sd: float = Field(0.2, ge=0, le=1)
+    """Standard deviation of the logarithm of each stone's Young's modulus."""
     poisson: float = Field(0.05, ge=0, le=0.5)
     """Standard deviation of each stone's Poisson's ratio."""
 
@@ -308,7 +316,7 @@ class Pose(Alternatives):
 
 class Counterface(Alternatives):
     """The active tool: its radius or its mesh, pressed on the face; a scan of it, pressed on
-    each patch; null for a flat. With levelled coupling, a flat presses the square.
+    each patch; null for a flat. With the coupling of the paper, a flat presses the square.
     """
 
     radius_mm: Radius | Radii | None = None
@@ -367,7 +375,7 @@ class WearLaw(Section):
 class Use(Section):
     """How the tool was used, read from the losses of the patches: where it was pressed, and
     against how round a tool, from what load and counterface state, with the errors of
-    uncertainty. Null goes on as stated. It needs coupling: placed and scans after use.
+    uncertainty. Null goes on as stated. It needs coupling: equilibrium and scans after use.
     """
 
     draws: int = Field(100, ge=20, le=100_000)
@@ -404,7 +412,7 @@ class Validation(Section):
 
     resamples: int = Field(9999, ge=99, le=100_000)
     """Number of bootstrap resamples of the patches, and of draws of chance."""
-    max_noise_fraction: float = Field(0.2, gt=0, le=1)
+    max_gain_to_loss_ratio: float = Field(0.2, gt=0, le=1)
     """Largest share of a patch's loss that may be noise, as the area that rose tells, for the loss
     to be above the noise. Points too high by error at T0 are predicted to wear, and lost at T1
     without any wear."""

@@ -33,7 +33,7 @@ from gstlib.specimen.scanning import (
     take_scan,
 )
 from gstlib.specimen.stone import MARGIN_MM, Stone
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import axis_coordinates, described, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
@@ -191,7 +191,7 @@ def make_specimens(
     scans: dict[str, dict] = {name: {} for name in depths}
     known: dict[str, list] = {name: [] for name in depths}
     for row in patches.itertuples():
-        nominal = Place(row.y_mm, row.x_mm, row.rotation_deg)
+        nominal = PatchPosition(row.y_mm, row.x_mm, row.rotation_deg)
         t0, t1 = place_scans(
             row.patch, nominal, p, square_mm=square_mm, poor_overlap=row.patch in poor
         )
@@ -280,7 +280,7 @@ def _rounded(heights: np.ndarray) -> np.ndarray:
     return (np.round(heights / _HEIGHT_STEP_MM) * _HEIGHT_STEP_MM).astype(np.float32)
 
 
-def _overlap(t0: Place, t1: Place, size_mm: float) -> float:
+def _overlap(t0: PatchPosition, t1: PatchPosition, size_mm: float) -> float:
     """Share of the T0 scan's area inside the T1 scan; their relative turn is neglected."""
     return float(np.prod([max(0.0, 1 - abs(shift) / size_mm) for shift in relocation(t0, t1)]))
 

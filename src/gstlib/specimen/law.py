@@ -66,12 +66,14 @@ def worn_by_law(stone: Stone, mean_loss: float, *, with_interlayer: bool) -> np.
     face = make_surface(stone.face_means(_ELEMENTS, _AROUND), spacing)
     along = axis_coordinates(_ELEMENTS + 2 * _AROUND, spacing) - _AROUND * spacing
     face = face.assign_coords({axis: face[axis].copy(data=along) for axis in "yx"})
-    through = load_point_of(stone)
+    load_point = load_point_of(stone)
     force_N = _PRESSURE_MPA * size_mm**2
     p = stone.parameters
     contact = contact_at_pressure(
-        Interface(face, rounded_counterface(face, p.worn_radius_mm, through, p.worn_angle_deg)),
-        Load.of_force(force_N, face, through),
+        Interface(
+            face, rounded_counterface(face, p.worn_radius_mm, load_point, p.worn_angle_deg)
+        ),
+        Load.of_force(force_N, face, load_point),
         modulus=_CONTACT_MODULUS_MPA,
         tolerance=_TOLERANCE,
         source="specimen",

@@ -12,7 +12,7 @@ import xarray as xr
 from gstlib.errors import InputError
 from gstlib.specimen.randomness import SpecimenParameters, smooth_field, stream
 from gstlib.specimen.stone import Stone
-from gstlib.surfaces.footprints import Place, rotated
+from gstlib.surfaces.footprints import PatchPosition, rotated
 from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
 
@@ -44,12 +44,12 @@ def poor_overlaps(patches: list[str], seed: int) -> set[str]:
 
 def place_scans(
     patch: str,
-    nominal: Place,
+    nominal: PatchPosition,
     parameters: SpecimenParameters,
     *,
     square_mm: float,
     poor_overlap: bool,
-) -> tuple[Place, Place]:
+) -> tuple[PatchPosition, PatchPosition]:
     """True places of a patch's T0 scan, near the nominal one, and of its T1 scan, near T0.
 
     With `poor_overlap` T1 misses a good part of T0, along one edge, towards the square's middle.
@@ -62,28 +62,34 @@ def place_scans(
     missed = generator.uniform(*_POOR_MISSED)
     axis = generator.integers(2)
     # errors and moves are drawn along x first
-    t0 = Place(nominal.y_mm + error[1], nominal.x_mm + error[0], turns[0])
+    t0 = PatchPosition(nominal.y_mm + error[1], nominal.x_mm + error[0], turns[0])
     if poor_overlap:
         inwards = np.sign(square_mm / 2 - (t0.x_mm, t0.y_mm)[axis])
         move[axis] = (inwards or 1.0) * missed * p.scan_size_mm
-    return t0, Place(t0.y_mm + move[1], t0.x_mm + move[0], turns[1])
+    return t0, PatchPosition(t0.y_mm + move[1], t0.x_mm + move[0], turns[1])
 
 
-def place_again(patch: str, t0: Place, parameters: SpecimenParameters) -> Place:
+def place_again(patch: str, t0: PatchPosition, parameters: SpecimenParameters) -> PatchPosition:
     """True place of a second scan of a patch, off that of its T0 scan as a good T1 is."""
     generator = stream(parameters.seed, "repeat", patch)
     move_y, move_x = generator.normal(0.0, parameters.relocation_error_um * 1e-3, 2)
     turn = generator.normal(0.0, _ROTATION_ERROR_DEG)
-    return Place(t0.y_mm + move_y, t0.x_mm + move_x, t0.rotation_deg + turn)
+    return PatchPosition(t0.y_mm + move_y, t0.x_mm + move_x, t0.rotation_deg + turn)
 
 
-def relocation(t0: Place, t1: Place) -> tuple[float, float]:
+def relocation(t0: PatchPosition, t1: PatchPosition) -> tuple[float, float]:
     """The centre of T1 (y, x) from that of T0, along the axes of T0, mm."""
     return t0.seen(t1.y_mm, t1.x_mm)
 
 
 def sample(
-    field: np.ndarray, stone: Stone, place: Place, points: int, *, order: int, patch: str
+    field: np.ndarray,
+    stone: Stone,
+    place: PatchPosition,
+    points: int,
+    *,
+    order: int,
+    patch: str,
 ) -> np.ndarray:
     """A field on the grid of ``stone.detail``, at the (points, points) of a scan.
 

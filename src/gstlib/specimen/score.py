@@ -15,7 +15,7 @@ import xarray as xr
 
 from gstlib.contact import Contact, Interface, contact_at_pressure
 from gstlib.specimen.scanning import relocation
-from gstlib.surfaces.footprints import Place, square_of
+from gstlib.surfaces.footprints import PatchPosition, square_of
 from gstlib.surfaces.grid import MM_TO_UM, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
@@ -191,7 +191,7 @@ def _use_scores(truth: Mapping[str, float], use: pd.DataFrame | None) -> Iterato
     """How the tool was used, if a law wore it and the study asked."""
     if use is None or "use_x_mm" not in truth:
         return
-    recovered = use.set_index("parameter")["mean"]
+    recovered = use.set_index("parameter")["posterior_mean"]
     for name, true in (("load_point_x", "x"), ("load_point_y", "y"), ("radius", "radius")):
         if np.isfinite(recovered.get(name, math.nan)):
             yield name, "mm", truth[f"use_{true}_mm"], recovered[name]
@@ -199,7 +199,7 @@ def _use_scores(truth: Mapping[str, float], use: pd.DataFrame | None) -> Iterato
 
 def _registration_scores(at: xr.Dataset, recovered: dict) -> Iterator[_Row]:
     """The position found for T1, along the axes of the T0 scan."""
-    t0, t1 = (Place.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
+    t0, t1 = (PatchPosition.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     shift_y, shift_x = relocation(t0, t1)
     for axis, shift in (("x", shift_x), ("y", shift_y)):
         yield f"shift_{axis}", "um", shift * MM_TO_UM, recovered[f"shift_{axis}_um"]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import shapely
 
 __all__ = [
-    "Place",
+    "PatchPosition",
     "area_weights",
     "covered_areas",
     "footprint_weights",
@@ -43,7 +43,7 @@ def rotated(v: Any, u: Any, rotation_deg: float) -> tuple[Any, Any]:
     return cosine * v + sine * u, cosine * u - sine * v
 
 
-class Place(NamedTuple):
+class PatchPosition(NamedTuple):
     """Where a scan lies on the square: its centre (mm) and its turn from x towards y."""
 
     y_mm: float
@@ -51,7 +51,7 @@ class Place(NamedTuple):
     rotation_deg: float = 0.0
 
     @classmethod
-    def of(cls, at: xr.Dataset) -> "Place":
+    def of(cls, at: xr.Dataset) -> "PatchPosition":
         """The place of one patch, from its ``y_mm, x_mm, rotation_deg``."""
         return cls(*(float(at[name]) for name in cls._fields))
 
@@ -65,10 +65,10 @@ class Place(NamedTuple):
         return rotated(y - self.y_mm, x - self.x_mm, -self.rotation_deg)
 
 
-def places_of(patches: pd.DataFrame) -> dict[str, Place]:
+def places_of(patches: pd.DataFrame) -> dict[str, PatchPosition]:
     """Place of each patch, from ``patch, x_mm, y_mm, rotation_deg``."""
     rows = patches[["patch", "y_mm", "x_mm", "rotation_deg"]].itertuples(index=False)
-    return {patch: Place(*map(float, place)) for patch, *place in rows}
+    return {patch: PatchPosition(*map(float, place)) for patch, *place in rows}
 
 
 def spline_of(field: xr.DataArray) -> "scipy.interpolate.RectBivariateSpline":
@@ -102,7 +102,7 @@ def square_of(field: xr.DataArray | xr.Dataset, size_mm: float) -> Any:
 
 def on_patch(
     spline: "scipy.interpolate.RectBivariateSpline",
-    place: Place,
+    place: PatchPosition,
     shape: tuple[int, ...],
     size_mm: float,
 ) -> np.ndarray:
@@ -113,7 +113,7 @@ def on_patch(
     return spline.ev(*place.points(v[:, None], u))
 
 
-def outline(place: Place, size_mm: float | tuple[float, float]) -> np.ndarray:
+def outline(place: PatchPosition, size_mm: float | tuple[float, float]) -> np.ndarray:
     """Corners (4, 2), x and y (mm), of a footprint, the lower left first.
 
     `size_mm` is its side, or its extents along its own y and x.
@@ -151,13 +151,13 @@ def covered_areas(patches: pd.DataFrame, size_mm: float) -> dict[str, "shapely.P
     for patch, *of_t1 in patches[["patch", *_T1]].dropna().itertuples(index=False):
         v, u, turn, height, width = np.multiply(of_t1, (1e-3, 1e-3, 1, 1e-3, 1e-3))
         before = places[patch]
-        after = Place(*before.points(v, u), before.rotation_deg + turn)
+        after = PatchPosition(*before.points(v, u), before.rotation_deg + turn)
         t0, t1 = outline(before, size_mm), outline(after, (height, width))
         covered[patch] = shapely.Polygon(t0).intersection(shapely.Polygon(t1))
     return covered
 
 
-def footprint_weights(grid: xr.DataArray, place: Place, size_mm: float) -> np.ndarray:
+def footprint_weights(grid: xr.DataArray, place: PatchPosition, size_mm: float) -> np.ndarray:
     """Share (ny, nx), from 0 to 1, of each element's area inside a square footprint, exactly.
 
     `grid` is any field on the grid, dims (..., y, x); `size_mm` is the footprint's side.

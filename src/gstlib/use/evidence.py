@@ -14,6 +14,7 @@ like all that is not known (`gstlib.use.tempering`).
 # error; a tenth of the grades are at random. As many patches lie between two limits as have the
 # grade between them.
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -28,7 +29,8 @@ __all__ = ["FEWEST_PATCHES", "FEWEST_WORN", "Evidence", "Grades", "Losses", "lik
 # Patches, and patches whose loss is above the noise, below which nothing is inferred.
 FEWEST_PATCHES, FEWEST_WORN = 6, 4
 _FREEDOM = 4.0
-_LOG_OF_T = float(scipy.stats.t.logpdf(0, _FREEDOM))
+# logarithm of the density of Student's t at 0, with these degrees of freedom
+_LOG_OF_T = math.log(3 / 8)
 # Medians and standard errors of logarithms: of the wear coefficient over that of all patches
 # together; of the scatter over the loss of the patch, and over the mean loss. Most patches neither
 # bear load nor wear, whatever the heights err by: their perfect fit says nothing of the patches at

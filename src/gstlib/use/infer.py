@@ -34,7 +34,7 @@ from gstlib.use.competitors import competitor_scores
 from gstlib.use.evidence import FEWEST_PATCHES, FEWEST_WORN, Evidence, Losses
 from gstlib.use.laws import law_scores
 from gstlib.use.sampling import Draws, Prior, Sampling, sample
-from gstlib.use.tempering import effective_draws
+from gstlib.use.tempering import effective_sample_size
 
 __all__ = [
     "FEWEST_DRAWS",
@@ -89,7 +89,7 @@ _DESCRIBED = {
     "competitor_log_score": ("1", "the same by a competitor that knows no contact"),
     "law_log_score": ("1", "log probability of the patch's wear, given the others', by a law"),
     "law_parameter": ("1", "parameter of a law: its mean, and the limits of 95 %"),
-    "effective_draws_without": ("1", "effective draws by the wear of the other patches"),
+    "effective_sample_size_without": ("1", "effective draws by the wear of the other patches"),
     "wear_coefficient": ("um/MPa", "wear coefficient with the sliding"),
     "scatter": ("1", "scatter of the wear"),
     "floor": ("um", "scatter of a loss that does not grow with it"),
@@ -102,33 +102,33 @@ class StatedUse(NamedTuple):
     Attributes
     ----------
     force_N : float
-    through : (float, float)
+    load_point : (float, float)
         The load point (y, x) on the square, mm.
     load_point_mm : float
         Its standard error along each axis.
     radius_mm : float or None
         Of the active tool whose face is pressed (of two, the geometric mean); None where it is
         known, or flat.
-    radius_fraction : float
+    radius_log_sd : float
         Standard error of the logarithm of the radius.
     scatter_mm, stroke_mm : float
         Scales of how far strikes scatter along each axis, and of how long strokes are.
     """
 
     force_N: float
-    through: tuple[float, float]
+    load_point: tuple[float, float]
     load_point_mm: float
     radius_mm: float | None = None
-    radius_fraction: float = 0.0
+    radius_log_sd: float = 0.0
     scatter_mm: float = 0.0
     stroke_mm: float = 0.0
 
     @property
     def prior(self) -> Prior:
         """Uses that are possible beforehand."""
-        mean, error = [*self.through], 2 * [self.load_point_mm]
+        mean, error = [*self.load_point], 2 * [self.load_point_mm]
         if self.radius_mm is not None:
-            mean, error = [*mean, np.log(self.radius_mm)], [*error, self.radius_fraction]
+            mean, error = [*mean, np.log(self.radius_mm)], [*error, self.radius_log_sd]
         return Prior(np.array(mean), np.array(error), self.scatter_mm, self.stroke_mm)
 
 
@@ -168,14 +168,14 @@ def infer_use(
         and ``weight``, the worth of the draw after the wear was seen. By ``draw`` and ``patch``:
         ``pressure`` and ``pressure_at_centre``, MPa, and ``weight_without``, the worth after the
         wear of the other patches was seen. By ``patch``: ``log_score`` of each patch given the
-        others and ``effective_draws_without``; by ``competitor`` and ``patch``,
+        others and ``effective_sample_size_without``; by ``competitor`` and ``patch``,
         ``competitor_log_score``. Of losses, the dataset from `gstlib.use.laws.law_scores` is part
-        of it. Attributes: ``effective_draws``; ``contacts`` that
-        were solved, and the error ``contact_error`` with which the last were predicted; ``gain``
-        of the log score over the best ``competitor``, with its standard error ``gain_error``;
-        ``answer``, one of `PRESSED`, `PERHAPS` and `NOT_PRESSED`; and ``taken``, whether the study
-        takes it. Where nothing can be inferred, there are the attributes alone, and ``answer`` is
-        `UNKNOWN` with the reason.
+        of it. Attributes: ``effective_sample_size``; ``contacts`` that were solved, and the error
+        ``contact_error`` with which the last were predicted; ``log_score_gain`` over the best
+        ``competitor``, with its standard error ``log_score_gain_error``; ``answer``, one of
+        `PRESSED`, `PERHAPS` and `NOT_PRESSED`; and ``adopted``, whether the study adopts it. If
+        nothing can be inferred, there are the attributes alone, and ``answer`` is `UNKNOWN` with
+        the reason.
     """
     if len(patches) < FEWEST_PATCHES or not evidence.tells:
         remedy = (
@@ -211,7 +211,7 @@ def infer_use(
     found["competitor_log_score"] = ("competitor", "patch"), np.array([*competitors.values()])
     answer = _answer(found)
     # where a competitor predicts better, more contacts would not help
-    if answer["taken"] and not draws.contact_error <= _MOST_CONTACT_ERROR:
+    if answer["adopted"] and not draws.contact_error <= _MOST_CONTACT_ERROR:
         reason = (
             f"the last of {contacts} contacts were predicted from the others with an error of "
             f"{100 * draws.contact_error:.0f} % of their mean pressure"
@@ -222,7 +222,7 @@ def infer_use(
         found = found.merge(
             law_scores(draws.pressures_of, draws.variables, evidence, generator)
         )
-    few = found.patch.values[found.effective_draws_without.values < FEWEST_DRAWS]
+    few = found.patch.values[found.effective_sample_size_without.values < FEWEST_DRAWS]
     if len(few):
         _log.warning(
             "the prediction for the patches %s rests on fewer than %d effective draws, so that it "
@@ -233,7 +233,7 @@ def infer_use(
         )
     stated_radius = np.nan if stated.radius_mm is None else stated.radius_mm
     return described(found, _DESCRIBED).assign_attrs(
-        effective_draws=float(effective_draws(draws.particles.weights)),
+        effective_sample_size=float(effective_sample_size(draws.particles.weights)),
         stated_radius_mm=stated_radius,
         **answer,
     )
@@ -263,7 +263,7 @@ def _stored(draws: Draws, patches: pd.DataFrame) -> xr.Dataset:
     }
     by_patch = {
         "log_score": draws.particles.log_score,
-        "effective_draws_without": effective_draws(without),
+        "effective_sample_size_without": effective_sample_size(without),
     }
     return xr.Dataset(
         {name: ("draw", of) for name, of in by_draw.items()}
@@ -321,11 +321,11 @@ def _unknown(reason: str, remedy: str) -> xr.Dataset:
         remedy,
     )
     answer = f"{UNKNOWN}, because {reason}"
-    return xr.Dataset(attrs={"answer": answer, "taken": 0, "effective_draws": 0.0})
+    return xr.Dataset(attrs={"answer": answer, "adopted": 0, "effective_sample_size": 0.0})
 
 
 def _answer(use: xr.Dataset) -> dict[str, Any]:
-    """Whether a use explains the wear, and whether the study takes it."""
+    """Whether a use explains the wear, and whether the study adopts it."""
     gains = (use.log_score - use.competitor_log_score).transpose("competitor", "patch").values
     total = gains.sum(axis=1)
     error = np.sqrt(gains.shape[1]) * gains.std(axis=1, ddof=1)
@@ -335,9 +335,9 @@ def _answer(use: xr.Dataset) -> dict[str, Any]:
         answer = PRESSED
     return {
         "competitor": str(use.competitor.values[best]),
-        "gain": float(total[best]),
-        "gain_error": float(error[best]),
+        "log_score_gain": float(total[best]),
+        "log_score_gain_error": float(error[best]),
         "answer": answer,
         # where a competitor tells more of the other patches, a use has not shown itself
-        "taken": int(total[best] > 0),
+        "adopted": int(total[best] > 0),
     }

@@ -41,8 +41,16 @@ _TOUCHED = 0.01
 # One-sided level of a claim. The quantile is Student's, because the standard error is from few
 # patches; for the best of four others, it is of a quarter of the level.
 _LEVEL = 0.05
-_STATISTICS = "mean", "low", "high"
-_COLUMNS = ["law", "parameter", *_STATISTICS, "log_score", "gain", "gain_error", "answer"]
+_STATISTICS = "posterior_mean", "low", "high"
+_COLUMNS = [
+    "law",
+    "parameter",
+    *_STATISTICS,
+    "log_score",
+    "log_score_gain",
+    "log_score_gain_error",
+    "answer",
+]
 _PARAMETERS = {
     "threshold": "threshold_MPa",
     "lower exponent": "exponent",
@@ -159,11 +167,11 @@ def law_table(
     Returns
     -------
     pandas.DataFrame
-        A row for each law. ``gain`` is its log score minus that of Archard's law. ``answer`` is the
-        law that predicts best, or `UNDECIDED`. There are no rows if too few patches wore, or if no
-        load touches them.
+        A row for each law. ``log_score_gain`` is its log score minus the log score of Archard's
+        law. ``answer`` is the law that predicts best, or `UNDECIDED`. There are no rows
+        if too few patches wore, or if no load touches them.
     """
-    if use is not None and use.attrs["taken"] and "law_log_score" in use:
+    if use is not None and use.attrs["adopted"] and "law_log_score" in use:
         scores = use
     elif len(pressure) < FEWEST_PATCHES or not losses.tells or not (pressure > 0).any():
         return pd.DataFrame(columns=_COLUMNS)
@@ -182,8 +190,8 @@ def law_table(
         law=scores.law.values,
         parameter=[_PARAMETERS.get(name, "") for name in scores.law.values],
         log_score=score.sum("patch").values,
-        gain=gains.sum(axis=1),
-        gain_error=np.sqrt(count) * gains.std(axis=1, ddof=1),
+        log_score_gain=gains.sum(axis=1),
+        log_score_gain_error=np.sqrt(count) * gains.std(axis=1, ddof=1),
     )
     return table.assign(answer=_answer(table, count))[_COLUMNS].round(_DECIMALS)
 
@@ -191,9 +199,9 @@ def law_table(
 def _answer(table: pd.DataFrame, patches: int) -> str:
     """The law that predicts best, if the gains over Archard's law show one."""
     others = table[table.law != BASE]
-    best = others.loc[others.gain.idxmax()]
+    best = others.loc[others.log_score_gain.idxmax()]
     apart = scipy.stats.t(patches - 1)
-    if best.gain > apart.isf(_LEVEL / len(others)) * best.gain_error:
+    if best.log_score_gain > apart.isf(_LEVEL / len(others)) * best.log_score_gain_error:
         return str(best.law)
-    clearly = others.gain < -apart.isf(_LEVEL) * others.gain_error
+    clearly = others.log_score_gain < -apart.isf(_LEVEL) * others.log_score_gain_error
     return BASE if clearly.all() else UNDECIDED

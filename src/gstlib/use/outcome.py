@@ -61,8 +61,8 @@ def use_of_study(
         From `gstlib.use.infer.infer_use`. With losses, also ``stated_pressure`` (scanned), MPa, of
         every patch under the use as stated.
     table : pandas.DataFrame
-        From `use_table`. Read from grades, it has ``mean_without_curvature``, too: the mesh is that
-        of the worn tool.
+        From `use_table`. If it rests on grades, it has ``posterior_mean_without_curvature``, too,
+        because the mesh is the mesh of the worn tool.
     losses : pandas.DataFrame or None
         From `predicted_losses`; None where there are grades in place of losses.
     """
@@ -89,7 +89,11 @@ def use_of_study(
         for pressed in (face, without_curvature(face))
     )
     table = use_table(use, told)
-    return use, table.assign(mean_without_curvature=use_table(flat, told)["mean"]), None
+    return (
+        use,
+        table.assign(posterior_mean_without_curvature=use_table(flat, told)["posterior_mean"]),
+        None,
+    )
 
 
 def losses_of(
@@ -113,7 +117,7 @@ def losses_of(
 
 
 def as_used(
-    face: xr.Dataset, use: xr.Dataset | None, through: tuple[float, float] | None
+    face: xr.Dataset, use: xr.Dataset | None, load_point: tuple[float, float] | None
 ) -> tuple[xr.Dataset, tuple[float, float] | None]:
     """What is pressed, and through which point: as the wear says, or else as stated.
 
@@ -121,8 +125,8 @@ def as_used(
     `gstlib.use.infer.infer_use`. The load point is the mean of the centres that the wear says, and
     the radius the geometric mean.
     """
-    if use is None or not use.attrs["taken"]:
-        return face, through
+    if use is None or not use.attrs["adopted"]:
+        return face, load_point
     weight = use.weight.values
     point = float(weight @ use.y_mm.values), float(weight @ use.x_mm.values)
     log_radius = float(weight @ np.log(use.radius_mm.values))
@@ -154,7 +158,7 @@ def pressures_of_use(
     not known keep their values, and have no ``leave_one_out_MPa``. Without a use that is taken, the
     table stays as it is.
     """
-    if use is None or not use.attrs["taken"]:
+    if use is None or not use.attrs["adopted"]:
         return pressures
     spread = (use.weight * (use.pressure - use.pressure_at_centre)).sum("draw")
     by_patch = {
@@ -176,8 +180,8 @@ def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame
 
     `use` is from `gstlib.use.infer.infer_use` with these `losses`. The result has ``patch``,
     ``loss_um`` as measured, ``predicted_um``, the limits of 95 %, ``low_um`` and ``high_um``,
-    scatter included, and ``effective_draws``, on which they rest. It has no rows where nothing was
-    inferred.
+    scatter included, and the ``effective_sample_size`` on which they rest. It does not have rows
+    if nothing was inferred.
     """
     generator = np.random.default_rng([seed, 7])
     rows = []
@@ -192,13 +196,13 @@ def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame
         drawn = generator.choice(len(weight), _PREDICTIVE, p=weight)
         width = np.hypot(at.scatter * expected, at.floor).values[drawn]
         loss = expected[drawn] + width * generator.standard_t(4.0, _PREDICTIVE)
-        count = float(at.effective_draws_without)
+        count = float(at.effective_sample_size_without)
         rows.append(
             (patch, measured, float(weight @ expected), *np.quantile(loss, LIMITS), count)
         )
-    columns = ["patch", "loss_um", "predicted_um", "low_um", "high_um", "effective_draws"]
+    columns = ["patch", "loss_um", "predicted_um", "low_um", "high_um", "effective_sample_size"]
     table = pd.DataFrame(rows, columns=columns).round(_DECIMALS)
-    return table.assign(effective_draws=table.effective_draws.round())
+    return table.assign(effective_sample_size=table.effective_sample_size.round())
 
 
 def share_within(predicted: pd.DataFrame) -> float:
@@ -214,15 +218,16 @@ def use_table(
     Returns
     -------
     pandas.DataFrame
-        A row for each ``parameter`` with its ``unit``: ``stated`` and ``stated_error`` (of the
-        radius: of its logarithm), NaN where nothing was; ``mean`` (of the radius: geometric),
-        ``low`` and ``high`` of 95 %. Rows of the answer: ``gain`` of the log score over the best
-        ``competitor``; ``contact_error``, of the pressures between the solved contacts; and, with
-        `predicted` from `predicted_losses`, the share of the losses ``within_95`` % of what the
-        others predict, the posterior predictive check. In all rows the same: ``effective_draws``,
-        ``answer``, ``competitor``, and ``taken``, whether the study takes it.
+        A row for each ``parameter`` with its ``unit``: ``prior`` and ``prior_error`` (of the
+        radius: of its logarithm), NaN without a statement; ``posterior_mean`` (of the radius:
+        geometric), ``low`` and ``high`` of 95 %. Rows of the answer: ``log_score_gain`` over the
+        best ``competitor``; ``contact_error``, of the pressures between the solved contacts;
+        and, with `predicted` from `predicted_losses`, the share of the losses ``within_95`` % of
+        the predictions from the others, the posterior predictive check. In all rows the same:
+        ``effective_sample_size``, ``answer``, ``competitor``, and ``adopted``, whether the study
+        adopts it.
     """
-    y, x = stated.through
+    y, x = stated.load_point
     nothing = np.nan, np.nan
     rows: list[tuple] = [
         ("load_point_x", "mm", "x_mm", x, stated.load_point_mm),
@@ -232,7 +237,7 @@ def use_table(
         ("spread", "mm", "spread_mm", np.nan, np.nan),
     ]
     if stated.radius_mm is not None:
-        rows.append(("radius", "mm", "radius_mm", stated.radius_mm, stated.radius_fraction))
+        rows.append(("radius", "mm", "radius_mm", stated.radius_mm, stated.radius_log_sd))
     if "wear_coefficient" in use:
         rows.append(("wear_coefficient", "um/MPa", "wear_coefficient", *nothing))
         rows.append(("scatter_of_losses", "1", "scatter", *nothing))
@@ -241,17 +246,17 @@ def use_table(
         for parameter, unit, name, value, error in rows
     ]
     if use.sizes:
-        gain, error = use.attrs["gain"], 1.96 * use.attrs["gain_error"]
-        found.append(("gain", "1", *nothing, gain, gain - error, gain + error))
+        gain, error = use.attrs["log_score_gain"], 1.96 * use.attrs["log_score_gain_error"]
+        found.append(("log_score_gain", "1", *nothing, gain, gain - error, gain + error))
         found.append(("contact_error", "1", *nothing, use.attrs["contact_error"], *nothing))
     if predicted is not None and len(predicted):
         found.append(("within_95", "1", *nothing, share_within(predicted), *nothing))
-    columns = ["parameter", "unit", "stated", "stated_error", "mean", "low", "high"]
+    columns = ["parameter", "unit", "prior", "prior_error", "posterior_mean", "low", "high"]
     return pd.DataFrame(found, columns=columns).assign(
-        effective_draws=use.attrs["effective_draws"],
+        effective_sample_size=use.attrs["effective_sample_size"],
         answer=use.attrs["answer"],
         competitor=COMPETITORS.get(use.attrs.get("competitor", ""), ""),
-        taken=bool(use.attrs["taken"]),
+        adopted=bool(use.attrs["adopted"]),
     )
 
 

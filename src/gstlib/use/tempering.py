@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-__all__ = ["LIMITS", "Particles", "effective_draws", "mean_and_limits", "tempered"]
+__all__ = ["LIMITS", "Particles", "effective_sample_size", "mean_and_limits", "tempered"]
 
 # Quantiles that hold 95 % of what is likely.
 LIMITS = 0.025, 0.975
@@ -113,7 +113,7 @@ def tempered(
     return Particles(standard, likelihood, offset)
 
 
-def effective_draws(weight: np.ndarray) -> np.ndarray:
+def effective_sample_size(weight: np.ndarray) -> np.ndarray:
     """How many draws of equal weight would be worth as much; `weight` is (draws, …)."""
     return np.asarray(1 / (weight**2).sum(axis=0))
 
@@ -157,7 +157,7 @@ def _step(
 
     def kept(counted: float) -> float:
         weight = scipy.special.softmax(_target(_in_part(likelihood, counted), offset) - target)
-        return float(effective_draws(weight)) / possible - _KEPT
+        return float(effective_sample_size(weight)) / possible - _KEPT
 
     possible = np.isfinite(likelihood).all(axis=1).sum()
 

@@ -134,7 +134,7 @@ def score_patch(
         models[model] = {
             "patch": patch,
             "model": model,
-            "marked_fraction": counts[1] / counts[3] if counts[3] else math.nan,
+            "predicted_worn_fraction": counts[1] / counts[3] if counts[3] else math.nan,
             "mcc": float(scores["mcc"]),
             "attainable_mcc": float(scores["attainable_mcc"]),
             "predicted_volume_um3": float(depth.clip(0).sum()) * element_um3,

@@ -20,7 +20,7 @@ from gstlib.coupling.embedding import placed_faces
 from gstlib.coupling.placement import ALL
 from gstlib.macroscale.composite import compose
 from gstlib.surfaces.filtering import s_filtered
-from gstlib.surfaces.footprints import Place, footprint_weights, places_of, spline_of
+from gstlib.surfaces.footprints import PatchPosition, footprint_weights, places_of, spline_of
 from gstlib.surfaces.grid import described, make_surface, spacing_of
 from gstlib.surfaces.leveling import Plane, remove_plane
 from gstlib.validation.masks import mask_counts, mask_scores
@@ -30,7 +30,7 @@ __all__ = [
     "drawn_surfaces",
     "patches_of_reference",
     "placed_whole",
-    "press_whole",
+    "solve_realisations",
     "solve_reference",
     "two_scales_table",
 ]
@@ -97,7 +97,7 @@ def drawn_surfaces(
         )
 
 
-def solve_reference(
+def solve_realisations(
     surfaces: Iterable[xr.DataArray],
     contact: Contact,
     patches: xr.Dataset,
@@ -112,7 +112,7 @@ def solve_reference(
     surfaces : iterable of (y, x) xarray.DataArray
         Heights of the square, mm: `drawn_surfaces`, or that of a synthetic specimen.
     contact : Contact
-        Of the face around it, as in `press_whole`.
+        Of the face around it, as in `solve_reference`.
     patches : xarray.Dataset
         By ``patch`` ``x_mm, y_mm, rotation_deg``: where the patches lie.
     scans : mapping of str to xarray.Dataset
@@ -123,7 +123,7 @@ def solve_reference(
     Returns
     -------
     whole : xarray.Dataset
-        From `press_whole`, of the first surface.
+        From `solve_reference`, of the first surface.
     patches : xarray.Dataset
         From `patches_of_reference`, by ``draw``.
     """
@@ -131,7 +131,7 @@ def solve_reference(
     scan = scans[next(iter(places))].height
     whole, drawn = None, []
     for heights in surfaces:
-        solved = press_whole(heights, contact, source=source)
+        solved = solve_reference(heights, contact, source=source)
         whole = solved if whole is None else whole
         drawn.append(patches_of_reference(solved.pressure, places, scan))
     if whole is None:
@@ -139,7 +139,7 @@ def solve_reference(
     return whole, xr.concat(drawn, "draw")
 
 
-def press_whole(
+def solve_reference(
     heights: xr.DataArray, contact: Contact, *, source: str | Path = "reference"
 ) -> xr.Dataset:
     """One contact of the whole square at the scans' resolution, in the stone at rest.
@@ -164,13 +164,13 @@ def press_whole(
 def placed_whole(heights: xr.DataArray, contact: Contact) -> tuple[xr.DataArray, float]:
     """The square as it lies in the stone at rest, and its share of the force.
 
-    Parameters as in `press_whole`. The result is the surface (y, x), mm, to press on a flat: on the
-    face's plane, less the counterface, displaced by what the pressures outside displace; and the
-    mean pressure on it, MPa.
+    Parameters as in `solve_reference`. The result is the surface (y, x), mm, to press on a flat:
+    on the face's plane, less the counterface, displaced as the pressures outside displace it; and
+    the mean pressure on it, MPa.
     """
     size = spacing_of(heights)[0] * heights.sizes["y"]
     # a generated surface begins at its own first element, less than one from the corner
-    middle = Place(*(float(heights[axis].mean()) for axis in "yx"))
+    middle = PatchPosition(*(float(heights[axis].mean()) for axis in "yx"))
     # one map in place of four: of so many points each takes memory
     pressed = placed_faces(heights, None, contact, middle, size_mm=size).pressed
     inside = footprint_weights(contact.pressure, middle, size)
@@ -181,7 +181,7 @@ def placed_whole(heights: xr.DataArray, contact: Contact) -> tuple[xr.DataArray,
 
 
 def patches_of_reference(
-    pressure: xr.DataArray, places: Mapping[str, Place], scan: xr.DataArray
+    pressure: xr.DataArray, places: Mapping[str, PatchPosition], scan: xr.DataArray
 ) -> xr.Dataset:
     """What the single-scale contact is on each scan.
 
@@ -189,7 +189,7 @@ def patches_of_reference(
     ----------
     pressure : (y, x) xarray.DataArray
         Contact pressure of the whole square, MPa.
-    places : mapping of str to Place
+    places : mapping of str to PatchPosition
     scan : (y, x) xarray.DataArray
         One of the scans, whose grid they all have.
 

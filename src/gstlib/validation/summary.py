@@ -42,7 +42,7 @@ from gstlib.validation.scoring import (
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 from gstlib.wear.fit import Prediction
 
-__all__ = ["patch_statistics", "score_wear", "summarise"]
+__all__ = ["patch_statistics", "score_wear", "separated", "statistic_names", "summarise"]
 
 _NONE = BASELINES[0]
 _PREDICTIONS = BARE, INTERLAYER, CAPPED
@@ -86,8 +86,9 @@ def summarise(
     Returns
     -------
     pandas.DataFrame
-        ``model, statistic, value, low, high, p_value, n, against``, with 95 % intervals, over the
-        patches that are in the statistics. Of each prediction ``mean(mcc)``,
+        ``model, statistic, x, y, value, low, high, p_value, n, against``, with 95 % intervals,
+        over the patches that are in the statistics; a statistic of x and y is named ``f(x, y)``
+        here. Of each prediction ``mean(mcc)``,
         ``mean(attainable_mcc)``, and against the best baseline ``gain(mcc)``, a mean difference,
         ``relative(volume_error)`` and ``relative_to_best(map_error)``, ratios of summed absolute
         errors; of all models ``mean(mcc)`` and, against no loss, ``relative(map_error)``. Two-sided
@@ -124,7 +125,40 @@ def summarise(
         {"model": model, "statistic": name, **estimate._asdict(), "against": against}
         for model, name, estimate, against in rows
     ]
-    return pd.DataFrame(named)
+    return separated(pd.DataFrame(named))
+
+
+def separated(summary: pd.DataFrame) -> pd.DataFrame:
+    """The table with ``statistic``, ``x`` and ``y`` in place of statistics such as ``f(x, y)``.
+
+    Examples
+    --------
+    >>> row = pd.DataFrame({"statistic": ["spearman(pressure_MPa, loss_fraction)"], "value": [0.9]})
+    >>> separated(row)[["statistic", "x", "y"]].iloc[0].tolist()
+    ['spearman', 'pressure_MPa', 'loss_fraction']
+    """
+    parts = summary.statistic.str.extract(r"^([^(]+)(?:\(([^,]+)(?:, (.+))?\))?$").fillna("")
+    place = list(summary.columns).index("statistic")
+    table = summary.drop(columns="statistic")
+    for name, part in zip(("y", "x", "statistic"), (2, 1, 0), strict=True):
+        table.insert(place, name, parts[part])
+    return table
+
+
+def statistic_names(summary: pd.DataFrame) -> pd.Series:
+    """The statistic of each row with its arguments, such as ``mean(mcc)``, from `separated`.
+
+    Examples
+    --------
+    >>> statistic_names(pd.DataFrame({"statistic": ["mean"], "x": ["mcc"], "y": [np.nan]})).tolist()
+    ['mean(mcc)']
+    """
+    rows = summary[["statistic", "x", "y"]].astype(object).fillna("").itertuples(index=False)
+    names = [
+        f"{statistic}({', '.join(filter(None, (x, y)))})" if x else statistic
+        for statistic, x, y in rows
+    ]
+    return pd.Series(names, index=summary.index, name="statistic", dtype=str)
 
 
 def patch_statistics(

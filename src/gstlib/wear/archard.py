@@ -48,7 +48,7 @@ from gstlib.coupling.pressures import covered, unseen
 from gstlib.errors import InputError
 from gstlib.macroscale.ensemble import patch_means
 from gstlib.macroscale.gesture import Gesture, exposure, press_poses
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import described
 
 __all__ = [
@@ -535,7 +535,7 @@ def _lowered(contact: Contact, at: xr.Dataset, interlayer: Interlayer) -> np.nda
         return 0.0
     under_interlayer = surroundings(
         interlayer.pressure,
-        Place.of(at),
+        PatchPosition.of(at),
         around.shape,
         size_mm=float(at.patch_mm),
         contact_modulus_MPa=contact.modulus,

@@ -166,7 +166,7 @@ def test_a_cap_holds_and_a_flat_surface_carries_all_alike():
 @pytest.mark.parametrize(
     "load",
     [
-        {"mean_pressure": 9.0, "through": (0.1, 0.1)},
+        {"mean_pressure": 9.0, "load_point": (0.1, 0.1)},
         {"displacement": 1.001 * (ROUGH[0].max() - ROUGH[0].mean())},  # beyond full contact
     ],
 )

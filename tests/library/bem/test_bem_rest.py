@@ -29,10 +29,12 @@ def centre_of(pressure, spacing):
     return np.array([(pressure * y).sum(), (pressure * x).sum()]) / pressure.sum()
 
 
-def resting(heights, spacing, force, through, **options):
+def resting(heights, spacing, force, load_point, **options):
     mean = force / (heights.size * np.prod(np.broadcast_to(spacing, 2)))
     options = {"tolerance": 1e-9} | options
-    return solve_contact(heights, spacing, MODULUS, mean_pressure=mean, through=through, **options)
+    return solve_contact(
+        heights, spacing, MODULUS, mean_pressure=mean, load_point=load_point, **options
+    )
 
 
 # --- closed forms
@@ -103,7 +105,7 @@ def test_any_surface_comes_to_rest_under_a_force_within_it(seed, ny, nx, mean_pr
     weights = np.where(surface, rng.exponential(size=(ny, nx)) ** 4, 0)
     point = centre_of(weights, spacing)
     state = solve_contact(
-        heights, spacing, MODULUS, mean_pressure=mean_pressure, through=point, tolerance=1e-8
+        heights, spacing, MODULUS, mean_pressure=mean_pressure, load_point=point, tolerance=1e-8
     )
     assert max(state.residual, state.moment_residual) <= 1e-8
     assert state.iterations <= 40
@@ -116,11 +118,11 @@ def test_any_surface_comes_to_rest_under_a_force_within_it(seed, ny, nx, mean_pr
 # --- few contacts, borders and starts
 
 
-@pytest.mark.parametrize("through", [(0.012, 1.0), (1.9, 1.92), (1.0, 1.0)])
-def test_a_force_near_the_border_of_a_large_grid(through):
+@pytest.mark.parametrize("load_point", [(0.012, 1.0), (1.9, 1.92), (1.0, 1.0)])
+def test_a_force_near_the_border_of_a_large_grid(load_point):
     """Coarser grids end before it, and start from the nearest point that they have."""
     heights = self_affine(200, seed=8, length=2.0)
-    state = resting(heights, 0.01, 5.0, through, tolerance=1e-7)
+    state = resting(heights, 0.01, 5.0, load_point, tolerance=1e-7)
     assert max(state.residual, state.moment_residual) <= 1e-7
     assert state.convolutions <= 30
 
@@ -217,9 +219,9 @@ RIM[:, 6:] = -np.inf
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"through": (0.5, 0.7)}, r"tips over: .*\(0.5, 0.7\) mm lies outside .* Move it"),
-        ({"through": (0.5, np.nan)}, r"through must be a point \(y, x\)"),
-        ({"through": ("a", "b")}, r"through must be a point \(y, x\)"),
+        ({"load_point": (0.5, 0.7)}, r"tips over: .*\(0.5, 0.7\) mm lies outside .* Move it"),
+        ({"load_point": (0.5, np.nan)}, r"load_point must be a point \(y, x\)"),
+        ({"load_point": ("a", "b")}, r"load_point must be a point \(y, x\)"),
         ({"mean_pressure": None, "displacement": 1e-3}, "needs mean_pressure"),
         ({"pressure_cap": 100.0}, "no pressure_cap"),
         ({"heights": np.full((3, 3), -np.inf)}, "no surface"),
@@ -228,7 +230,7 @@ RIM[:, 6:] = -np.inf
     ],
 )
 def test_what_cannot_rest_is_refused_in_a_sentence(change, message):
-    arguments = {"heights": RIM, "mean_pressure": 1.0, "through": (0.5, 0.3)} | change
+    arguments = {"heights": RIM, "mean_pressure": 1.0, "load_point": (0.5, 0.3)} | change
     heights = arguments.pop("heights")
     with pytest.raises(ContactInputError, match=message):
         solve_contact(heights, 0.1, MODULUS, **arguments)

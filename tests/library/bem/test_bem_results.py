@@ -60,7 +60,7 @@ def test_the_rim_is_the_outer_three_elements():
         (PIECE, SIDE / N, {}, "rim|outer"),
         (HEIGHTS, SIDE / N, {}, None),
         (HEIGHTS, SIDE / N, {"periodic": True}, None),
-        (INCLINED, SIDE / N, {"through": (0.4, 0.45)}, None),
+        (INCLINED, SIDE / N, {"load_point": (0.4, 0.45)}, None),
         (0 * HEIGHTS, SIDE / N, {}, None),
         (SIEVE, SIDE / 129, {}, None),
         (sphere(N, SIDE / N, 20.0), SIDE / N, {}, None),
@@ -82,7 +82,7 @@ def test_what_was_hardly_meant_is_told(heights, spacing, options, doubt):
 def test_heights_on_a_steep_plane_are_not_called_tipping():
     steep = HEIGHTS + 2 * SIDE / N * np.arange(N)
     with pytest.raises(ContactInputError, match="63°") as refused:
-        solve_contact(steep, *SURFACE[1:], mean_pressure=20.0, through=(0.4, 0.45))
+        solve_contact(steep, *SURFACE[1:], mean_pressure=20.0, load_point=(0.4, 0.45))
     assert not isinstance(refused.value, TippingError)
 
 

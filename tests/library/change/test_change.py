@@ -7,8 +7,8 @@ import scipy.ndimage
 import xarray as xr
 from gstlib.change.change import (
     Detection,
+    estimate_detection_limit,
     height_change,
-    measure_detection,
     measured_change,
     wear_summary,
 )
@@ -21,7 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 SPACING = 1.66e-3
-SEARCH = {"maximum_shift_mm": 0.1, "minimum_points": 8}
+SEARCH = {"maximum_shift_mm": 0.1, "minimum_cluster_points": 8}
 RULES = {"minimum_overlap": 0.7, "minimum_correlation": 0.5}
 
 
@@ -134,7 +134,7 @@ def test_smaller_spots_are_no_trace(points):
     change[40, 40] = change[41, 41] = change[42, 40] = change[43, 41] = -1e-3  # corner to corner
     change[60:65, 20:25] = -1e-3
     change[60:62, 60:62] = 1e-3
-    result = height_change(t0, t0 + change, minimum_points=points)
+    result = height_change(t0, t0 + change, minimum_cluster_points=points)
     large = np.abs(change) > 1e-4
     sizes = {1: (33, 4), 4: (33, 4), 5: (25, 0), 40: (0, 0)}[points]
     assert (result["loss"].values & large).sum() == sizes[0]
@@ -146,7 +146,9 @@ def test_the_same_scan_twice_shows_no_wear(remeasure, dtype):
     """Laid over itself, it differs by what the arithmetic rounds."""
     t0, _, _ = remeasure((0, 0))
     again = prepared(t0.astype(dtype).astype(float))
-    registration, result = measured_change(prepared(t0), again, **SEARCH | {"minimum_points": 1})
+    registration, result = measured_change(
+        prepared(t0), again, **SEARCH | {"minimum_cluster_points": 1}
+    )
     assert registration.found
     summary = wear_summary(result)
     assert (summary["loss_fraction"], summary["gain_fraction"]) == (0, 0)
@@ -208,7 +210,7 @@ def test_the_place_of_t1_is_that_of_the_points_known_at_both_epochs(remeasure):
     for rows, columns in ((slice(60, 200), slice(40, None)), (slice(None), slice(None))):
         part = t1.isel(y=rows, x=columns)
         change = register_patch(prepared(t0), prepared(part), patch="7", **SEARCH)
-        table = registration_table({"7": change}, RULES, max_noise_fraction=0.5)
+        table = registration_table({"7": change}, RULES, max_gain_to_loss_ratio=0.5)
         weights = patch_means(t0, with_t1(patches, table), size_mm=size_mm).toarray()
         is_covered = weights.reshape(t0.shape) > 0.5 * weights.max()
         is_known = np.isfinite(change.change.values)
@@ -223,7 +225,7 @@ def test_the_place_of_t1_is_that_of_the_points_known_at_both_epochs(remeasure):
 def test_heights_of_another_scale_are_told_from_wear(remeasure, caplog, factor, refused, warned):
     t0, t1, _ = remeasure((20, -10), wear=0.05)
     change = register_patch(prepared(t0), prepared(factor * t1), patch="7", **SEARCH)
-    table = registration_table({"7": change}, RULES, max_noise_fraction=0.5)
+    table = registration_table({"7": change}, RULES, max_gain_to_loss_ratio=0.5)
     faults = list(other_heights(table))
     assert len(faults) == refused
     assert all(fault.patches == ("7",) for fault in faults)
@@ -270,7 +272,7 @@ def test_repeats_give_the_noise_and_the_lateral_error(noise, scatter):
         name: scanned_twice(relief, noise=noise, scatter=scatter, seed=seed)
         for seed, (name, relief) in enumerate({"smooth": 1.5e-3, "rough": 8e-3}.items())
     }
-    found = measure_detection(*split(pairs), **SEARCH)
+    found = estimate_detection_limit(*split(pairs), **SEARCH)
     assert found.level_mm2**0.5 == pytest.approx(2**0.5 * noise, rel=0.05)
     assert found.lateral_mm2**0.5 == pytest.approx(scatter * SPACING, rel=0.1, abs=0.05 * SPACING)
 
@@ -278,7 +280,7 @@ def test_repeats_give_the_noise_and_the_lateral_error(noise, scatter):
 def test_one_in_twenty_points_of_an_unworn_patch_exceeds_a_measured_level():
     """A patch too small to tell slopes apart finds wear on slopes that it merely misses."""
     pairs = {str(seed): scanned_twice(5e-3, seed=seed) for seed in (1, 2)}
-    found = measure_detection(*split(pairs), **SEARCH)
+    found = estimate_detection_limit(*split(pairs), **SEARCH)
     shares = {}
     for source, detection in {"own": None, "repeat": found}.items():
         beyond = []
@@ -342,7 +344,7 @@ def test_noise_of_whole_lines_is_no_trace_and_deep_wear_on_it_is(along):
         stone + lines(200, along, rng) if along else stone + 0.1e-3 * rng.normal(size=stone.shape)
         for _ in "ab"
     )
-    change = height_change(once, again, minimum_points=8)
+    change = height_change(once, again, minimum_cluster_points=8)
     summary = wear_summary(change)
     assert max(summary["loss_fraction"], summary["gain_fraction"]) < 0.002
     # neighbours within 2.35 / 2 σ √2 of the kernel on each side err alike
@@ -350,19 +352,19 @@ def test_noise_of_whole_lines_is_no_trace_and_deep_wear_on_it_is(along):
     assert change.attrs["alike_um2"] == pytest.approx(reach * 1.66**2, rel=0.15, abs=0.1)
     worn = again.copy()
     worn[50:53, 60:63] -= 2e-3
-    assert height_change(once, worn, minimum_points=8)["loss"].values[50:53, 60:63].all()
+    assert height_change(once, worn, minimum_cluster_points=8)["loss"].values[50:53, 60:63].all()
 
 
 def test_repeats_hand_on_how_their_errors_correlate_and_spread():
     rng = np.random.default_rng(6)
     stone = scanned_twice(5e-3, noise=0.0)[0].height
     errors = [lines(200, 6.0, rng) * (1 + 2 * (rng.random((200, 200)) < 0.1)) for _ in "ab"]
-    detection = measure_detection(
+    detection = estimate_detection_limit(
         *split({"a": [prepared(stone + error) for error in errors]}), **SEARCH
     )
     assert detection.limit > 2.05  # a tenth of the points errs three times as much
     assert detection.alike_mm2 > 0
-    change = height_change(stone, stone, detection=detection, minimum_points=8)
+    change = height_change(stone, stone, detection=detection, minimum_cluster_points=8)
     assert change.attrs["cluster_points"] == pytest.approx(
         4 * detection.alike_mm2 / SPACING**2, abs=1
     )
@@ -384,13 +386,13 @@ def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
         "deep": (once, again.assign(height=3 * again.height)),
         "lacks": (once, lacks),
     }
-    alone = measure_detection(*split({"good": good}), **SEARCH)
+    alone = estimate_detection_limit(*split({"good": good}), **SEARCH)
     assert caplog.messages == []
-    assert measure_detection(*split(bad | {"good": good}), **SEARCH) == alone
+    assert estimate_detection_limit(*split(bad | {"good": good}), **SEARCH) == alone
     for patch, message in zip(bad, caplog.messages, strict=True):
         assert f"patch {patch}: its repeat is not used" in message
-    assert measure_detection(*split(bad), **SEARCH) is None
-    assert measure_detection({}, {}, **SEARCH) is None
+    assert estimate_detection_limit(*split(bad), **SEARCH) is None
+    assert estimate_detection_limit({}, {}, **SEARCH) is None
 
 
 def test_a_measured_error_is_read_from_what_was_stored():

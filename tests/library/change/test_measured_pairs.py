@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gstlib.change.change import measure_detection, measured_change, wear_summary
+from gstlib.change.change import estimate_detection_limit, measured_change, wear_summary
 from gstlib.change.registration import register
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
@@ -63,14 +63,14 @@ def repeat(request):
         heights = np.asarray(topography.heights(), dtype=float).T * mm
         spacing = topography.physical_sizes[0] * mm / heights.shape[1]
         scans.append(prepare_scan(make_surface(heights, spacing)))
-    settings = {"maximum_shift_mm": 0.7 * len(heights) * spacing, "minimum_points": 8}
+    settings = {"maximum_shift_mm": 0.7 * len(heights) * spacing, "minimum_cluster_points": 8}
     return request.param, scans, settings, spacing * np.array(shift)
 
 
 def shows_wear(name, change):
     """Whether more than 0.5 % is lost or gained; what is unknown is neither."""
     found = wear_summary(change)
-    if name in AS_NOISE and found["noise_fraction"] > 0.2:  # the limit of the default study
+    if name in AS_NOISE and found["gain_to_loss_ratio"] > 0.2:  # the limit of the default study
         return False
     return max(found["loss_fraction"], found["gain_fraction"]) > 0.005
 
@@ -86,7 +86,7 @@ def test_a_repeat_is_registered_where_its_details_match_and_shows_no_wear(repeat
 
 def test_a_repeat_shows_no_wear_by_the_error_that_it_shows(repeat):
     name, (first, second), settings, _ = repeat
-    detection = measure_detection({"": first}, {"": second}, **settings)
+    detection = estimate_detection_limit({"": first}, {"": second}, **settings)
     _, change = measured_change(first, second, detection=detection, **settings)
     assert not shows_wear(name, change)
 

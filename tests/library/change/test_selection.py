@@ -38,10 +38,10 @@ def changed(rose, fell, *, found=True):
     ],
 )
 def test_a_loss_is_believed_if_it_exceeds_noise(rose, fell, above_noise, warned):
-    table = registration_table({"7": changed(rose, fell)}, RULES, max_noise_fraction=0.5)
-    warnings, row = "".join(rise_warnings(table, max_noise_fraction=0.5)), table.iloc[0]
+    table = registration_table({"7": changed(rose, fell)}, RULES, max_gain_to_loss_ratio=0.5)
+    warnings, row = "".join(rise_warnings(table, max_gain_to_loss_ratio=0.5)), table.iloc[0]
     assert row.above_noise == above_noise
-    assert row.noise_fraction == pytest.approx(rose / fell if fell else np.nan, nan_ok=True)
+    assert row.gain_to_loss_ratio == pytest.approx(rose / fell if fell else np.nan, nan_ok=True)
     assert ("patch 7" in warnings) == warned
     assert not row.excluded
 
@@ -55,9 +55,9 @@ def test_epochs_exchanged_on_most_patches_are_a_fault_and_on_few_a_warning(risin
     changes |= {str(n): changed(300, 100) for n in range(rising)}
     changes["3"] = changed(1, 0)  # unworn, but for noise
     changes["4"] = changed(2000, 0, found=False)
-    table = registration_table(changes, RULES, max_noise_fraction=0.5)
+    table = registration_table(changes, RULES, max_gain_to_loss_ratio=0.5)
     assert len(list(exchanged_epochs(table))) == faults
-    said = [*rise_warnings(table, max_noise_fraction=np.inf)]
+    said = [*rise_warnings(table, max_gain_to_loss_ratio=np.inf)]
     assert len(said) == bool(words)
     assert all(text.startswith(words) for text in said)
 
@@ -65,10 +65,10 @@ def test_epochs_exchanged_on_most_patches_are_a_fault_and_on_few_a_warning(risin
 def test_where_no_change_is_known_no_loss_is_believed():
     change = changed(0, 0)
     unknown = change.assign(change=change.change * np.nan).assign_attrs(known_fraction=0.0)
-    row = registration_table({"7": unknown}, RULES, max_noise_fraction=0.5).iloc[0]
+    row = registration_table({"7": unknown}, RULES, max_gain_to_loss_ratio=0.5).iloc[0]
     assert not row.above_noise
     lost = registration_table(
-        {"7": changed(0, 50, found=False)}, RULES, max_noise_fraction=0.5
+        {"7": changed(0, 50, found=False)}, RULES, max_gain_to_loss_ratio=0.5
     ).iloc[0]
     assert (lost.excluded, lost.reason) == (True, "T1 was not found on T0")
 

@@ -13,7 +13,7 @@ from gstlib.coupling.pressures import (
     unseen,
 )
 from gstlib.macroscale.ensemble import patch_means
-from gstlib.surfaces.footprints import Place, moved, with_t1
+from gstlib.surfaces.footprints import PatchPosition, moved, with_t1
 from gstlib.surfaces.grid import make_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -112,7 +112,7 @@ def test_surroundings_sink_a_patch_as_the_forces_outside_it_do(rotation):
     """Far from the load, as a point force does: u = F / (π E* r)."""
     field = make_surface(np.zeros((50, 50)), 0.1)
     field[45, 25] = 200.0  # y 4.55, x 2.55
-    place = Place(1.5, 2.5, rotation)
+    place = PatchPosition(1.5, 2.5, rotation)
     found = surroundings(field, place, (16, 16), size_mm=0.8, contact_modulus_MPa=1e4)
     along = (np.arange(16) + 0.5) * 0.05 - 0.4
     y, x = place.points(along[:, None], along)
@@ -122,7 +122,9 @@ def test_surroundings_sink_a_patch_as_the_forces_outside_it_do(rotation):
 
 def test_pressures_inside_the_outline_are_no_surroundings():
     field = make_surface(np.full((50, 50), 10.0), 0.1)
-    inside = surroundings(field, Place(2.5, 2.5, 0.0), (8, 8), size_mm=1.0, contact_modulus_MPa=1e4)
+    inside = surroundings(
+        field, PatchPosition(2.5, 2.5, 0.0), (8, 8), size_mm=1.0, contact_modulus_MPa=1e4
+    )
     whole = HalfSpace((50, 50), 0.1, 1e4).displacement(field.values)[20:30, 20:30].mean()
     alone = HalfSpace((10, 10), 0.1, 1e4).displacement(np.full((10, 10), 10.0)).mean()
     assert inside.mean() == pytest.approx(whole - alone, rel=5e-3)

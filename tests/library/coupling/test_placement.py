@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from gstlib.coupling.comparison import AGREES, CANNOT_TELL, ELSEWHERE, SHIFTED
 from gstlib.coupling.orientations import Mould, lying_right, oriented
-from gstlib.coupling.placement import ALL, FAULT, place_patches
+from gstlib.coupling.placement import ALL, FAULT, check_placement
 from gstlib.errors import InputsError
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import axis_coordinates, make_surface
 from scipy.ndimage import gaussian_filter
 
@@ -46,7 +46,7 @@ class Waves:
 
     def patch(self, y, x, rotation_deg=0.0, points=64):
         along = axis_coordinates(points, SIZE / points) - SIZE / 2
-        heights = self(*Place(y, x, rotation_deg).points(along[:, None], along))
+        heights = self(*PatchPosition(y, x, rotation_deg).points(along[:, None], along))
         return make_surface(heights, SIZE / points)
 
 
@@ -56,7 +56,7 @@ def place(square, heights, rotation_deg=0.0, columns=None, **mould):
     scans = {str(n): height.to_dataset(name="height") for n, height in enumerate(heights, 1)}
     patches = pd.DataFrame({"patch": list(scans), "x_mm": x, "y_mm": y} | (columns or {}))
     patches["rotation_deg"] = rotation_deg
-    return place_patches(square, patches, scans, patch_mm=SIZE, **mould).set_index("patch")
+    return check_placement(square, patches, scans, patch_mm=SIZE, **mould).set_index("patch")
 
 
 def test_a_shift_that_all_share_is_found_whatever_planes_and_scales_are(caplog):

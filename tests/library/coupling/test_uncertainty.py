@@ -16,7 +16,7 @@ from gstlib.coupling.intervals import (
 from gstlib.coupling.pressures import patch_pressures
 from gstlib.macroscale.active_tool import face_in_pose, rounded_counterface
 from gstlib.macroscale.composite import compose_surface
-from gstlib.surfaces.footprints import Place, places_of
+from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.grid import axis_coordinates, coarser, make_surface
 from gstlib.surfaces.leveling import remove_plane
 
@@ -29,13 +29,13 @@ MODULUS, TARGET = 10000.0, 15.0  # MPa
 FORCE = TARGET * (COUNT * SPACING) ** 2
 MIDDLE = (COUNT * SPACING / 2, COUNT * SPACING / 2)
 NO_ERRORS = Errors(
-    young_fraction=0.0,
+    young_log_sd=0.0,
     poisson=0.0,
     placement_um=0.0,
     pose_um=0.0,
     load_point_mm=0.0,
-    radius_fraction=0.0,
-    force_fraction=0.0,
+    radius_log_sd=0.0,
+    force_log_sd=0.0,
 )
 
 
@@ -49,10 +49,10 @@ def mesh(error=0.0):
     return mesh_face(height, error, 200, seed=4)
 
 
-def pressed(height, share=1.0, through=MIDDLE):
+def pressed(height, share=1.0, load_point=MIDDLE):
     """At rest, on elements as wide as those of the draws."""
     loading = {"modulus": share * MODULUS, "mean_pressure": TARGET}
-    return press(coarser(height, 2), tolerance=1e-8, through=through, **loading)
+    return press(coarser(height, 2), tolerance=1e-8, load_point=load_point, **loading)
 
 
 def stated():
@@ -71,7 +71,7 @@ def intervals(monkeypatch):
         whole=None,
         counterface=None,
         used=(None, None),
-        through=MIDDLE,
+        load_point=MIDDLE,
         **errors,
     ):
         drawn = np.asarray(shares)
@@ -82,7 +82,7 @@ def intervals(monkeypatch):
             STONES | {"contact_modulus_MPa": MODULUS},
             NO_ERRORS._replace(**errors),
             force_N=FORCE,
-            through=through,
+            load_point=load_point,
             patch_mm=PATCH,
             seed=1,
         )
@@ -92,8 +92,8 @@ def intervals(monkeypatch):
 
 def test_the_square_alone_is_pressed_on_its_mean_plane(intervals):
     """Where no load point is given, the stone does not tilt."""
-    found = intervals(np.ones(2), through=None)
-    alone = pressed(remove_plane(mesh().height)[0], through=None)
+    found = intervals(np.ones(2), load_point=None)
+    alone = pressed(remove_plane(mesh().height)[0], load_point=None)
     expected = patch_pressures(alone.pressure, PLACES, size_mm=PATCH).pressure_MPa
     np.testing.assert_allclose(found.low_MPa, expected, rtol=1e-3)
     assert abs(found.low_MPa - found.pressure_MPa).max() > 0.5
@@ -103,7 +103,7 @@ def test_the_point_of_force_alone_gives_the_pressures_at_rest_under_it(intervals
     found, drawn = intervals(np.ones(20), load_point_mm=0.1), []
     for draw in range(20):
         y, x = 0.1 * np.random.default_rng([1, 4, draw]).standard_normal(2)
-        field = pressed(mesh().height, through=(MIDDLE[0] + y, MIDDLE[1] + x)).pressure
+        field = pressed(mesh().height, load_point=(MIDDLE[0] + y, MIDDLE[1] + x)).pressure
         drawn.append(patch_pressures(field, PLACES, size_mm=PATCH).pressure_MPa)
     assert_ends(found, drawn)
 
@@ -156,10 +156,10 @@ def test_detail_between_the_scans_is_drawn_anew_and_planes_are_told(intervals):
 
 
 def test_moduli_vary_as_their_stones_do():
-    def draw(young_fraction, poisson, stones=STONES):
+    def draw(young_log_sd, poisson, stones=STONES):
         return draw_contact_moduli(
             stones,
-            NO_ERRORS._replace(young_fraction=young_fraction, poisson=poisson),
+            NO_ERRORS._replace(young_log_sd=young_log_sd, poisson=poisson),
             draws=20000,
             generator=np.random.default_rng(3),
         )
@@ -182,7 +182,9 @@ def test_an_active_tool_adds_the_error_of_its_pose(intervals):
     def width(along_y, along_x, pose_um):
         heights = stone(along_y * at[:, None], along_x * at)
         face = around(heights, SPACING, COUNT * SPACING)
-        over = face_in_pose(face, mesh().height, Place(0.0, 0.0, 0.0), size_mm=COUNT * SPACING)
+        over = face_in_pose(
+            face, mesh().height, PatchPosition(0.0, 0.0, 0.0), size_mm=COUNT * SPACING
+        )
         whole = mesh().assign(counterface=over)
         found = intervals(np.ones(8), whole=whole, counterface=face, pose_um=pose_um)
         return float((found.high_MPa - found.low_MPa).max())
@@ -208,14 +210,14 @@ def certain_use(pressure, at_centre):
         {name: ("draw", of) for name, of in by_draw.items()}
         | {name: (("draw", "patch"), of) for name, of in by_both.items()},
         {"patch": list(PLACES.patch)},
-        {"taken": 1},
+        {"adopted": 1},
     )
 
 
 def under_round_tool():
     """Pressures of the patches as stated."""
     face = coarser(round_tool().height, 2), coarser(round_tool().counterface, 2)
-    contact = press(*face, modulus=MODULUS, mean_pressure=TARGET, through=MIDDLE)
+    contact = press(*face, modulus=MODULUS, mean_pressure=TARGET, load_point=MIDDLE)
     return patch_pressures(contact.pressure, PLACES, size_mm=PATCH).pressure_MPa.to_numpy()
 
 
@@ -225,13 +227,11 @@ def test_wear_that_tells_the_radius_tells_where_a_stronger_force_is_borne(interv
     expected = under_round_tool()
     found = intervals([0.5, 2.0], whole=round_tool(), used=used)
     np.testing.assert_allclose([found.low_MPa, found.high_MPa], 2 * [expected], rtol=1e-4)
-    found = intervals(np.ones(20), whole=round_tool(), used=used, force_fraction=0.5)
+    found = intervals(np.ones(20), whole=round_tool(), used=used, force_log_sd=0.5)
     forces = np.exp(0.5 * np.random.default_rng([1, 3]).standard_normal(20))
     assert_ends(found, np.outer(forces, expected))
     # a radius as stated goes with any force, which then presses more of the stone
-    stated_alone = intervals(
-        np.ones(20), whole=round_tool(), used=(RADIUS, None), force_fraction=0.5
-    )
+    stated_alone = intervals(np.ones(20), whole=round_tool(), used=(RADIUS, None), force_log_sd=0.5)
     assert (stated_alone.high_MPa / stated_alone.low_MPa < found.high_MPa / found.low_MPa).any()
 
 
@@ -245,7 +245,7 @@ def test_pressures_over_the_strikes_are_added_to_those_under_their_centre(interv
 
 
 def test_draws_in_which_the_stone_tips_over_are_left_out(intervals, caplog):
-    beyond = intervals(np.ones(2), through=(-9.0, -9.0))
+    beyond = intervals(np.ones(2), load_point=(-9.0, -9.0))
     assert beyond.high_MPa.isna().all()
     assert "in 2 of 2 draws the stone does not rest" in caplog.text
 

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 from contacts import around, interface
 from gstlib.bem.closed_forms import Sphere
-from gstlib.conditions import load_force, load_point
+from gstlib.conditions import load_force, resolved_load_point
 from gstlib.contact import Load, contact_at_pressure, contact_path
 from gstlib.coupling.embedding import placed_faces
 from gstlib.macroscale.active_tool import as_round_as, rounded_counterface
@@ -19,10 +19,10 @@ from gstlib.macroscale.composite import plane_under
 from gstlib.macroscale.equilibrium import macroscale_table
 from gstlib.macroscale.face import without_curvature
 from gstlib.specimen.randomness import smooth_field
-from gstlib.surfaces.footprints import Place, on_patch, spline_of, square_of
+from gstlib.surfaces.footprints import PatchPosition, on_patch, spline_of, square_of
 from gstlib.surfaces.grid import make_surface, spacing_of
 from gstlib.surfaces.leveling import Plane, remove_plane
-from gstlib.validation.single_scale import press_whole
+from gstlib.validation.single_scale import solve_reference
 
 MODULUS = 1e4
 # A face of 6 mm around a square of 3 mm, whose corner is at (0, 0).
@@ -40,8 +40,8 @@ def plane(face, slope_y, slope_x):
     return face.copy(data=face.values + heights)
 
 
-def at_rest(face, counterface=None, *, force_N=300.0, through=(1.6, 1.3), tolerance=1e-9):
-    load = Load.of_force(force_N, face, through)
+def at_rest(face, counterface=None, *, force_N=300.0, load_point=(1.6, 1.3), tolerance=1e-9):
+    load = Load.of_force(force_N, face, load_point)
     settings = SOURCE | {"tolerance": tolerance}
     return contact_at_pressure(interface(face, counterface), load, **settings)
 
@@ -67,7 +67,7 @@ def force_and_centre(contact):
 )
 def test_a_load_is_a_force_or_a_pressure(load, force_N, point):
     assert load_force(load, 5.0) == force_N
-    assert load_point(load, 5.0) == point
+    assert resolved_load_point(load, 5.0) == point
 
 
 # --- Planes and load point ------------------------------------------------------------------
@@ -132,19 +132,19 @@ def test_the_curvature_of_the_square_is_taken_out_of_the_whole_face():
 @pytest.mark.parametrize("own_radius", [None, -120.0, 60.0])
 def test_a_rounded_stone_touches_as_hertz_says(own_radius):
     """A flat, a hollow and a round face: 1/R = 1/R₁ + 1/R₂, below the load point."""
-    radius, through = 40.0, (1.7, 1.3)
+    radius, load_point = 40.0, (1.7, 1.3)
     face = 0 * rough()
     if own_radius is not None:
         face = rounded_counterface(face, own_radius, (1.5, 1.5))
-    contact = at_rest(face, rounded_counterface(face, radius, (1.5, 1.5)), through=through)
+    contact = at_rest(face, rounded_counterface(face, radius, (1.5, 1.5)), load_point=load_point)
     both = 1 / (1 / radius + (0 if own_radius is None else 1 / own_radius))
     exact = Sphere(300.0, both, MODULUS)
-    expected = exact.pressure(face.x.values - through[1], face.y.values[:, None] - through[0])
+    expected = exact.pressure(face.x.values - load_point[1], face.y.values[:, None] - load_point[0])
     peak = exact.peak_pressure
     assert np.sqrt(np.mean((contact.pressure.values - expected) ** 2)) < 0.01 * peak
     assert float(contact.pressure.max()) == pytest.approx(peak, rel=0.02)
     # it rolls until its summit faces the force
-    for slope, at in (("slope_y", through[0]), ("slope_x", through[1])):
+    for slope, at in (("slope_y", load_point[0]), ("slope_x", load_point[1])):
         assert slope_of(contact, slope) == pytest.approx((at - 1.5) / both, abs=1e-6)
 
 
@@ -164,7 +164,7 @@ def test_where_there_is_no_stone_nothing_is_borne():
     over = 0 * face.where(~absent)
     other = at_rest(face, over)
     np.testing.assert_allclose(other.pressure, contact.pressure, atol=1e-5 * scale)
-    for place in (Place(1.5, 1.5, 0.0), Place(1.2, 1.4, 25.0)):
+    for place in (PatchPosition(1.5, 1.5, 0.0), PatchPosition(1.2, 1.4, 25.0)):
         found, whole = (astuple(plane_under(spline_of(of), place, 0.8)) for of in (cut, face))
         np.testing.assert_allclose(found, whole, atol=1e-6)
 
@@ -197,7 +197,7 @@ def placed(larger, place, size, *, laid=True):
 @pytest.mark.parametrize("laid", [False, True], ids=["as it is", "levelled"])
 @pytest.mark.parametrize("rotation", [0.0, 90.0, -90.0, 180.0])
 def test_a_square_placed_in_a_larger_contact_has_its_pressures(larger, rotation, laid):
-    place = Place(2.2, 2.0, rotation)
+    place = PatchPosition(2.2, 2.0, rotation)
     contact, expected = placed(larger, place, 1.2, laid=laid)
     scale = float(larger.pressure.max())
     assert (expected > 0.2 * scale).sum() > 5
@@ -208,7 +208,7 @@ def test_a_square_placed_in_a_larger_contact_has_its_pressures(larger, rotation,
 def test_a_scan_turned_by_any_angle_lies_on_the_turned_plane(larger):
     """Its plane (mm) at its own points is that of the larger one, where they lie on it."""
     piece = make_surface(np.zeros((12, 12)), 0.1)
-    place = Place(1.6, 1.4, 33.0)
+    place = PatchPosition(1.6, 1.4, 33.0)
     faces = placed_faces(piece, None, larger, place, size_mm=1.2)
     at = (np.arange(12) - 5.5) * 0.1
     v, u = at[:, None], at
@@ -227,7 +227,7 @@ def test_a_scan_turned_by_any_angle_lies_on_the_turned_plane(larger):
 
 def test_the_square_at_the_faces_resolution_is_the_face_again(larger):
     """The reference, placed in the face: its plane, its surroundings, its share of the force."""
-    found = press_whole(square_of(larger.interface.height, SIZE), larger)
+    found = solve_reference(square_of(larger.interface.height, SIZE), larger)
     inside = square_of(larger.pressure, SIZE)
     scale = float(inside.max())
     assert 0.1 < float(inside.sum() / larger.pressure.sum()) < 0.995

@@ -16,7 +16,7 @@ from gstlib.macroscale.composite import (
     refined,
 )
 from gstlib.surfaces.filtering import s_filtered
-from gstlib.surfaces.footprints import Place, places_of, spline_of
+from gstlib.surfaces.footprints import PatchPosition, places_of, spline_of
 from gstlib.surfaces.grid import axis_coordinates, make_surface
 from gstlib.surfaces.leveling import Plane
 from gstlib.validation.single_scale import composite_heights
@@ -66,7 +66,7 @@ def test_a_scan_gets_back_the_plane_that_levelling_took():
 
 def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
     spline = spline_of(mesh_surface().height)
-    place = Place(2.0, 1.5, 30.0)
+    place = PatchPosition(2.0, 1.5, 30.0)
     bump = np.zeros((POINTS, POINTS))
     bump[40, 20] = 1.0  # v > 0, u < 0
     grid = refined(mesh_surface().height, 8)
@@ -88,7 +88,7 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
 def test_where_outlines_overlap_their_mean_counts():
     spline = spline_of(mesh_surface().height)
     flat = np.zeros((POINTS, POINTS))
-    both = [(Place(2.0, x, 0.0), Plane(h, 0, 0), flat) for x, h in ((1.5, 1.0), (1.9, 3.0))]
+    both = [(PatchPosition(2.0, x, 0.0), Plane(h, 0, 0), flat) for x, h in ((1.5, 1.0), (1.9, 3.0))]
     found = compose(spline, both, PATCH, mesh_surface().height, NO_DETAIL, 0)
     row = found.values[COUNT // 2]
     assert set(np.round(row[(row > 0.5)], 9)) == {1.0, 2.0, 3.0}

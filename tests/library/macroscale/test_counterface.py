@@ -15,7 +15,7 @@ from gstlib.macroscale.active_tool import (
 )
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.specimen.randomness import smooth_field
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.leveling import remove_plane
 from scipy.spatial.transform import Rotation
@@ -26,7 +26,7 @@ SETTINGS = {
     "modulus": 1e4,
     "mean_pressure": 20.0,
     "tolerance": 1e-8,
-    "through": (SIDE / 2, SIDE / 2),
+    "load_point": (SIDE / 2, SIDE / 2),
 }
 
 
@@ -122,7 +122,10 @@ def test_a_moved_face_is_that_of_a_moved_stone(block):
     wide = grid_counterface(stone, surface.height, frame, **options)
     middle = (SIDE / 2, SIDE / 2, 0)
     turn = trimesh.transformations.rotation_matrix(np.radians(10), (0, 0, 1), middle)
-    for place, turned in ((Place(0.25, -0.5, 0.0), np.eye(4)), (Place(0.1, 0.3, 10.0), turn)):
+    for place, turned in (
+        (PatchPosition(0.25, -0.5, 0.0), np.eye(4)),
+        (PatchPosition(0.1, 0.3, 10.0), turn),
+    ):
         there = turned.copy()
         there[:2, 3] += place.x_mm, place.y_mm
         moved = stone._replace(pose={"matrix": there @ back}, reach_mm=0.0)
@@ -134,7 +137,7 @@ def test_a_moved_face_is_that_of_a_moved_stone(block):
         misfit = float(np.sqrt(((found - expected) ** 2).mean()))
         assert misfit < (0.02 if place.rotation_deg else 1e-9) * float(expected.std())
     with pytest.raises(InputError, match="farther than its face is known"):
-        face_in_pose(wide, surface.height, Place(0.0, 2.0, 0.0), size_mm=SIDE)
+        face_in_pose(wide, surface.height, PatchPosition(0.0, 2.0, 0.0), size_mm=SIDE)
 
 
 def test_roles_exchanged_give_the_same_pressures_mirrored(block):

@@ -13,10 +13,10 @@ from gstlib.surfaces.grid import make_surface
 SIDE, COUNT = 6.0, 60  # mm, elements
 
 
-def pressed(height, *, force=200.0, through=(3.0, 3.0), element=SIDE / COUNT):
+def pressed(height, *, force=200.0, load_point=(3.0, 3.0), element=SIDE / COUNT):
     surface = make_surface(height, element)
     settings = {"modulus": 1e4, "tolerance": 1e-6, "source": "test"}
-    load = Load.of_force(force, surface, through)
+    load = Load.of_force(force, surface, load_point)
     return contact_at_pressure(interface(surface), load, **settings)
 
 
@@ -45,7 +45,7 @@ def test_a_sound_contact_raises_no_doubt():
 
 def test_load_at_the_edge_of_what_is_pressed():
     flat = np.zeros((COUNT, COUNT))
-    (doubt,) = said(pressed(flat, through=None))
+    (doubt,) = said(pressed(flat, load_point=None))
     # a flat punch bears far more at its edges than their share of the area
     share = float(doubt.split(" % of the force")[0])
     assert share > 100 * (1 - 0.96**2)
@@ -64,15 +64,15 @@ ENDS = np.where(abs(places()[1]) < 1.5, 0.0, np.nan)
 @pytest.mark.parametrize(
     ("height", "loading", "square", "doubt"),
     [
-        (ENDS, {"through": None}, {}, "the stone goes on there, or ends"),
+        (ENDS, {"load_point": None}, {}, "the stone goes on there, or ends"),
         (spiked(domes(*TRIANGLE)), {"force": 900.0}, {}, "more than any stone bears"),
         (
             spiked(np.full((COUNT, COUNT), -1.0), by=1.0),
-            {"force": 1.0, "through": (SINGLE, SINGLE)},
+            {"force": 1.0, "load_point": (SINGLE, SINGLE)},
             {},
             "in a single place",
         ),
-        (domes(*FAR), {"through": (4.0, 4.0)}, {"size_mm": 1.0}, "only .* in the square"),
+        (domes(*FAR), {"load_point": (4.0, 4.0)}, {"size_mm": 1.0}, "only .* in the square"),
     ],
 )
 def test_a_doubt_names_its_cause(height, loading, square, doubt):
@@ -80,11 +80,11 @@ def test_a_doubt_names_its_cause(height, loading, square, doubt):
 
 
 def test_a_force_near_the_outline_of_what_touches():
-    contact = pressed(domes(*TRIANGLE), force=0.5, through=(1.83, 3.0))
+    contact = pressed(domes(*TRIANGLE), force=0.5, load_point=(1.83, 3.0))
     (doubt,) = said(contact)
     distance = float(doubt.split("only ")[1].split(" mm inside")[0])
     assert 0 <= distance < 0.02 * SIDE
-    assert said(pressed(domes(*TRIANGLE), force=0.5, through=(1.98, 3.0))) == []
+    assert said(pressed(domes(*TRIANGLE), force=0.5, load_point=(1.98, 3.0))) == []
 
 
 @pytest.mark.parametrize(("patch_mm", "count"), [(0.8, 0), (0.49, 1), (None, 0)])

@@ -63,8 +63,8 @@ def test_a_pose_is_a_contact_at_rest_with_the_shifted_face():
     found = posed(pose)
     rows, columns = (slice(AROUND + by, AROUND + by + COUNT) for by in (2, -3))
     over = HEIGHT.copy(data=face().values[rows, columns])
-    through = MIDDLE[0] - 2 * SPACING, MIDDLE[1] + 3 * SPACING
-    alone = press(HEIGHT, over, mean_pressure=20.0, through=through, **SETTINGS)
+    load_point = MIDDLE[0] - 2 * SPACING, MIDDLE[1] + 3 * SPACING
+    alone = press(HEIGHT, over, mean_pressure=20.0, load_point=load_point, **SETTINGS)
     level = press(HEIGHT, over, mean_pressure=20.0, **SETTINGS)
     assert abs(alone.pressure - level.pressure).max() > 10
     np.testing.assert_allclose(found.pressure_sum, alone.pressure, rtol=1e-4, atol=1e-3)
@@ -125,7 +125,7 @@ def test_a_stone_without_a_mesh_is_moved_by_its_point_of_force():
     gesture = Gesture(rounded_counterface(HEIGHT, 50.0, MIDDLE), None, SIDE, MIDDLE, pose)
     found = press_poses(HEIGHT, gesture, PATCHES, **OF_PATCHES)
     moved = rounded_counterface(HEIGHT, 50.0, there)
-    alone = press(HEIGHT, moved, mean_pressure=20.0, through=there, **SETTINGS)
+    alone = press(HEIGHT, moved, mean_pressure=20.0, load_point=there, **SETTINGS)
     np.testing.assert_allclose(found.pressure_sum, alone.pressure, rtol=1e-4, atol=1e-3)
 
 

@@ -6,7 +6,13 @@ import pytest
 from contacts import pressed
 from gstlib.contact import ContactPath
 from gstlib.io.store import Stored
-from gstlib.microscale.patches import LEVELLED, PLACED, Microscale, microscale_tables, solve_patches
+from gstlib.microscale.patches import (
+    EQUILIBRIUM,
+    PAPER,
+    Microscale,
+    microscale_tables,
+    solve_patches,
+)
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.grid import make_surface
 
@@ -55,34 +61,34 @@ def stone():
 
 
 def test_patches_are_solved_in_order_and_each_scan_is_read_once(scans, stone):
-    found = solve_patches(scans, PRESSURES, SETTINGS, variants=[PLACED, LEVELLED], **stone)
+    found = solve_patches(scans, PRESSURES, SETTINGS, variants=[EQUILIBRIUM, PAPER], **stone)
     assert scans.looked_up == []
     order = []
     for patch, variant, contact in found:
         assert scans.looked_up == (["c"] if patch == "c" else ["c", "a"])
         order.append((patch, variant))
         interface = contact.interface
-        assert (interface.surroundings is not None) == (variant == PLACED)
-        name = "pressure_MPa" if variant == PLACED else "square_pressure_MPa"
+        assert (interface.surroundings is not None) == (variant == EQUILIBRIUM)
+        name = "pressure_MPa" if variant == EQUILIBRIUM else "square_pressure_MPa"
         target = PRESSURES.set_index("patch")[name][patch]
         assert contact.load.mean_pressure == target
         assert float(contact.pressure.mean()) == pytest.approx(target, rel=1e-6)
         np.testing.assert_array_equal(interface.height, scans.scans[patch].height)
-        assert (interface.plane.slope_y == 0.01) == (variant == PLACED)
-    assert order == [("c", PLACED), ("c", LEVELLED), ("a", PLACED), ("a", LEVELLED)]
+        assert (interface.plane.slope_y == 0.01) == (variant == EQUILIBRIUM)
+    assert order == [("c", EQUILIBRIUM), ("c", PAPER), ("a", EQUILIBRIUM), ("a", PAPER)]
 
 
 def test_the_studys_own_variant_has_a_path_and_the_other_has_none(scans, stone):
     settings = SETTINGS._replace(steps=3)
-    found = solve_patches(scans, PRESSURES, settings, variants=[LEVELLED, PLACED], **stone)
+    found = solve_patches(scans, PRESSURES, settings, variants=[PAPER, EQUILIBRIUM], **stone)
     for _, variant, contact in found:
-        assert isinstance(contact, ContactPath) == (variant == LEVELLED)
+        assert isinstance(contact, ContactPath) == (variant == PAPER)
 
 
 def test_the_scan_of_the_active_stone_is_turned_over_onto_every_patch(scans):
     face, settings = rough(5).height, SETTINGS._replace(s_filter_um=120.0)
     for patch, _, contact in solve_patches(
-        scans, PRESSURES, settings, variants=[LEVELLED], counterface=face
+        scans, PRESSURES, settings, variants=[PAPER], counterface=face
     ):
         own, other = (s_filtered(of, 120.0).values for of in (scans.scans[patch].height, face))
         np.testing.assert_allclose(contact.interface.pressed, own + other[:, ::-1], atol=1e-15)
@@ -93,7 +99,7 @@ def test_the_scan_of_the_active_stone_is_turned_over_onto_every_patch(scans):
 )
 def test_a_residual_is_stated_as_no_less_than_it_is(scans, stone, residual, stated):
     settings = SETTINGS._replace(steps=2)
-    found = solve_patches(scans, PRESSURES, settings, variants=[PLACED], **stone)
+    found = solve_patches(scans, PRESSURES, settings, variants=[EQUILIBRIUM], **stone)
     of = {patch: contact.to_dataset().assign(residual=residual) for patch, _, contact in found}
     states, _ = microscale_tables(of)
     assert states.residual.tolist() == pytest.approx([stated] * len(of))

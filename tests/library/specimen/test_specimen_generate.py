@@ -11,7 +11,7 @@ from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.specimen.scanning import sample
 from gstlib.specimen.stone import Stone
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 from scipy.ndimage import gaussian_filter
@@ -23,7 +23,7 @@ def bytes_of(folder):
 
 
 def place_of(at):
-    return Place(*(at[name].item() for name in Place._fields))
+    return PatchPosition(*(at[name].item() for name in PatchPosition._fields))
 
 
 SPACING = 0.01328

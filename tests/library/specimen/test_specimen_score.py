@@ -42,7 +42,7 @@ def results(truth):
         "changes": changes,
         "placement": pd.DataFrame([{"patch": names[0]}, {"patch": "all", **together}]),
         "pressures": pressures,
-        "two_scales": twice.assign(variant=len(names) * ["placed"] + len(names) * ["levelled"]),
+        "two_scales": twice.assign(variant=len(names) * ["equilibrium"] + len(names) * ["paper"]),
     }
 
 

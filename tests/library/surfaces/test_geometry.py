@@ -7,7 +7,7 @@ from contacts import around
 from gstlib.change.registration import register
 from gstlib.contact import Interface
 from gstlib.surfaces.filtering import s_filtered
-from gstlib.surfaces.footprints import Place, spline_of
+from gstlib.surfaces.footprints import PatchPosition, spline_of
 from gstlib.surfaces.frames import Frame, on_mesh
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -19,14 +19,18 @@ LENGTHS, TURNS = st.floats(-10, 10), st.floats(-360, 360)
 
 @given(LENGTHS, LENGTHS, TURNS, LENGTHS, LENGTHS)
 def test_what_a_scan_sees_lies_where_its_points_are(y, x, turn, v, u):
-    place = Place(y, x, turn)
+    place = PatchPosition(y, x, turn)
     np.testing.assert_allclose(place.seen(*place.points(v, u)), (v, u), atol=1e-12)
     np.testing.assert_allclose(place.points(*place.seen(v, u)), (v, u), atol=1e-12)
 
 
 def test_a_turn_is_from_x_towards_y():
-    np.testing.assert_allclose(Place(1.0, 2.0, 90.0).points(0.0, 0.5), (1.5, 2.0), atol=1e-12)
-    np.testing.assert_allclose(Place(1.0, 2.0, 90.0).points(0.5, 0.0), (1.0, 1.5), atol=1e-12)
+    np.testing.assert_allclose(
+        PatchPosition(1.0, 2.0, 90.0).points(0.0, 0.5), (1.5, 2.0), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        PatchPosition(1.0, 2.0, 90.0).points(0.5, 0.0), (1.0, 1.5), atol=1e-12
+    )
 
 
 def test_a_field_lies_on_the_vertices_over_it():

@@ -84,17 +84,17 @@ def test_a_law_is_found_under_loads_that_are_not_known():
     generator = np.random.default_rng(3)
     (true,) = hertz(np.array([[-0.4, 0.5]]))
     losses = lost(Law(exponent=3.0), true, generator, scatter=0.05)
-    scores = law_scores(hertz, 2, losses, generator).assign_attrs(taken=1)
+    scores = law_scores(hertz, 2, losses, generator).assign_attrs(adopted=1)
     gains = (scores.law_log_score - scores.law_log_score.sel(law=BASE)).sum("patch")
     assert float(gains.sel(law="higher exponent")) > 2
     _, low, high = scores.law_parameter.sel(law="higher exponent").values
     assert low < 3.0 < high
     table = law_table(scores, true, losses, seed=1).set_index("law")
-    assert table.gain["higher exponent"] == pytest.approx(
+    assert table.log_score_gain["higher exponent"] == pytest.approx(
         float(gains.sel(law="higher exponent")), abs=1e-6
     )
     # the load in the config is scored alone if no use is adopted
-    alone = law_table(scores.assign_attrs(taken=0), true, losses, seed=1).set_index("law")
+    alone = law_table(scores.assign_attrs(adopted=0), true, losses, seed=1).set_index("law")
     assert alone.log_score["higher exponent"] > table.log_score["higher exponent"]
 
 

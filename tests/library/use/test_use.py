@@ -37,7 +37,7 @@ from gstlib.use.outcome import (
 )
 from gstlib.use.sampling import Prior, Sampling, sample
 from gstlib.use.spread import StrikePressures, Uses
-from gstlib.use.tempering import Particles, effective_draws, tempered
+from gstlib.use.tempering import Particles, effective_sample_size, tempered
 
 # A square of 3 mm in a face of 4.2 mm, with sixteen patches of 0.5 mm.
 SIZE, ELEMENT, COUNT, PATCH = 3.0, 0.06, 70, 0.5
@@ -100,7 +100,7 @@ def spread(use, name):
 
 
 def test_losses_tell_where_the_tool_was_pressed(use):
-    for name, true, stated in zip(("y_mm", "x_mm"), POINT, STATED.through, strict=True):
+    for name, true, stated in zip(("y_mm", "x_mm"), POINT, STATED.load_point, strict=True):
         mean, error = spread(use, name)
         assert abs(mean - true) < min(3 * error, abs(stated - true) / 2)
         assert error < STATED.load_point_mm / 2
@@ -109,20 +109,20 @@ def test_losses_tell_where_the_tool_was_pressed(use):
 def test_losses_tell_how_round_the_active_tool_was(use):
     mean, error = spread(use.assign(log=np.log(use.radius_mm)), "log")
     assert abs(mean - np.log(RADIUS)) < 3 * error
-    assert error < STATED.radius_fraction / 2
+    assert error < STATED.radius_log_sd / 2
 
 
 def test_table_has_what_was_stated_beside_what_the_wear_says(use, pressure):
     table = use_table(use, STATED).set_index("parameter")
-    assert table.stated["load_point_x"] == STATED.through[1]
-    assert table.stated["radius"] == STATED.radius_mm
+    assert table.prior["load_point_x"] == STATED.load_point[1]
+    assert table.prior["radius"] == STATED.radius_mm
     weight = use.weight.values
     for row, values in {"load_point_y": use.y_mm.values, "load_point_x": use.x_mm.values}.items():
-        assert table["mean"][row] == pytest.approx(weight @ values)
+        assert table["posterior_mean"][row] == pytest.approx(weight @ values)
         for limit, share in ((table.low[row], 0.025), (table.high[row], 0.975)):
             assert weight @ (values < limit) < share <= weight @ (values <= limit)
     radius = np.exp(weight @ np.log(use.radius_mm.values))
-    assert table["mean"]["radius"] == pytest.approx(radius)
+    assert table["posterior_mean"]["radius"] == pytest.approx(radius)
     assert "within_95" not in table.index
     assert table.low["wear_coefficient"] < 0.01 < table.high["wear_coefficient"]
 
@@ -130,7 +130,7 @@ def test_table_has_what_was_stated_beside_what_the_wear_says(use, pressure):
 def test_patch_is_predicted_by_the_losses_of_the_others(face, patches, losses, use):
     found = predicted_losses(use, losses, seed=1)
     assert np.corrcoef(found.predicted_um, losses.depth_um)[0, 1] > 0.8
-    within = use_table(use, STATED, found).set_index("parameter")["mean"]["within_95"]
+    within = use_table(use, STATED, found).set_index("parameter")["posterior_mean"]["within_95"]
     inside = (found.low_um < losses.depth_um) & (losses.depth_um < found.high_um)
     assert within == inside.mean() > 0.8
     # one loss that is wrong changes its own prediction hardly, and the answer little
@@ -154,7 +154,7 @@ def test_its_own_loss_weighs_no_use_that_predicts_it():
     use = xr.Dataset(
         {name: ("draw", values) for name, values in by_draw.items()}
         | {name: (("draw", "patch"), values) for name, values in by_both.items()}
-        | {"effective_draws_without": ("patch", [1.0])},
+        | {"effective_sample_size_without": ("patch", [1.0])},
         {"patch": ["a"]},
     )
     (row,) = predicted_losses(use, Losses(np.array([0.1])), seed=1).itertuples()
@@ -189,8 +189,8 @@ def test_a_use_is_claimed_above_the_best_competitor_alone(gains, answer, is_take
         {"patch": ["a", "b"], "competitor": ["heights", "spot"]},
     )
     found = _answer(use)
-    assert (found["answer"], found["taken"]) == (answer, is_taken)
-    assert found["gain"] == pytest.approx(min(gains))
+    assert (found["answer"], found["adopted"]) == (answer, is_taken)
+    assert found["log_score_gain"] == pytest.approx(min(gains))
     assert found["gain_error"] == pytest.approx(1.0)
 
 
@@ -257,7 +257,7 @@ def test_strikes_that_scatter_are_not_taken_for_a_rounder_tool(face, patches, us
 
 
 # Beyond the face the stone tips over.
-FAR = STATED._replace(through=(9.0, 9.0), load_point_mm=0.1)
+FAR = STATED._replace(load_point=(9.0, 9.0), load_point_mm=0.1)
 
 
 @pytest.mark.parametrize(
@@ -274,9 +274,9 @@ def assert_nothing_is_inferred(use, face, losses, stated):
     """The study goes on as stated, and its table has the reason."""
     table = use_table(use, stated)
     assert table.answer.str.startswith(f"{UNKNOWN}, because ").all()
-    assert table["mean"].isna().all()
+    assert table["posterior_mean"].isna().all()
     assert predicted_losses(use, losses, seed=1).empty
-    assert as_used(face, use, stated.through)[1] == stated.through
+    assert as_used(face, use, stated.load_point)[1] == stated.load_point
 
 
 def test_a_few_strikes_that_touch_a_patch_lead_to_others():
@@ -291,7 +291,7 @@ def test_a_few_strikes_that_touch_a_patch_lead_to_others():
     draws = sample(prior, pressures, evidence, Sampling(40, 10, 500, 1), generator)
     assert draws.touching > 0.25 * draws.contacts
     weight = draws.particles.weights
-    assert effective_draws(weight) > 50
+    assert effective_sample_size(weight) > 50
     assert weight @ (draws.uses.points[:, 0] > 0.5) > 0.8
 
 
@@ -397,24 +397,24 @@ def test_likelihood_of_a_grade_is_that_of_its_interval():
 
 
 def test_the_study_is_pressed_as_the_wear_says_where_that_is_taken(face, use):
-    taken, told = use.assign_attrs(taken=1), use.assign_attrs(taken=0)
-    pressed, through = as_used(face, taken, STATED.through)
+    adopted, told = use.assign_attrs(adopted=1), use.assign_attrs(adopted=0)
+    pressed, load_point = as_used(face, adopted, STATED.load_point)
     weight = use.weight.values
-    assert through == pytest.approx((weight @ use.y_mm.values, weight @ use.x_mm.values))
+    assert load_point == pytest.approx((weight @ use.y_mm.values, weight @ use.x_mm.values))
     radius = np.exp(weight @ np.log(use.radius_mm.values))
     expected = rounded_counterface(face.height, radius, (SIZE / 2, SIZE / 2))
     np.testing.assert_allclose(pressed.counterface, expected)
     for stated in (told, None):
-        same, point = as_used(face, stated, STATED.through)
+        same, point = as_used(face, stated, STATED.load_point)
         assert same is face
-        assert point == STATED.through
+        assert point == STATED.load_point
 
 
 def test_pressures_of_a_patch_are_over_the_strikes_of_what_the_others_tell(patches, use):
     table = patches.assign(pressure_MPa=5.0, force_N=5.0 * PATCH**2)
-    taken = use.assign_attrs(taken=1).assign_coords(scanned=list(patches.patch))
-    taken["stated_pressure"] = "scanned", np.arange(len(patches), dtype=float)
-    found = pressures_of_use(table, taken, patch_mm=PATCH).set_index("patch")
+    adopted = use.assign_attrs(adopted=1).assign_coords(scanned=list(patches.patch))
+    adopted["stated_pressure"] = "scanned", np.arange(len(patches), dtype=float)
+    found = pressures_of_use(table, adopted, patch_mm=PATCH).set_index("patch")
     for patch in ("0", "9"):
         one = use.sel(patch=patch)
         expected = float(one.weight_without.values @ one.pressure.values)
@@ -423,10 +423,10 @@ def test_pressures_of_a_patch_are_over_the_strikes_of_what_the_others_tell(patch
         assert found.pressure_MPa[patch] == pytest.approx(max(5 + added, 0), abs=1e-6)
         assert found.stated_MPa[patch] == float(patch)
     np.testing.assert_allclose(found.force_N, found.pressure_MPa * PATCH**2)
-    unknown = pressures_of_use(table.assign(patch="new"), taken, patch_mm=PATCH)
+    unknown = pressures_of_use(table.assign(patch="new"), adopted, patch_mm=PATCH)
     assert unknown.leave_one_out_MPa.isna().all()
     assert (unknown.pressure_MPa == 5).all()
-    assert pressures_of_use(table, use.assign_attrs(taken=0), patch_mm=PATCH) is table
+    assert pressures_of_use(table, use.assign_attrs(adopted=0), patch_mm=PATCH) is table
 
 
 def test_patches_that_lost_nothing_count_and_excluded_ones_do_not(patches):
@@ -459,7 +459,7 @@ def test_predictions_that_rest_on_few_draws_are_warned_of(
     monkeypatch.setattr("gstlib.use.infer.use_pressures", pressures)
     losses = Losses(0.01 * pressures(np.array([POINT]))[0])
     use = infer(face, patches, losses, sampling=Sampling(20, 3, particles, 1))
-    assert (use.effective_draws_without < FEWEST_DRAWS).any() == warns
+    assert (use.effective_sample_size_without < FEWEST_DRAWS).any() == warns
     assert ("use.particles" in caplog.text) == warns
 
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from contacts import contact_of
 from gstlib.coupling.placement import ALL
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import make_surface
 from gstlib.validation.single_scale import patches_of_reference, two_scales_table
 
@@ -42,23 +42,23 @@ def test_a_scan_reads_the_reference_where_it_lies():
     pressure = np.zeros((SQUARE, SQUARE))
     pressure[120, 80] = 5.0  # y 1.205, x 0.805
     for rotation in (0.0, 30.0):
-        place = Place(1.205, 0.805, rotation)
+        place = PatchPosition(1.205, 0.805, rotation)
         found = patches_of_reference(square(pressure), {"a": place}, scan(33))
         at = np.argwhere(found.contact.values[0])
         np.testing.assert_array_equal(at, [[16, 16]])
-    turned = Place(1.205 - 0.05, 0.805 + 0.1, 90.0)  # its x runs along y, its y against x
+    turned = PatchPosition(1.205 - 0.05, 0.805 + 0.1, 90.0)  # its x runs along y, its y against x
     found = patches_of_reference(square(pressure), {"a": turned}, scan(33))
     np.testing.assert_array_equal(np.argwhere(found.contact.values[0]), [[26, 21]])
     # a scan of squares, and one of rectangles
     for grid, along_x, column in ((scan(33), 0.05, 21), (scan(33, 11), 0.03, 6)):
-        beside = Place(1.205 - 0.1, 0.805 - along_x, 0.0)
+        beside = PatchPosition(1.205 - 0.1, 0.805 - along_x, 0.0)
         found = patches_of_reference(square(pressure), {"a": beside}, grid)
         np.testing.assert_array_equal(np.argwhere(found.contact.values[0]), [[26, column]])
         assert float(found.pressure[0]) == pytest.approx(5.0 / grid.size)
 
 
 def test_points_outside_the_square_are_not_in_contact():
-    place = Place(0.1, 0.1, 0.0)
+    place = PatchPosition(0.1, 0.1, 0.0)
     found = patches_of_reference(square(np.ones((SQUARE, SQUARE))), {"a": place}, scan(32))
     inside = found.contact.values[0]
     assert inside.any()
@@ -79,7 +79,7 @@ def test_scores_against_the_reference_by_hand():
     true[10, 10:20] = True
     pressure = np.zeros((POINTS, POINTS))
     pressure[10, 15:23] = 100.0  # 5 of 8 are right, 5 of 10 are found
-    row = table_of(reference_of([true]), placed=contact(pressure)).loc[("placed", "a")]
+    row = table_of(reference_of([true]), equilibrium=contact(pressure)).loc[("equilibrium", "a")]
     points = POINTS**2
     assert row.precision == pytest.approx(5 / 8)
     assert row.recall == pytest.approx(5 / 10)
@@ -89,7 +89,7 @@ def test_scores_against_the_reference_by_hand():
     assert row.reference_pressure_MPa == 7.0
     assert row.pressure_MPa == pytest.approx(pressure.mean())
     none = np.zeros((POINTS, POINTS))
-    scores = table_of(reference_of([none]), levelled=contact(none))
+    scores = table_of(reference_of([none]), paper=contact(none))
     assert scores[["precision", "recall", "f1"]].isna().all(axis=None)
 
 
@@ -97,13 +97,13 @@ def test_the_baseline_marks_the_highest_points_of_the_laid_surface():
     first = np.zeros((POINTS, POINTS), bool)
     first[0] = True
     none = np.zeros((POINTS, POINTS))
-    contacts = {"levelled": contact(none), "placed": contact(none, slopes=(-1.0, 0.0))}
+    contacts = {"paper": contact(none), "equilibrium": contact(none, slopes=(-1.0, 0.0))}
     # levelled, the last rows are the highest; on the plane, the first
     table = table_of(reference_of([first]), **contacts)
-    assert table.f1["highest_placed", "a"] == 1
-    assert table.f1["highest_levelled", "a"] == 0
-    assert table.contact_fraction["highest_placed", "a"] == pytest.approx(1 / POINTS)
-    assert np.isnan(table.pressure_MPa["highest_placed", "a"])
+    assert table.f1["highest_equilibrium", "a"] == 1
+    assert table.f1["highest_paper", "a"] == 0
+    assert table.contact_fraction["highest_equilibrium", "a"] == pytest.approx(1 / POINTS)
+    assert np.isnan(table.pressure_MPa["highest_equilibrium", "a"])
 
 
 def test_draws_and_patches_are_pooled():
@@ -111,8 +111,8 @@ def test_draws_and_patches_are_pooled():
     one[10, 10:14], other[10, 12:20] = True, True
     pressure = np.zeros((POINTS, POINTS))
     pressure[10, 10:14] = 1.0
-    table = table_of(reference_of([one, other]), placed=contact(pressure))
-    assert table.precision["placed", "a"] == pytest.approx((4 + 2) / 8)
-    assert table.recall["placed", "a"] == pytest.approx((4 + 2) / 12)
-    assert table.f1["placed", ALL] == table.f1["placed", "a"]
-    assert table.reference_pressure_MPa["placed", "a"] == 8.0  # the mean of 7 and 9
+    table = table_of(reference_of([one, other]), equilibrium=contact(pressure))
+    assert table.precision["equilibrium", "a"] == pytest.approx((4 + 2) / 8)
+    assert table.recall["equilibrium", "a"] == pytest.approx((4 + 2) / 12)
+    assert table.f1["equilibrium", ALL] == table.f1["equilibrium", "a"]
+    assert table.reference_pressure_MPa["equilibrium", "a"] == 8.0  # the mean of 7 and 9

@@ -57,9 +57,9 @@ def test_a_perfect_prediction_agrees_and_its_baselines_do_not(patch):
     assert set(rows.index) == {"archard", *BASELINES, ORACLE}
     # noise alone puts about 2.5 % of the rest beyond the level of detection
     true = float((predicted.depth.values[0] > 0)[known].mean())
-    assert rows.marked_fraction["archard"] == pytest.approx(true)
+    assert rows.predicted_worn_fraction["archard"] == pytest.approx(true)
     loss = change.loss.values[known]
-    assert rows.marked_fraction[ORACLE] == pytest.approx(loss.mean(), abs=1 / known.sum())
+    assert rows.predicted_worn_fraction[ORACLE] == pytest.approx(loss.mean(), abs=1 / known.sum())
     assert row["contact_fraction"] == float((predicted.depth > 0).mean())
     ideal = np.corrcoef(predicted.depth.values[0][known] > 0, loss)[0, 1]
     assert row["mcc"] == rows.mcc["archard"] == pytest.approx(ideal)

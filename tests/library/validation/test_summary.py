@@ -9,7 +9,13 @@ import pytest
 import xarray as xr
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.inference import Draws
-from gstlib.validation.summary import _chance_row, _model_rows, patch_statistics, summarise
+from gstlib.validation.summary import (
+    _chance_row,
+    _model_rows,
+    patch_statistics,
+    statistic_names,
+    summarise,
+)
 
 MODELS = ("archard", *BASELINES, ORACLE)
 
@@ -26,7 +32,7 @@ def wear_of(patches, seed=3, **means):
             rows.append(
                 {"patch": patch, "model": model, "mcc": mcc[number], "attainable_mcc": 0.9}
                 | {"predicted_volume_um3": measured[number] * (1 + error)}
-                | {"measured_volume_um3": measured[number], "marked_fraction": 0.1}
+                | {"measured_volume_um3": measured[number], "predicted_worn_fraction": 0.1}
                 | {"map_error_um": error, "out_of_contact_um": error}
             )
     return pd.DataFrame(rows)
@@ -64,7 +70,7 @@ def summary(patches="85123467", *, wear=None, nulls=None, interlayer=None, worst
     nulls = nulls_of(patches) if nulls is None else nulls
     chance = {"seed": 1, "resamples": 999}
     rows = summarise(statistics, wear, nulls, interlayer, expected_most_worn=worst, **chance)
-    return rows.set_index(["model", "statistic"])
+    return rows.set_index(["model", statistic_names(rows)])
 
 
 def model_rows(wear):

@@ -13,9 +13,9 @@ from gstlib.coupling.embedding import surroundings
 from gstlib.coupling.pressures import covered_pressures, patch_pressures
 from gstlib.errors import InputError
 from gstlib.macroscale.gesture import Gesture, stroke_poses
-from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import make_surface
-from gstlib.validation.summary import score_wear
+from gstlib.validation.summary import score_wear, statistic_names
 from gstlib.wear.archard import Interlayer, WornSquare, wear_patch, wear_square
 from gstlib.wear.fit import PatchMaps, Prediction, fit_wear, predict_wear, wear_map
 from gstlib.wear.interlayer import fit_interlayer
@@ -224,7 +224,8 @@ def test_an_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_bot
     found = score_wear(contacts, changes, prediction, *tables, seed=1, resamples=99)
     error = found["wear"].pivot(index="patch", columns="model", values="map_error_um")
     assert (error["interlayer"] < 0.5 * error["archard"]).all()
-    rows = found["summary"].set_index(["model", "statistic"])
+    rows = found["summary"]
+    rows = rows.set_index(["model", statistic_names(rows)])
     told = rows.loc["interlayer", "relative(out_of_contact)"]
     assert told.value < 0.5
     assert told.p_value == pytest.approx(2 / 2**6)  # each of six patches says so
@@ -305,7 +306,7 @@ def test_an_interlayer_lies_among_the_pressures_that_are_under_it():
     worn, alone = by_hand([0.0] * 4, [20.0] * 4), patch_of(20.0)
     interlayer, shape = worn.interlayer, alone.pressure.shape
     options = {"size_mm": 0.32, "contact_modulus_MPa": 1e4, "layer": interlayer.layer}
-    sunk = surroundings(interlayer.pressure, Place(0.5, 0.5, 0.0), shape, **options)
+    sunk = surroundings(interlayer.pressure, PatchPosition(0.5, 0.5, 0.0), shape, **options)
     assert np.ptp(sunk) > 1e-3
     face = alone.interface
     lower = replace(alone, interface=replace(face, height=face.height - sunk))

@@ -2,10 +2,12 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from gst.page.figures.maps import HEIGHTS, draw_map
+from gst.page.figures.maps import HEIGHTS, PALE, draw_map, height_norm
+from gst.page.figures.microscale import change_colours, detected_change
 from gst.page.figures.style import BLUE, VERMILION, panels, styled
 from gst.page.figures.tool import FACES, draw_stone
 from gst.page.viewer import coarsen
@@ -16,7 +18,7 @@ from gstlib.surfaces.frames import Frame
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["inspected_figure", "pressed_figure"]
+__all__ = ["changed_figure", "inspected_figure", "pressed_figure"]
 
 # From where a mesh is seen: the directions to the right, and towards the eye.
 _VIEWS = {
@@ -57,4 +59,23 @@ def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure
     depth.set(ylabel="far-field displacement (µm)", title="Displacement")
     for axes in (area, depth):
         axes.set(xlabel="mean pressure (MPa)", xlim=(0, None), ylim=(0, None))
+    return figure
+
+
+@styled
+def changed_figure(t0: xr.DataArray, change: xr.Dataset, names: tuple[str, str]) -> Figure:
+    """Both scans, the second as it lies on the first, and the height that was lost or gained.
+
+    The arguments are the results of `gst.share.change.compare_scans` and the names of the files.
+    """
+    figure, axes = panels(3, 3)
+    heights = HEIGHTS | {"norm": height_norm(t0, change["t1"])}
+    for panel, field, name in zip(axes, (t0, change["t1"]), names, strict=False):
+        draw_map(panel, field, ticks=True, **heights)
+        panel.set_title(plain_text(name))
+    unknown = {PALE: np.isnan(change["change"].values)}
+    colours = change_colours(change) | {"bar": "height change (µm), 0 if not detected"}
+    draw_map(axes[2], t0, detected_change(change), ticks=True, marks=unknown, **colours)
+    limit_um = change.attrs["level_of_detection_um"]
+    axes[2].set_title(f"change, detected beyond {limit_um:.3g} µm")
     return figure

@@ -14,7 +14,7 @@ from matplotlib.patches import Polygon
 from gst.page.figures import maps, style
 from gst.page.figures.style import AMBER, BLACK, BLUE, GREY, VERMILION, styled
 from gstlib.contact import Interface
-from gstlib.surfaces.footprints import Place, outline
+from gstlib.surfaces.footprints import PatchPosition, outline
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
 __all__ = ["contact_steps_figure", "draw_places", "exposure_figure", "force_figure"]
@@ -64,7 +64,7 @@ def contact_steps_figure(contact: xr.Dataset, *, size_mm: float, steps: int = 8)
     title = f"last step: contact {touched:.2f} %\nrigid interpenetration {overlapping:.1f} %"
     drawn.append((title, height, {"marks": {BLACK: elastic, AMBER: rigid & ~elastic}}))
     figure = maps.draw_maps(drawn, 3)
-    square = outline(Place(size_mm / 2, size_mm / 2), size_mm)
+    square = outline(PatchPosition(size_mm / 2, size_mm / 2), size_mm)
     for panel in figure.axes:
         panel.add_patch(Polygon(square, fill=False, edgecolor=VERMILION, linewidth=0.7))
     return figure

@@ -108,7 +108,7 @@ def two_scales_figure(
     reference: Mapping[str, np.ndarray],
     scores: pd.DataFrame,
 ) -> Figure:
-    """Contact within patches, levelled and placed, beside that of the whole square.
+    """Contact within patches, by both couplings, beside that of the whole square.
 
     `contacts` are those of each variant; `reference` (ny, nx) marks where the single-scale contact
     touches each patch; `scores` is ``two_scales.csv``.
@@ -146,9 +146,9 @@ def patch_figure(result: PatchResult) -> Figure:
     touching = contact["pressure"].values > 0
 
     heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
-    colours = _change_colours(change)
+    colours = change_colours(change)
     label = "height change (µm), 0 where not detected"
-    measured = {"values": _detected(change), "marks": {_UNKNOWN: unknown}, "bar": label}
+    measured = {"values": detected_change(change), "marks": {_UNKNOWN: unknown}, "bar": label}
     lost_percent = 100 * change["loss"].values.sum() / known
     limit = change.attrs["level_of_detection_um"]
     lost = f"lost more than {limit:.2f} µm: {lost_percent:.1f} %"
@@ -184,13 +184,13 @@ def patch_figure(result: PatchResult) -> Figure:
     return figure
 
 
-def _detected(change: xr.Dataset) -> np.ndarray:
+def detected_change(change: xr.Dataset) -> np.ndarray:
     """Height change (µm), 0 where noise can explain it, NaN where it is not known."""
     values = change["change"].values * MM_TO_UM
     return np.where(change["loss"].values | change["gain"].values, values, 0.0 * values)
 
 
-def _change_colours(change: xr.Dataset) -> dict:
+def change_colours(change: xr.Dataset) -> dict:
     """Colours of height changes (µm): as far as nearly all of them, or twice what is detected.
 
     Gains have colours where there are gains.

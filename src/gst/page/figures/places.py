@@ -13,7 +13,7 @@ from gst.page.figures.style import BLACK, BLUE, GREY, VERMILION, short, styled
 from gst.page.figures.tool import FACES, draw_square, draw_stone
 from gst.page.viewer import coarsen
 from gstlib.macroscale.sampling_sites import EXPOSED
-from gstlib.surfaces.footprints import Place, outline, square_of
+from gstlib.surfaces.footprints import PatchPosition, outline, square_of
 from gstlib.surfaces.frames import Frame
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def places_figure(
     stone.set_title("the stone, seen along the square's normal")
     touched = exposure.touched.values > 0
     maps.draw_map(face, exposure.touched, np.zeros(touched.shape), marks={BLACK: touched})
-    corners = outline(Place(size_mm / 2, size_mm / 2), size_mm)
+    corners = outline(PatchPosition(size_mm / 2, size_mm / 2), size_mm)
     face.plot(*corners[[0, 1, 2, 3, 0]].T, color=VERMILION)
     face.plot(*corners[0], "o", color=VERMILION)
     maps.scale_bar(face)

@@ -101,7 +101,7 @@ def _two_scales(study: Results) -> Figure:
     others = study.by_patch("others", drawn, "height", "pressure")
     touches = study.data("reference", "contact").contact.isel(draw=0)
     return microscale.two_scales_figure(
-        {"levelled": others, "placed": study.contacts},
+        {"paper": others, "equilibrium": study.contacts},
         {patch: touches.sel(patch=patch).values for patch in drawn},
         study.table("two_scales"),
     )
@@ -165,7 +165,7 @@ def figures_by_patch(name: str, study: Results) -> Iterator[tuple[str, Figure]]:
         for patch in study.compared:
             yield patch, microscale.patch_figure(result_of(study, patch))
         return
-    for patch in evenly(study.patches, study.most_drawn_patches):
+    for patch in evenly(study.patches, study.max_plotted_patches):
         epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
         only = "measured", "filled", "outlier"
         scans = {

@@ -12,6 +12,7 @@ from gst.page.figures import style
 from gst.page.figures.style import AMBER, BLACK, BLUE, GREEN, GREY, VERMILION, styled
 from gst.page.verdict import MODELS, TOUCHED
 from gstlib.validation.baselines import ORACLE
+from gstlib.validation.summary import statistic_names
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 __all__ = ["texture_figure", "validation_figure", "wear_figure"]
@@ -62,8 +63,9 @@ def validation_figure(
         "pressure and worn area": "spearman(pressure_MPa, loss_fraction)",
         "touched or not and loss": TOUCHED,
     }
+    names = statistic_names(summary)
     for words, name in pairs.items():
-        for row in summary[summary.statistic == name].dropna(subset="value").itertuples():
+        for row in summary[names == name].dropna(subset="value").itertuples():
             interval = f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
             tested = f"p = {row.p_value:.2g}" if math.isfinite(row.p_value) else "not tested"
             title += f"\n{words}: ρ = {row.value:.2g}{interval}, {tested}".replace("-", "−")
@@ -74,16 +76,18 @@ def validation_figure(
 
 def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
     """The mean MCC of each model with its interval, one below the other."""
-    means = summary[summary.statistic == "mean(mcc)"].set_index("model")
-    attainable = summary[summary.statistic == "mean(attainable_mcc)"].set_index("model").value
+    means, attainable = (
+        summary[(summary.statistic == "mean") & (summary.x == score)].set_index("model")
+        for score in ("mcc", "attainable_mcc")
+    )
     for place, row in enumerate(means.itertuples()):
         colour, marker = _LOOKS.get(row.Index, (GREY, "o"))
         fill = "white" if row.Index == ORACLE else colour
         if math.isfinite(row.low):
             axes.plot([row.low, row.high], [place, place], color=colour)
         axes.plot(row.value, place, marker, color=colour, mfc=fill)
-        if row.Index in attainable:
-            axes.plot(attainable[row.Index], place, "|", color=colour, ms=9)
+        if row.Index in attainable.index:
+            axes.plot(attainable.value[row.Index], place, "|", color=colour, ms=9)
         at = 0, place - 0.42
         style.write_beside(axes, MODELS[row.Index], at, color=colour, in_layout=False)
     axes.set(xlim=(0, 1), ylim=(len(means) - 0.5, -0.7), yticks=[])

@@ -38,7 +38,7 @@ def use_figure(
     """
     panels = 2 if losses is None else 3
     figure, (square, radius, *others) = style.panels(panels, 2)
-    stated = table.set_index("parameter").stated
+    stated = table.set_index("parameter").prior
     maps.draw_map(square, height, ticks=True, **maps.HEIGHTS)
     maps.draw_footprints(square, patches, patch_size_mm, colour=BLACK)
     generator = np.random.default_rng(0)
@@ -66,7 +66,7 @@ def _draw_radius(axes: Axes, use: xr.Dataset, table: pd.DataFrame) -> None:
         axes.text(0.5, 0.5, "not asked for", ha="center", transform=axes.transAxes)
         axes.set_axis_off()
         return
-    values, told = use.radius_mm.values, known.stated["radius"]
+    values, told = use.radius_mm.values, known.prior["radius"]
     ends = np.quantile(values, _SHOWN, weights=use.weight.values, method="inverted_cdf")
     edges = np.geomspace(min(ends[0], told) / 1.5, 1.5 * max(ends[1], told), _BINS + 1)
     axes.hist(values, edges, weights=use.weight.values, color=VERMILION, label="from the wear")

@@ -8,17 +8,17 @@ import pandas as pd
 from gst.config.tables import write_table
 from gst.run.batches import files_of
 from gst.run.logs import run_script
-from gstlib.coupling.placement import place_patches
+from gstlib.coupling.placement import check_placement
 from gstlib.io.store import Stored, read_dataset
 
 
 def main(
     face: Path, t0: list[Path], table: Path, *, patches: dict[str, list], **settings: Any
 ) -> None:
-    """`settings` are those of `place_patches`."""
+    """`settings` are those of `check_placement`."""
     scans = Stored(files_of(t0, patches["patch"]), ["height"])
     given = read_dataset(face, only=["height"]).height, pd.DataFrame(patches), scans
-    write_table(table, place_patches(*given, **settings))
+    write_table(table, check_placement(*given, **settings))
 
 
 if "snakemake" in globals():

@@ -7,7 +7,7 @@ import xarray as xr
 from gst.run.batches import files_of
 from gst.run.logs import run_script
 from gst.run.provenance import made_by
-from gstlib.change.change import SCAN_FIELDS, measure_detection
+from gstlib.change.change import SCAN_FIELDS, estimate_detection_limit
 from gstlib.io.store import Stored, write_dataset
 
 
@@ -19,13 +19,13 @@ def main(
     patches: list[str],
     **settings: float,
 ) -> None:
-    """`settings` are those of `measure_detection`."""
+    """`settings` are those of `estimate_detection_limit`."""
     first, second = (files_of(folders, patches) for folders in (t0, repeats))
-    found = measure_detection(
+    found = estimate_detection_limit(
         Stored(first, SCAN_FIELDS), Stored(second, SCAN_FIELDS), **settings
     )
     attrs = found._asdict() if found else {}  # nothing where no repeat serves
-    write_dataset(detection, xr.Dataset(attrs=attrs), made_by("measure_detection"))
+    write_dataset(detection, xr.Dataset(attrs=attrs), made_by("estimate_detection_limit"))
 
 
 if "snakemake" in globals():

@@ -1,0 +1,94 @@
+"""Two scans of one surface compared, without a study: the loss and the gain of height."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from gstlib.change.change import estimate_detection_limit, register_patch, wear_summary
+from gstlib.errors import InputError
+from gstlib.io.scans import read_scan
+from gstlib.preprocess.scans import prepare_scan
+from gstlib.settings import Settings
+from gstlib.surfaces.grid import spacing_of
+
+__all__ = ["compare_scans", "describe_change"]
+
+# Points that were not measured are not compared, so that many of them do no harm.
+_MOST_UNMEASURED = 0.9
+# T1 is looked for as far as it covers a quarter of T0, however large the scans are.
+_LARGEST_SHIFT = 0.75
+
+
+def compare_scans(
+    t0: Path,
+    t1: Path,
+    repeat: Path | None = None,
+    *,
+    unit: str | None = None,
+    spacing_um: float | None = None,
+) -> tuple[xr.DataArray, xr.Dataset]:
+    """Register T1 to T0 and take the height change, with the default settings of a study.
+
+    `repeat` is a second scan of the surface at T0, without use between the two: the detection limit
+    then comes from it, and otherwise from the unchanged part of T1. `unit` and `spacing_um` are as
+    in `gstlib.io.scans.read_scan`. The result is the prepared T0 (y, x), mm, and the dataset of
+    `gstlib.change.change.register_patch`. Raises an `InputError` if T1 is not found on T0, or if
+    the repeat does not show the surface of T0.
+    """
+    settings = Settings()
+    before, after = (_prepared(path, unit, spacing_um) for path in (t0, t1))
+    sides = np.multiply(spacing_of(before.height), before.height.shape)
+    search = {
+        "maximum_shift_mm": _LARGEST_SHIFT * float(max(sides)),
+        "minimum_cluster_points": settings.detection.minimum_cluster_points,
+    }
+    detection = None
+    if repeat is not None:
+        again = {repeat.name: _prepared(repeat, unit, spacing_um)}
+        detection = estimate_detection_limit({repeat.name: before}, again, **search)
+        if detection is None:
+            problem = f"does not show the surface of {t0.name}, scanned again without use"
+            raise InputError(repeat, problem, "Give another --repeat, or leave it out.")
+    change = register_patch(before, after, patch=t1.name, detection=detection, **search)
+    if not change.attrs["registration_found"]:
+        problem = f"was not found on {t0}: the same details do not appear in both"
+        raise InputError(t1, problem, "Look at both with `gst inspect --pictures FOLDER`.")
+    return before["height"], change
+
+
+def _prepared(path: Path, unit: str | None, spacing_um: float | None) -> xr.Dataset:
+    """A scan, cleaned and level, as a study prepares it."""
+    raw = read_scan(path, unit=unit, spacing_um=spacing_um)
+    return prepare_scan(raw, maximum_unmeasured=_MOST_UNMEASURED)
+
+
+def describe_change(change: xr.Dataset) -> Iterator[str]:
+    """The result of `compare_scans` in lines of text."""
+    facts, extent = change.attrs, wear_summary(change)
+    yield (
+        f"position    x {facts['shift_x_um']:.2f} ± {facts['shift_x_error_um']:.2g} µm, "
+        f"y {facts['shift_y_um']:.2f} ± {facts['shift_y_error_um']:.2g} µm, "
+        f"turned by {facts['rotation_deg']:.2f}°"
+    )
+    yield (
+        f"overlap     {100 * facts['overlap']:.0f} % of T0, "
+        f"correlation {facts['correlation']:.3f}"
+    )
+    if not facts["known_fraction"]:
+        yield "change      none, because hardly any point has a height of its own in both scans"
+        return
+    source = "the repeat" if facts["detection"] == "repeat" else "the unchanged part of T1"
+    yield f"detectable  more than {facts['level_of_detection_um']:.3g} µm, from {source}"
+    yield (
+        f"loss        {100 * extent['loss_fraction']:.2g} % of the area, "
+        f"{extent['loss_volume_um3']:.4g} µm³, mean depth {extent['mean_wear_depth_um']:.3g} µm"
+    )
+    yield f"gain        {100 * extent['gain_fraction']:.2g} % of the area"
+    limit = Settings().validation.max_gain_to_loss_ratio
+    if extent["gain_to_loss_ratio"] > limit:
+        yield (
+            f"NOTE: the area that rose is {extent['gain_to_loss_ratio']:.2f} times the area that "
+            "fell, so the loss may be noise"
+        )
