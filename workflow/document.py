@@ -53,13 +53,6 @@ def keys(node: dict, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
         yield from keys(part, f"{prefix}{name}.")
 
 
-def leaves(schema: dict) -> list[str]:
-    """The keys that take a value: all but sections, with every alternative."""
-    names = [name for name, *_ in keys(schema)]
-    sections = {name.rpartition(".")[0] for name in names}
-    return [name for name in names if name not in sections]
-
-
 def default_of(node: dict) -> str:
     """The default in short YAML; empty where there is none but those of a section's keys."""
     match node.get("default", {}):
@@ -94,7 +87,10 @@ def table(schema: dict) -> str:
 
 
 def config_table(schema: dict) -> str:
-    return f"{len(leaves(schema))} keys, with every alternative.\n\n{table(schema)}"
+    names = [name for name, *_ in keys(schema)]
+    sections = {name.rpartition(".")[0] for name in names}
+    count = sum(name not in sections for name in names)
+    return f"{count} keys, with every alternative.\n\n{table(schema)}"
 
 
 def choices() -> Iterator[str]:
@@ -124,8 +120,8 @@ def commands() -> Iterator[str]:
     group = click.Context(gst, info_name="gst", terminal_width=WIDTH, **gst.context_settings)
     yield gst.get_help(group)
     for name, command in gst.commands.items():
-        said = command.get_help(click.Context(command, info_name=name, parent=group))
-        yield re.sub(r"\n  -h, --help .*", "", said)
+        text = command.get_help(click.Context(command, info_name=name, parent=group))
+        yield re.sub(r"\n  -h, --help .*", "", text)
 
 
 def results() -> Iterator[str]:

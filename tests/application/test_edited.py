@@ -28,7 +28,7 @@ PARTS = [
 VALUES = st.one_of(
     st.none() | st.booleans() | st.integers() | st.text("TODO:,# '\"[{&*!%-|é\n1", max_size=5),
     st.floats(-1e15, 1e15),
-    st.sampled_from(["no", "0550", "9:10", "1e3", "2024-01-01", "null", "~", "=", "<<", "x" * 300]),
+    st.sampled_from(["no", "0550", "9:10", "2024-01-01", "null", "=", "<<", "x" * 300]),
     st.sampled_from([[], {}, [[1, 2.5], [3, 4]], {"a": [None, "b, c"], "d": {}}]),
 )
 
@@ -69,14 +69,9 @@ def test_an_edited_config_differs_only_in_the_value(parts, n, head, line_end, va
     ("text", "values", "edited"),
     [
         ("load:\nnext: 1", {"load.force_N": 200.0}, "load: {force_N: 200.0}\nnext: 1"),
-        ("load:   # c\n", {"load.force_N": 2}, "load: {force_N: 2}   # c\n"),
         ("a:\n  - 1  # one\n  - 2  # two\n", {"a": [1, 3]}, "a:\n  - 1  # one\n  - 3  # two\n"),
         ("a:  # l\n- 1\n- 2  # two\n\nb: 1\n", {"a": "TODO"}, "a: TODO  # l  # two\n\nb: 1\n"),
-        ("a:\n    b: 1\n  # c\n\nd: 2\n", {"a.e": 3}, "a:\n    b: 1\n    e: 3\n  # c\n\nd: 2\n"),
-        ("a: {b: 1,  # c\n}\n", {"a.d": 2}, "a: {b: 1, d: 2,  # c\n}\n"),
-        ("a: 1\r\nb: 2", {"c": 3}, "a: 1\r\nb: 2\r\nc: 3"),
         ("a: 1.50  # as it was\n", {"a": 1.5}, "a: 1.50  # as it was\n"),
-        ("a: |\n  text\n\nb: 1\n", {"a": "x", "c": 1}, "a: x\n\nb: 1\nc: 1\n"),
     ],
 )
 def test_where_a_value_is_written(text, values, edited):
@@ -87,10 +82,8 @@ def test_where_a_value_is_written(text, values, edited):
     ("text", "key"),
     [
         ("load: 5\n", "load.force_N"),  # which would be lost
-        ("# nothing\n", "a"),
         ("a: &x {b: 1}\nc: *x\n", "c.b"),
         ("a: |+\n  text\n\n", "c"),  # the blank line is a part of the text
-        ("a: [1\n", "a"),
     ],
 )
 def test_a_config_that_cannot_take_a_value_is_refused(text, key):
@@ -98,72 +91,45 @@ def test_a_config_that_cannot_take_a_value_is_refused(text, key):
         with_values(text, {key: 2})
 
 
-CELLS = st.sampled_from(
-    [
-        "",
-        "1,50",
-        "0",
-        "a; b",
-        'a "b"',
-        "left\nside",
-        "left\r\n# side",
-        "\n\n",
-        "é☃",
-        "TODO",
-        " pad ",
-    ]
-)
-BETWEEN = st.sampled_from(["", "# 5\" ; 'wide'", '"# quoted";;', ";;", "  # c"])
+CELLS = ["", "1,50", '"a; b"', '"a ""b"""', '"left\nside"', '"left\r\n# side"', '"\n\n"', " pad "]
+BETWEEN = ["", "# 5\" ; 'wide'\n", '"# quoted";;\n', ";;\n", "\n"]
 
 
 @given(
-    st.lists(st.tuples(CELLS, CELLS, st.booleans(), st.none() | BETWEEN), min_size=1, max_size=4),
-    st.sampled_from(["\n", "\r\n", "\r"]),
-    st.sampled_from(["", "\ufeff"]),
-    st.booleans(),
-    st.dictionaries(st.sampled_from(["x_mm", "note", "new"]), CELLS.map(str.strip), max_size=2),
-    st.data(),
+    st.lists(st.sampled_from(CELLS), min_size=3, max_size=3),
+    st.sampled_from(BETWEEN),
+    st.sampled_from(["", "\ufeff# places\r\n"]),
+    st.sampled_from(["x_mm", "note"]),
+    st.sampled_from(["", "1,50", "a; b", 'a "b"', "left\nside", "é☃"]),
 )
-def test_an_edited_table_differs_only_in_the_cells(rows, line_end, mark, is_ended, cells, data):
-    def written(cell, is_quoted):
-        needs = is_quoted or any(sign in cell for sign in ';"\r\n')
-        return '"{}"'.format(cell.replace('"', '""')) if needs else cell
-
-    lines = ["# places", "patch; X_mm;note;;"]
-    for n, (x, note, is_quoted, between) in enumerate(rows):
-        lines.append(";".join(written(cell, is_quoted) for cell in (f"p{n}", x, note, "", "")))
-        lines += [between] * (between is not None)
-    lines[-1] += line_end * is_ended
-    text = mark + line_end.join(lines)
-    n = data.draw(st.integers(0, len(rows) - 1))
-    edited = with_cells(text, lambda row: cells if row["patch"] == f"p{n}" else {})
-    records, _ = records_of(edited.removeprefix("\ufeff"))
-    header, *others = [record.cells for record in records if record.is_row]
-    assert header == ["patch", "X_mm", "note", "new" if "new" in cells else "", ""]
-    for number, (row, (x, note, *_)) in enumerate(zip(others, rows, strict=True)):
-        expected = {"patch": f"p{number}", "x_mm": x.strip(), "note": note.strip(), "new": ""}
-        expected |= cells if number == n else {}
-        assert row == [*expected.values(), ""]
-    if "new" not in cells:
-        start = text.index(f"p{n}")
-        end = text.find(f"p{n + 1}") if n + 1 < len(rows) else len(text)
-        assert edited.startswith(text[:start])
-        assert edited.endswith(text[end:])
+def test_an_edited_table_differs_only_in_the_cell(notes, between, head, name, cell):
+    rows = [f"p{number}; 2 ;{note};;" for number, note in enumerate(notes)]
+    start = f"{head}patch; X_mm;note;;\n{rows[0]}\n{between}"
+    text = f"{start}{rows[1]}\n{rows[2]}"
+    edited = with_cells(text, lambda row: {name: cell} if row["patch"] == "p1" else {})
+    assert edited.startswith(start)
+    assert edited.endswith(f"\n{rows[2]}")
+    (_, *before), (_, *after) = (
+        [record.cells for record in records_of(each.removeprefix("\ufeff"))[0] if record.is_row]
+        for each in (text, edited)
+    )
+    before[1][1 if name == "x_mm" else 2] = cell
+    assert after == before
 
 
 @pytest.mark.parametrize(
     ("table", "cells", "edited"),
     [
-        ("Patch; X_mm\n1; 2\n", {"x_mm": "1"}, "Patch; X_mm\n1;1\n"),
-        ("patch,note\n1,a\n2,b\n", {"note": "a"}, "patch,note\n1,a\n2,b\n"),
         ('"patch";"t0"\n"1";"a"\n', {"t0": "b"}, '"patch";"t0"\n"1";"b"\n'),
         # numbers have the decimal sign of the table; an equal number stays as it is written
-        ("patch\tx_mm\ty_mm\n1\t1,50\t2\n", {"x_mm": "1.5", "y_mm": "0.5"}, None),
-        ("# nothing\n", {"a": 1}, "# nothing\n"),
+        (
+            "patch\tx_mm\ty_mm\n1\t1,50\t2\n",
+            {"x_mm": "1.5", "y_mm": "0.5"},
+            "patch\tx_mm\ty_mm\n1\t1,50\t0,5\n",
+        ),
     ],
 )
 def test_how_a_cell_is_written(table, cells, edited):
-    edited = edited or "patch\tx_mm\ty_mm\n1\t1,50\t0,5\n"
     assert with_cells(table, lambda row: cells if row["patch"] == "1" else {}) == edited
 
 
@@ -174,30 +140,28 @@ def test_rows_go_and_come():
     assert edited == 'patch,x_mm,y_mm\r\n2,3,\r\n3,,"a,b"'
 
 
-@pytest.mark.parametrize("header", ["patch;note;Note", "place;patch;x_mm;X_mm "])
-def test_two_columns_of_one_name_are_refused(header):
-    with pytest.raises(ConfigError, match="two columns"):
-        with_cells(f"{header}\n1;2;3;4\n", lambda _: {"x_mm": 1}, renamed={"place": "patch"})
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ("patch;note;Note\n1;2;3\n", "two columns"),
+        ("place;x_mm; X_mm\n1;2;3\n", "two columns"),
+        ('patch;x_mm\n1;"2\n', "quotes"),
+    ],
+)
+def test_a_table_that_cannot_take_a_cell_is_refused(table, words):
+    with pytest.raises(ConfigError, match=words):
+        with_cells(table, lambda _: {"x_mm": 1}, renamed={"place": "patch"})
 
 
-def test_a_quote_that_is_not_closed_is_refused():
-    with pytest.raises(ConfigError, match="quotes"):
-        with_cells('patch;x_mm\n1;"2\n', lambda _: {"x_mm": 1})
-
-
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "cp1252"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
 def test_a_file_keeps_its_encoding(tmp_path, encoding):
-    path, mark = tmp_path / "a.csv", "\ufeff" * (encoding == "utf-16-be")
-    path.write_bytes(f"{mark}patch;t0\r\n1;Mühle\r\n".encode(encoding))
-    save_text(path, with_cells(text_of(path), lambda _: {"t0": "Öse"}))
-    assert path.read_bytes() == f"{mark}patch;t0\r\n1;Öse\r\n".encode(encoding)
-
-
-def test_a_character_that_a_file_cannot_have_is_refused(tmp_path):
     path = tmp_path / "a.csv"
-    path.write_bytes("ü".encode("cp1252"))
-    with pytest.raises(ConfigError, match="Save it in UTF-8"):
-        save_text(path, "☃")
+    path.write_bytes("patch;t0\r\n1;Mühle\r\n".encode(encoding))
+    save_text(path, with_cells(text_of(path), lambda _: {"t0": "Öse"}))
+    assert path.read_bytes() == "patch;t0\r\n1;Öse\r\n".encode(encoding)
+    if encoding == "cp1252":
+        with pytest.raises(ConfigError, match="Save it in UTF-8"):
+            save_text(path, "☃")
     path.write_bytes(b"PK\x03\x04\0")
     with pytest.raises(ConfigError, match="not text"):
         text_of(path)

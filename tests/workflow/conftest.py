@@ -23,13 +23,13 @@ ROOT = Path(__file__).parents[2]
 SNAKEMAKE = sys.executable, "-m", "gst.run.scheduler"
 
 
-def run(*command, cwd=None, said="", **environment):
-    """A command as a user gives it, answered with `said`; how it ended, and what it said."""
+def run(*command, cwd=None, answer="", **environment):
+    """A command as a user gives it, with an answer; how it ended, and what it printed."""
     return subprocess.run(
         list(map(str, command)),
         cwd=cwd,
         env=os.environ | environment,
-        input=said,
+        input=answer,
         capture_output=True,
         text=True,
         check=False,
@@ -57,13 +57,13 @@ class Study:
     def run(self, *arguments, cores=2):
         return run(*self.command(*arguments, cores=cores), cwd=self.folder, **self.environment)
 
-    def gst(self, *arguments, said=""):
-        """The command `gst` in the folder, answered with `said`."""
+    def gst(self, *arguments, answer=""):
+        """The command `gst` in the folder, with an answer to its question."""
         gst = Path(sys.executable).with_name("gst")
-        return run(gst, *arguments, cwd=self.folder, said=said)
+        return run(gst, *arguments, cwd=self.folder, answer=answer)
 
     def succeed(self, *arguments, cores=2):
-        """Run, and give what was said."""
+        """Run, and give what was printed."""
         result = self.run(*arguments, cores=cores)
         assert result.returncode == 0, result.stdout + result.stderr
         return result.stdout + result.stderr
@@ -77,10 +77,8 @@ class Study:
         """Write a config of its own: the present one with these sections or keys replaced."""
         config = yaml.safe_load((self.folder / self.config).read_text())
         for name, value in sections.items():
-            if isinstance(value, dict) and isinstance(config.get(name), dict):
-                config[name] |= value
-            else:
-                config[name] = value
+            is_part = isinstance(value, dict) and isinstance(config.get(name), dict)
+            config[name] = config[name] | value if is_part else value
         self.config = "config/changed.yaml"
         (self.folder / self.config).write_text(yaml.safe_dump(config, sort_keys=False))
 
@@ -97,9 +95,9 @@ def in_memory(study, config=None):
     return study_of(config or read_config(study.folder / study.config), study.folder)
 
 
-def assert_stored(found, file, folder):
+def assert_stored(table, file, folder):
     """The table, as it would be written, is that of the file."""
-    write_table(folder / file.name, found)
+    write_table(folder / file.name, table)
     again, stored = (read_table(path) for path in (folder / file.name, file))
     pd.testing.assert_frame_equal(again, stored, rtol=1e-4, atol=1e-9)
 
@@ -175,11 +173,16 @@ def browser():
 
 def listened_to(page):
     """What a page asks for, and what it complains of, from now on."""
-    asked, said = [], []
+    asked, complaints = [], []
+
+    def hear(message):
+        if message.type == "error":
+            complaints.append(message.text)
+
     page.on("request", lambda request: asked.append(request.url))
-    page.on("console", lambda message: said.append(message.text) if message.type == "error" else 0)
-    page.on("pageerror", lambda error: said.append(str(error)))
-    return asked, said
+    page.on("console", hear)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    return asked, complaints
 
 
 def middle_of(thing):
@@ -192,13 +195,13 @@ def middle_of(thing):
 def opened(browser, file, size=(1366, 768)):
     """A page with a stone; it asks for nothing but itself, and complains of nothing."""
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
-    asked, said = listened_to(page)
+    asked, complaints = listened_to(page)
     page.goto(file.as_uri())
     page.wait_for_selector("canvas")
     yield page
     page.close()
     assert [url for url in asked if not url.startswith("data:")] == [file.as_uri()]
-    assert said == []
+    assert complaints == []
 
 
 def as_measured(study, finished):

@@ -33,49 +33,58 @@ DRAWN = "points", "d", "transform", "x", "y", "width", "height", "data-value", "
 
 def assert_as_expected(results, name, *only):
     """The results are those kept under `name`; of some studies only these tables."""
-    kept, tables = EXPECTED / name, only or [file.stem for file in results.glob("tables/*.csv")]
-    found = {} if only else {"fields": fields_of(results), "pictures": pictures_of(results)}
+    kept = EXPECTED / name
+    tables = only or [file.stem for file in results.glob("tables/*.csv")]
+    facts_of = {} if only else {"fields": fields_of(results), "pictures": pictures_of(results)}
+    page = "" if only else page_of(results / "index.html")
     if "RENEW" in os.environ:
         shutil.rmtree(kept, ignore_errors=True)
         (kept / "tables").mkdir(parents=True)
         for table in tables:
             shutil.copy(results / f"tables/{table}.csv", kept / "tables")
-        for what, table in found.items():
-            table.to_csv(kept / f"{what}.csv", index=False, float_format="%.5g")
-        if not only:
-            (kept / "page.txt").write_text(page_of(results / "index.html"), encoding="utf-8")
+        for kind, rows in facts_of.items():
+            rows.to_csv(kept / f"{kind}.csv", index=False, float_format="%.5g")
+        if page:
+            (kept / "page.txt").write_text(page, encoding="utf-8")
     changed = compare_results(kept, results, tolerance=1e-4)
     asked = changed.table.isin([f"{table}.csv" for table in only])
     changed = changed[asked if only else changed.table != "provenance"]
     assert changed.empty, describe_changes(changed)
-    for what, table in found.items():
-        expected = pd.read_csv(kept / f"{what}.csv").set_index("file")
-        numbers = table.set_index("file")
-        assert list(numbers.index) == list(expected.index)
-        size = (expected["mean"].abs() + expected.spread) if what == "fields" else 0
-        for column in numbers.columns:
-            allowed = 2e-3 * size + 1e-12 if column in ("mean", "spread") else ALLOWED[what]
-            wrong = ~(abs(numbers[column] - expected[column]) <= allowed)
-            assert not wrong.any(), (column, numbers[column][wrong], expected[column][wrong])
-    if not only:
-        page = (kept / "page.txt").read_text(encoding="utf-8")
-        assert page_of(results / "index.html").splitlines() == page.splitlines()
+    for kind, rows in facts_of.items():
+        expected = pd.read_csv(kept / f"{kind}.csv").set_index("file")
+        assert_alike(rows.set_index("file"), expected, ALLOWED[kind])
+    if page:
+        stored = (kept / "page.txt").read_text(encoding="utf-8")
+        assert page.splitlines() == stored.splitlines()
+
+
+def assert_alike(rows, expected, allowed):
+    """Each number is the expected one, up to what is allowed, and a mean up to its size."""
+    assert list(rows.index) == list(expected.index)
+    for column in rows.columns:
+        limit = allowed
+        if column in ("mean", "spread"):
+            limit = 2e-3 * (expected["mean"].abs() + expected.spread) + 1e-12
+        wrong = ~(abs(rows[column] - expected[column]) <= limit)
+        assert not wrong.any(), (column, rows[column][wrong], expected[column][wrong])
 
 
 def fields_of(results):
     """A row for each array, and for each attribute that is a number."""
-    rows = []
+    numbers = {}
     for file in sorted(results.rglob("*.h5")):
-        stored, where = read_dataset(file), file.relative_to(results).as_posix()
+        stored = read_dataset(file)
+        where = file.relative_to(results).as_posix()
         for name, field in sorted(stored.variables.items()):
             # what a solver leaves over differs with the processor
             if field.dtype.kind in "biuf" and not name.endswith("residual"):
-                rows.append((f"{where} {name}", *facts(field.values.astype(float))))
+                numbers[f"{where} {name}"] = field.values
         for name, value in sorted(stored.attrs.items()):
             if isinstance(value, np.number):
-                rows.append((f"{where} @{name}", *facts(np.asarray(value, float))))
+                numbers[f"{where} @{name}"] = value
     for name, values in drawn_in_space(results / "index.html"):
-        rows.append((f"page {name}", *facts(values)))
+        numbers[f"page {name}"] = values
+    rows = [(name, *facts(np.asarray(values, float))) for name, values in numbers.items()]
     columns = ["file", "count", "missing", "mean", "spread", "lean_y", "lean_x"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -85,38 +94,47 @@ def drawn_in_space(page):
 
     def arrays(value, name):
         if isinstance(value, dict):
-            for key, part in value.items():
-                yield from arrays(part, f"{name} {key}".strip())
+            parts = {f"{name} {key}".strip(): part for key, part in value.items()}
         elif isinstance(value, list) and any(isinstance(part, dict) for part in value):
-            for number, part in enumerate(value):
-                yield from arrays(part, f"{name} {number}")
-        elif isinstance(value, str) and (kind := PACKED.get(name.split()[-1])):
-            yield name, np.frombuffer(base64.b64decode(value), kind).astype(float)
-        elif isinstance(value, str) and value.startswith("data:image"):
-            content = base64.b64decode(value.partition(",")[2])
-            yield name, np.asarray(Image.open(io.BytesIO(content)).convert("L"), float)
-        elif np.asarray(value).dtype.kind in "biuf":
-            yield name, np.asarray(value, float)
+            parts = {f"{name} {number}": part for number, part in enumerate(value)}
+        else:
+            parts = {}
+            if isinstance(value, str):
+                value = unpacked(value, name.split()[-1])
+            if np.asarray(value).dtype.kind in "biuf":
+                yield name, value
+        for key, part in parts.items():
+            yield from arrays(part, key)
 
     content = page.read_text(encoding="utf-8")
     scene = re.search(r'<script type="application/json" id="scene">(.*?)</script>', content, re.S)
     yield from arrays(json.loads(scene[1]) if scene else {}, "")
 
 
+def unpacked(text, name):
+    """The numbers in a text, or the grey of a picture; a text without any as it is."""
+    if text.startswith("data:image"):
+        content = base64.b64decode(text.partition(",")[2])
+        return np.asarray(Image.open(io.BytesIO(content)).convert("L"), float)
+    if kind := PACKED.get(name):
+        return np.frombuffer(base64.b64decode(text), kind)
+    return text
+
+
 def facts(values):
     """Numbers in all and missing, mean, standard deviation, correlation with each axis."""
-    known = np.isfinite(values)
-    if not known.any():
+    measured = np.isfinite(values)
+    if not measured.any():
         return values.size, values.size, 0.0, 0.0, 0.0, 0.0
-    mean = values[known].mean()
-    apart = np.where(known, values - mean, 0.0)
+    mean = values[measured].mean()
+    apart = np.where(measured, values - mean, 0.0)
     spread = np.sqrt((apart**2).mean())
     lean = [0.0, 0.0]
     for axis in range(-min(values.ndim, 2), 0):
         along = np.linspace(-1, 1, values.shape[axis])
         by_step = np.moveaxis(apart, axis, -1).reshape(-1, len(along)).mean(axis=0)
         lean[axis] = (by_step * along).mean() / (spread or 1.0)
-    return values.size, values.size - known.sum(), mean, spread, *lean
+    return values.size, values.size - measured.sum(), mean, spread, *lean
 
 
 def pictures_of(results):
@@ -140,10 +158,10 @@ def page_of(file):
     lines = []
     for element in page.iter(lxml.html.etree.Element):
         drawn = [element.get(name) for name in DRAWN if element.get(name)]
-        said = " ".join([element.text or "", *(child.tail or "" for child in element)])
-        words = re.findall(r"\S*\d\S*", " ".join([*drawn, said]))
-        if element.tag in ("td", "th", "dd") and len(said) < 40:
-            words = " ".join([*drawn, said]).split()
+        text = " ".join([element.text or "", *(child.tail or "" for child in element)])
+        words = re.findall(r"\S*\d\S*", " ".join([*drawn, text]))
+        if element.tag in ("td", "th", "dd") and len(text) < 40:
+            words = " ".join([*drawn, text]).split()
         if words:
             where = element.get("id") or element.get("class") or ""
             lines.append(" ".join([f"{element.tag}{where and f'[{where}]'}:", *words]))

@@ -155,9 +155,9 @@ def test_clean_removes_what_the_study_made_and_nothing_else(tiny):
     """Asked first; a file of the user's own stays, and so does its folder."""
     mine = tiny.results / "figures/notes.txt"
     mine.write_text("of mine")
-    tiny.gst("clean", tiny.config, said="n")
+    tiny.gst("clean", tiny.config, answer="n")
     assert len(list(tiny.results.iterdir())) > 10
-    tiny.gst("clean", tiny.config, said="y")
+    tiny.gst("clean", tiny.config, answer="y")
     assert sorted(tiny.results.rglob("*")) == [mine.parent, mine]
 
 
@@ -166,7 +166,7 @@ def test_what_no_reader_needs_can_go_from_a_finished_study(tiny):
     page, finished = tiny.results / "index.html", tiny.config
 
     def clean(answer):
-        result = tiny.gst("clean", "--intermediate", tiny.config, said=answer)
+        result = tiny.gst("clean", "--intermediate", tiny.config, answer=answer)
         return result.returncode, result.stdout + result.stderr
 
     def stats():

@@ -16,25 +16,10 @@ CHANGES = {
         {"solve_macroscale", "couple_scales", "bound_pressures", "solve_reference", "score_wear"},
         {"solve_square", "compose_surface", "check_placement", "register_patches"},
     ),
-    "uncertainty": (
-        {"uncertainty": {"load_point_mm": 2.0}},
-        {"infer_use", "bound_pressures", "draw_contact"},
-        {"compose_surface", "register_patches", "solve_square"},
-    ),
     "coupling": (
         {"coupling": "paper"},
         {"grid_macroscale", "solve_macroscale", "couple_scales", "solve_patches"},
         {"prepare_scans", "compose_surface", "solve_reference"},
-    ),
-    "gesture": (
-        {"gesture": {"load_point_scatter_mm": 0.5, "poses": 6}},
-        {"press_poses", "predict_wear"},
-        {"solve_macroscale", "solve_patches"},
-    ),
-    "wear_law": (
-        {"wear_law": {"exponent": 2.0}},
-        {"infer_use", "fit_wear", "predict_wear", "score_wear"},
-        {"compose_surface", "register_patches", "solve_square", "prepare_scans"},
     ),
     "validation": (
         {"validation": {"resamples": 299}},
@@ -58,76 +43,42 @@ def test_a_changed_value(tiny, change, reruns, stays):
     assert planned == reruns if stays is None else planned.isdisjoint(stays)
 
 
-@pytest.mark.parametrize("change", ["a note", "a comment", "a scan's date"])
-def test_what_no_step_reads_reruns_nothing_but_the_record(tiny, change):
+def test_what_no_step_reads_reruns_nothing_but_the_record(tiny):
     """`provenance.json` has the hash of the patch table."""
+    (tiny.results / "specimen/scans/7_T0.plu").touch()
+    assert tiny.planned() == set()
     table = tiny.folder / "config/patches_tiny.tsv"
     comment, head, *rows = table.read_text().splitlines()
-    lines = {"a note": [f"{head}\tnote", *(f"{row}\tby hand" for row in rows)]}
-    lines["a comment"] = [comment, "# by hand", head, *rows]
-    if change in lines:
-        table.write_text("\n".join(lines[change]) + "\n")
-    else:
-        (tiny.results / "specimen/scans/7_T0.plu").touch()
-    assert tiny.planned() == ({"write_page"} if change in lines else set())
-
-
-def test_a_scan_of_the_same_size_and_date_reruns_what_reads_it(measured, finished_tiny):
-    """As after an unpacked archive, or `cp -p`; also when a first run was interrupted."""
-    measured.succeed("--until", "prepare_scans")
-    scan = measured.folder / "data/scans/7_T0.plu"
-    stat, content = scan.stat(), bytearray(scan.read_bytes())
-    content[len(content) // 2] ^= 1
-    scan.write_bytes(content)
-    os.utime(scan, ns=(stat.st_atime_ns, stat.st_mtime_ns - 10**12))
-    assert "prepare_scans" in measured.planned()
-
-
-def test_patches_are_shared_out_by_the_profile(tiny):
-    few = "--config", "patches_per_job=4"
-    assert tiny.planned(*few).isdisjoint({"generate_specimen", "grid_macroscale"})
-    said = tiny.succeed("--dry-run", *few)
-    for step in ("Cleaning the scans at T0", "Registering T1 to T0", "Wearing the patches"):
-        assert {"1", "2"} == {*re.findall(rf"{step}: part (\d) of 2", said)}
+    lines = [comment, "# by hand", f"{head}\tnote", *(f"{row}\tby hand" for row in rows)]
+    table.write_text("\n".join(lines) + "\n")
+    assert tiny.planned() == {"write_page"}
 
 
 # --- Another patch ----------------------------------------------------------------------------
 
 
 FEW = "--config", "patches_per_job=2", "--until", "register_patches"
-ADDED = "8"
-
-
-def with_patch(table):
-    return f"{table}{ADDED}\t3.50\t3.50\t7_T0.plu\t7_T1.plu\n"
-
-
-def without_patch(table):
-    return "".join(line for line in table.splitlines(True) if not line.startswith("13\t"))
-
-
-def with_patch_moved(table):
-    return table.replace("13\t2.50", "13\t2.60")
 
 
 @pytest.mark.parametrize(
-    ("change", "patch"), [(with_patch, ADDED), (without_patch, "13"), (with_patch_moved, None)]
+    ("old", "new", "patch"),
+    [("7\t", "8\t3.50\t3.50\t7_T0.plu\t7_T1.plu\n7\t", "8"), ("13\t2.50", "13\t2.60", None)],
 )
-def test_another_patch_reruns_its_batch_alone(measured, change, patch):
+def test_another_patch_reruns_its_batch_alone(measured, old, new, patch):
     """Of what is done patch by patch; the stone under all scans is another."""
     table = measured.folder / "config/patches_tiny.tsv"
-    ids = [line.split("\t")[0] for line in table.read_text().splitlines()[2:]]
-    measured.succeed(*FEW)
     before = table.read_text()
-    table.write_text(change(before))
+    ids = [line.split("\t")[0] for line in before.splitlines()[2:]]
+    measured.succeed(*FEW)
+    table.write_text(before.replace(f"\n{old}", f"\n{new}"))
     assert table.read_text() != before
-    said = measured.succeed("--dry-run", *FEW)
-    found = set(re.findall(r"(Cleaning the scans at T.|Registering T1 to T0): part (\d+)", said))
+    plan = measured.succeed("--dry-run", *FEW)
+    steps = "Cleaning the scans at T0", "Cleaning the scans at T1", "Registering T1 to T0"
+    again = set(re.findall(rf"({'|'.join(steps)}): part (\d+)", plan))
     batches = share_out({*ids, patch} - {None}, per_job=2)
     assert len(batches) > 2
-    (own,) = [batch for batch, members in batches.items() if patch in members] or [None]
-    steps = "Cleaning the scans at T0", "Cleaning the scans at T1", "Registering T1 to T0"
-    assert found == ({(step, own) for step in steps} if own else set())
+    own = [batch for batch, members in batches.items() if patch in members]
+    assert again == {(step, batch) for step in steps for batch in own}
 
 
 def test_files_are_checked_before_any_is_read(measured):

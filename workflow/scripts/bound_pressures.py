@@ -27,8 +27,15 @@ def main(
 ) -> None:
     pressed = read_dataset(face), dataset_of(composite), active_tool_of(second)
     macroscale = Macroscale(*pressed, radius_mm, dataset_of(use))
-    given = read_pressures(pressures), material, Errors(**uncertainty)
-    limits = pressure_intervals(macroscale, *given, **load, patch_mm=patch_mm, seed=seed)
+    limits = pressure_intervals(
+        macroscale,
+        read_pressures(pressures),
+        material,
+        Errors(**uncertainty),
+        **load,
+        patch_mm=patch_mm,
+        seed=seed,
+    )
     write_table(table, limits)
 
 

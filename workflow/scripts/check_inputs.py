@@ -19,10 +19,10 @@ def main(
     asked: dict,
 ) -> None:
     """`uses` are those of the `scans`; `asked` names the file of the `counterface`."""
-    found = check_inputs(mesh, uses, Asked(**asked))
-    if found.problems:
-        raise InputsError(found.problems)
-    write_table(table, found.scans.drop(columns="range_um"))
+    checked = check_inputs(mesh, uses, Asked(**asked))
+    if checked.problems:
+        raise InputsError(checked.problems)
+    write_table(table, checked.scans.drop(columns="range_um"))
 
 
 if "snakemake" in globals():

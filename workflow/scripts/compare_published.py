@@ -12,13 +12,13 @@ from gstlib.validation.published import figures_to_compare
 def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
     """`published` is a CSV of quantity, patch, unit, value; `path` that of the macroscale."""
     computed = figures_to_compare(read_table(path), read_pressures(pressures))
-    given = read_rows(published, "published")
-    keys = given.rows[["quantity", "patch"]].apply(tuple, axis=1)
+    table_of_user = read_rows(published, "published")
+    rows = table_of_user.rows.rename(columns={"value": "published"})
+    keys = rows[["quantity", "patch"]].apply(tuple, axis=1)
     unknown = keys[~keys.isin(computed)]
-    given.refuse((line, f"the study has no {key}") for line, key in unknown.items())
-    rows = given.rows.rename(columns={"value": "published"})
-    found = rows.assign(computed=keys.map(computed).astype(float))
-    write_table(table, found[columns_of("published")])
+    table_of_user.refuse((line, f"the study has no {key}") for line, key in unknown.items())
+    rows["computed"] = keys.map(computed).astype(float)
+    write_table(table, rows[columns_of("published")])
 
 
 if "snakemake" in globals():

@@ -20,11 +20,11 @@ def main(
     **settings: float,
 ) -> None:
     """`settings` are those of `estimate_detection_limit`."""
-    first, second = (files_of(folders, patches) for folders in (t0, repeats))
-    found = estimate_detection_limit(
-        Stored(first, SCAN_FIELDS), Stored(second, SCAN_FIELDS), **settings
+    first, second = (
+        Stored(files_of(folders, patches), SCAN_FIELDS) for folders in (t0, repeats)
     )
-    attrs = found._asdict() if found else {}  # nothing where no repeat serves
+    measured = estimate_detection_limit(first, second, **settings)
+    attrs = measured._asdict() if measured else {}  # nothing where no repeat serves
     write_dataset(detection, xr.Dataset(attrs=attrs), made_by("estimate_detection_limit"))
 
 

@@ -13,11 +13,11 @@ from gstlib.macroscale.gesture import exposure, exposure_table
 def main(
     batches: list[Path], pressures: Path | list, fields: Path, table: Path | None = None
 ) -> None:
-    found = exposure(read_dataset(batch) for batch in batches)
-    write_dataset(fields, found, made_by("gather_exposure"))
+    left = exposure(read_dataset(batch) for batch in batches)
+    write_dataset(fields, left, made_by("gather_exposure"))
     if table is not None:
         by_patch = read_table(pressures, ["patch", "pressure_MPa"])
-        write_table(table, exposure_table(found, by_patch))
+        write_table(table, exposure_table(left, by_patch))
 
 
 if "snakemake" in globals():

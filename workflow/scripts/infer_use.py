@@ -24,11 +24,10 @@ def main(
     settings: dict[str, Any],
 ) -> None:
     """The file of the use has attributes alone where nothing can be inferred."""
-    lost = table_of(registration)
-    found, answers, predicted = use_of_study(
-        face_of(face), pd.DataFrame(patches), lost, **settings
+    inferred, answers, predicted = use_of_study(
+        face_of(face), pd.DataFrame(patches), table_of(registration), **settings
     )
-    write_dataset(use, found, made_by("infer_use"))
+    write_dataset(use, inferred, made_by("infer_use"))
     write_table(table, answers)
     if losses is not None:
         write_table(losses, predicted)

@@ -29,8 +29,8 @@ def main(
     whole, load_point = as_used(face_of(face), dataset_of(use), load_point)
     tool = whole.counterface, active_tool_of(second), size_mm
     gesture = Gesture(*tool, load_point, pd.DataFrame(poses))
-    found = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)
-    write_dataset(batch, found, made_by("press_poses"))
+    pressed = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)
+    write_dataset(batch, pressed, made_by("press_poses"))
 
 
 if "snakemake" in globals():

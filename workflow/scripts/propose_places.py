@@ -9,8 +9,8 @@ from gstlib.macroscale.sampling_sites import propose_places
 
 
 def main(exposure: Path, table: Path, *, size_mm: float, patch_mm: float) -> None:
-    found = read_dataset(exposure, only=["exposure", "touched"])
-    write_table(table, propose_places(found, size_mm=size_mm, patch_mm=patch_mm))
+    fields = read_dataset(exposure, only=["exposure", "touched"])
+    write_table(table, propose_places(fields, size_mm=size_mm, patch_mm=patch_mm))
 
 
 if "snakemake" in globals():

@@ -28,8 +28,8 @@ def main(
         logging.getLogger("gst").info("%s", patch)
         if doubt := form_warning(*(scan.height for scan in scans)):
             logging.getLogger("gstlib").warning("patch %s: %s", patch, doubt)
-        found = register_patch(*scans, patch=patch, detection=measured, **settings)
-        write_dataset(registered / f"{patch}.h5", found, made_by("register_patches"))
+        change = register_patch(*scans, patch=patch, detection=measured, **settings)
+        write_dataset(registered / f"{patch}.h5", change, made_by("register_patches"))
 
 
 if "snakemake" in globals():

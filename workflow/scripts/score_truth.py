@@ -25,12 +25,17 @@ def main(
     *,
     patches: list[str],
 ) -> None:
-    found = {"placement": read_table(placement), "pressures": read_pressures(pressures)}
-    found |= {"two_scales": table_of(two_scales), "use": table_of(use)}
-    found |= {"face": read_dataset(surface, only=["height"])}
-    found |= {"scans": Stored(files_by_epoch({"T0": t0, "T1": t1}, patches))}
-    found |= {"changes": Stored(files_of(registered, patches), ["change", "loss"])}
-    write_table(table, score_truth(read_dataset(truth), **found))
+    scores = score_truth(
+        read_dataset(truth),
+        placement=read_table(placement),
+        pressures=read_pressures(pressures),
+        two_scales=table_of(two_scales),
+        use=table_of(use),
+        face=read_dataset(surface, only=["height"]),
+        scans=Stored(files_by_epoch({"T0": t0, "T1": t1}, patches)),
+        changes=Stored(files_of(registered, patches), ["change", "loss"]),
+    )
+    write_table(table, scores)
 
 
 if "snakemake" in globals():

@@ -34,12 +34,17 @@ def main(
     """`tables` are the files of what `score_wear` gives, by name."""
     stone = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
     prediction = Prediction.of(Stored(files_of(depths, worn)), stone)
-    given = contacts_of(contacts, worn), changes_of(registered, worn), prediction
-    known = read_pressures(pressures), read_table(registration)
-    found = score_wear(*given, *known, **scoring)
+    measured = read_pressures(pressures), read_table(registration)
+    scores = score_wear(
+        contacts_of(contacts, worn),
+        changes_of(registered, worn),
+        prediction,
+        *measured,
+        **scoring,
+    )
     for name, file in tables.items():
-        write_table(file, found[name])
-    pressed, losses = losses_of(*known)
+        write_table(file, scores[name])
+    pressed, losses = losses_of(*measured)
     pressure = covered(pressed).to_numpy()
     write_table(laws, law_table(dataset_of(use), pressure, losses, seed=scoring["seed"]))
 

@@ -29,10 +29,16 @@ def main(
     if composite:
         around |= {"composite": read_dataset(composite), "contact": contact_of(contact)}
     folders = dict(zip(variants, [contacts, others], strict=False))
-    given = Stored(scans, ["height"]), read_pressures(pressures), Microscale(**microscale)
-    for patch, variant, found in solve_patches(*given, variants=variants, **around):
+    solved = solve_patches(
+        Stored(scans, ["height"]),
+        read_pressures(pressures),
+        Microscale(**microscale),
+        variants=variants,
+        **around,
+    )
+    for patch, variant, pressed in solved:
         file = folders[variant] / f"{patch}.h5"
-        write_dataset(file, found.to_dataset(), made_by("solve_patches"))
+        write_dataset(file, pressed.to_dataset(), made_by("solve_patches"))
 
 
 if "snakemake" in globals():

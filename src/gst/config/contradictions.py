@@ -14,8 +14,7 @@ from gst.config.patches import overlaps
 from gstlib.conditions import load_force
 from gstlib.errors import FaultError
 
-__all__ = ["counterface_mesh", "file_problems", "improbable"]
-__all__ += ["thinner_than_a_point"]
+__all__ = ["counterface_mesh", "file_problems", "improbable", "thinner_than_a_point"]
 
 # Corners are clicked or typed: the square's sides may be off by this share.
 _SIDE_TOLERANCE = 0.1
@@ -91,11 +90,11 @@ def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
     if (config["specimen"] or {}).get("counterface_seed") is not None:
         pose = {"points_mm": config["square"]["points_mm"]}
         return {"mesh": f"{specimen}/counterface.stl", "mesh_unit": "mm", "pose": pose}
-    given = config["counterface"] or {}
-    if "mesh" not in given:
+    tool = config["counterface"] or {}
+    if "mesh" not in tool:
         return None
     # no default of the schema, which a stone without a mesh would get, too
-    return {"mesh_unit": "mm"} | {name: of for name, of in given.items() if name != "scan"}
+    return {"mesh_unit": "mm"} | {name: value for name, value in tool.items() if name != "scan"}
 
 
 def thinner_than_a_point(interlayer: Mapping, spacing_um: float) -> Iterator[FaultError]:

@@ -98,7 +98,8 @@ def with_values(text: str, values: Mapping[str, Any]) -> str:
     splices = _changes(text, yaml.compose(text), former, config)
     edited = text
     # from the end, so that the places before it stay valid
-    for start, end, new in sorted(splices, key=lambda splice: splice[:2])[::-1]:
+    in_order = sorted(splices, key=lambda splice: splice[:2])
+    for start, end, new in reversed(in_order):
         edited = f"{edited[:start]}{new}{edited[end:]}"
     if edited != text and not _is_same(parse_yaml(edited, _CONFIG), config):
         problem = f"cannot take {', '.join(values)} without a change elsewhere"
@@ -222,41 +223,49 @@ def with_cells(
     if not rows:
         return text
     names = _names(rows[0], renamed or {})
-    former = [
-        dict.fromkeys(names, "") | dict(zip(names, row, strict=False)) for row in rows[1:]
-    ]
+    empty = dict.fromkeys(names, "")
+    former = [empty | dict(zip(names, row, strict=False)) for row in rows[1:]]
     changed = [cells(row) for row in former]
     named = dict.fromkeys(name for row in [*changed, *more] for name in row or ())
     added = [name for name in named if name not in names]
     # spreadsheets write empty cells behind the last column, which a new one takes
     width = max(n for row in rows for n, cell in enumerate(row, 1) if cell)
     columns = [*names[:width], *[""] * (width - len(names)), *added]
-    numbers = {cell for row in rows for cell in row if _DECIMAL.fullmatch(cell)}
-    sign = "," if mark != "," and "," in "".join(numbers) else "."
+    decimals = {cell for row in rows for cell in row if _DECIMAL.fullmatch(cell)}
+    has_commas = mark != "," and "," in "".join(decimals)
 
     def line_with(line: str, row: Mapping[str, str], new: Mapping[str, object]) -> str:
         changes = {}
         for name, value in (dict.fromkeys(added, "") | dict(new)).items():
             cell = str(value)
-            if name not in row or _plain(row[name]) != _plain(cell):
-                is_decimal = _DECIMAL.fullmatch(cell)
-                changes[columns.index(name)] = cell.replace(".", sign) if is_decimal else cell
+            if name in row and _plain(row[name]) == _plain(cell):
+                continue
+            if has_commas and _DECIMAL.fullmatch(cell):
+                cell = cell.replace(".", ",")
+            changes[columns.index(name)] = cell
         return _with_parts(line, changes, mark)
 
     edited = "\ufeff" * text.startswith("\ufeff")
     heading = {name: name for name in added}
     pairs = zip([{}, *former], [heading, *changed], strict=True)
     for record in records:
-        row, new = next(pairs) if record.is_row else ({}, None)
         if not record.is_row:
             edited += record.text
-        elif new is not None:
+            continue
+        row, new = next(pairs)
+        if new is not None:
             edited += line_with(record.text, row, new)
-    line_end, is_ended = _line_end(text), edited.endswith(("\n", "\r"))
-    for new in more:
-        line = line_with("", {}, dict.fromkeys(columns, "") | dict(new))
-        edited += f"{line}{line_end}" if is_ended else f"{line_end}{line}"
-    return edited
+    blank = dict.fromkeys(columns, "")
+    lines = [line_with("", {}, blank | dict(new)) for new in more]
+    return _with_lines(edited, lines, _line_end(text))
+
+
+def _with_lines(text: str, lines: Sequence[str], line_end: str) -> str:
+    """A text with more lines; its last line ends as before."""
+    is_ended = text.endswith(("\n", "\r"))
+    for line in lines:
+        text += f"{line}{line_end}" if is_ended else f"{line_end}{line}"
+    return text
 
 
 def _names(header: Sequence[str], renamed: Mapping[str, str]) -> list[str]:

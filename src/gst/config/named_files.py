@@ -21,9 +21,13 @@ def check_files(config: Mapping, patches: pd.DataFrame, source: str) -> None:
     files = {"mesh": config["inputs"]["mesh"]} | _of_active_tool(config)
     for scan in scan_files(patches, config["inputs"]["scan_folder"] or "", None):
         files[at_epoch(scan.patch, scan.epoch)] = str(scan.path)
-    found = {what: path_problem(path) for what, path in files.items()}
-    if faults := [f"\n  - {what}: {problem}" for what, problem in found.items() if problem]:
-        problem = f"{len(faults)} of {len(files)} files cannot be used{''.join(faults)}\n "
+    problems = [
+        f"\n  - {name}: {problem}"
+        for name, path in files.items()
+        if (problem := path_problem(path))
+    ]
+    if problems:
+        problem = f"{len(problems)} of {len(files)} files cannot be used{''.join(problems)}\n "
         remedy = (
             "Put them there, or correct their names; paths are relative to the working folder."
         )
@@ -69,4 +73,4 @@ def input_in_results(config: Mapping) -> str | None:
 def _of_active_tool(config: Mapping) -> dict[str, str]:
     """Mesh and scan of the active tool, as far as there are any, by what they are."""
     tool = config["counterface"] or {}
-    return {f"counterface's {of}": tool[of] for of in ("mesh", "scan") if of in tool}
+    return {f"counterface's {name}": tool[name] for name in ("mesh", "scan") if name in tool}

@@ -169,9 +169,12 @@ def overlaps(patches: pd.DataFrame, size_mm: float) -> Iterator[tuple[str, str, 
     from shapely import Polygon, STRtree
 
     places = places_of(patches)
-    names, outlines = [*places], [Polygon(outline(place, size_mm)) for place in places.values()]
+    names = [*places]
+    outlines = [Polygon(outline(place, size_mm)) for place in places.values()]
     pairs = STRtree(outlines).query(outlines, predicate="intersects").T if names else ()
-    for one, other in sorted((one, other) for one, other in pairs if one < other):
+    for one, other in sorted(map(tuple, pairs)):
+        if one >= other:
+            continue
         share = outlines[one].intersection(outlines[other]).area / size_mm**2
         if share > _LEAST_OVERLAP:
             yield names[one], names[other], share

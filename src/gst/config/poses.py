@@ -20,11 +20,12 @@ _IN_BATCH = 200
 
 def poses_of(config: Mapping[str, Any]) -> pd.DataFrame | None:
     """The poses that a config asks for; None without gesture."""
-    if (gesture := config["gesture"]) is None:
+    gesture, size_mm = config["gesture"], config["square"]["size_mm"]
+    if gesture is None:
         return None
     if "table" in gesture:
-        return read_poses(gesture["table"], size_mm=config["square"]["size_mm"])
-    force_N = load_force(config["load"], config["square"]["size_mm"])
+        return read_poses(gesture["table"], size_mm=size_mm)
+    force_N = load_force(config["load"], size_mm)
     if "load_point_scatter_mm" in gesture:
         return scatter_poses(**gesture, force_N=force_N, seed=config["seed"])
     return stroke_poses(**gesture, force_N=force_N)
@@ -65,9 +66,12 @@ def reach_of(config: Mapping[str, Any]) -> float:
     standard deviations.
     """
     reach = 5e-3 * config["uncertainty"]["pose_um"]
-    if (poses := poses_of(config)) is None:
+    poses = poses_of(config)
+    if poses is None:
         return reach
     turn = np.radians(poses.rotation_deg.abs().clip(upper=45))
-    corners = config["macroscale"]["face_mm"] / 2 * (np.cos(turn) + np.sin(turn) - 1)
+    half = config["macroscale"]["face_mm"] / 2
+    corners = half * (np.cos(turn) + np.sin(turn) - 1)
     # turned back, a shift has at most its length along either axis
-    return max(reach, float((np.hypot(poses.x_mm, poses.y_mm) + corners).max()))
+    shift = np.hypot(poses.x_mm, poses.y_mm)
+    return max(reach, float((shift + corners).max()))

@@ -33,9 +33,18 @@ from gstlib.settings import Settings, json_schema
 from gstlib.settings.contradictions import near
 from gstlib.use.evidence import FEWEST_PATCHES
 
-__all__ = ["asked_of_files", "complete", "config_problems", "read_config"]
-__all__ += ["read_config_file"]
-__all__ += ["read_study", "read_unfinished", "refuse_config", "refuse_study", "value_problems"]
+__all__ = [
+    "asked_of_files",
+    "complete",
+    "config_problems",
+    "read_config",
+    "read_config_file",
+    "read_study",
+    "read_unfinished",
+    "refuse_config",
+    "refuse_study",
+    "value_problems",
+]
 
 # No length, force or seed is larger; sums and squares of such numbers stay finite.
 _LARGEST_NUMBER = 1e15
@@ -127,11 +136,16 @@ def _patches_of(config: Mapping) -> pd.DataFrame:
 
 def _refuse_without_scans(config: Mapping, grades: pd.Series) -> None:
     """Refuse what needs scans, of a patch table that has grades in their place, or too few."""
-    if (few := len(grades) < FEWEST_PATCHES) or grades.nunique() < 2:
+    count = len(grades)
+    if count < FEWEST_PATCHES or grades.nunique() < 2:
+        how = (
+            f"only {count} of its places"
+            if count < FEWEST_PATCHES
+            else "all of its places alike"
+        )
         raise ConfigError(
             config["patches"],
-            f"grades {f'only {len(grades)}' if few else 'all'} of its places"
-            f"{'' if few else ' alike'}, which does not say how the tool was used",
+            f"grades {how}, which does not say how the tool was used",
             f"Grade {FEWEST_PATCHES} places or more, better twenty, unworn ones too.",
         )
     needs = [name for name in ("published", "interlayer") if config[name] is not None]
@@ -225,18 +239,20 @@ def read_unfinished(path: Path) -> dict:
     config = read_config(path)
     errors = sorted(_validator().iter_errors(config), key=_order)
     wrong = [error for error in errors if error.validator in ("type", "required")]
-    refuse_config([_explain(of) for of in wrong if not is_to_do(of.instance)], str(path))
+    refuse_config(
+        [_explain(error) for error in wrong if not is_to_do(error.instance)], str(path)
+    )
     return config
 
 
 def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:
     """What is wrong with the values of these keys, each by itself, whatever else is."""
-    found = [*_unusable_numbers(config), *_impossible_texts(config)]
+    problems = [*_unusable_numbers(config), *_impossible_texts(config)]
     for error in sorted(_validator().iter_errors(config), key=_order):
-        place = ".".join(map(str, error.absolute_path))
+        place = ".".join(_order(error))
         if any(place == key or place.startswith(f"{key}.") for key in keys):
-            found.append(_explain(error))
-    return found
+            problems.append(_explain(error))
+    return problems
 
 
 @functools.cache
@@ -244,24 +260,28 @@ def _validator() -> Draft202012Validator:
     return Draft202012Validator(json_schema())
 
 
-def _unusable_numbers(value: Any, key: str = "") -> Iterator[str]:
+def _values(section: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Every value that is no section and no list, with its key."""
+    parts = section.items() if isinstance(section, Mapping) else enumerate(section)
+    for name, value in parts:
+        if isinstance(value, Mapping | list):
+            yield from _values(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _unusable_numbers(config: Mapping) -> Iterator[str]:
     """Numbers that are not finite, which no bound of a schema refuses, or far too large."""
-    if isinstance(value, Mapping | list):
-        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
-        for name, part in parts:
-            yield from _unusable_numbers(part, f"{key}.{name}" if key else str(name))
-    elif isinstance(value, int | float) and not abs(value) <= _LARGEST_NUMBER:
-        yield f"'{key}' is {value}: give a finite number, at most {_LARGEST_NUMBER:g}"
+    for key, value in _values(config):
+        if isinstance(value, int | float) and not abs(value) <= _LARGEST_NUMBER:
+            yield f"'{key}' is {value}: give a finite number, at most {_LARGEST_NUMBER:g}"
 
 
-def _impossible_texts(value: Any, key: str = "") -> Iterator[str]:
+def _impossible_texts(config: Mapping) -> Iterator[str]:
     """Texts with characters that no file's name can have, and that no page can show."""
-    if isinstance(value, Mapping | list):
-        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
-        for name, part in parts:
-            yield from _impossible_texts(part, f"{key}.{name}" if key else str(name))
-    elif isinstance(value, str) and (wrong := _IMPOSSIBLE.search(value)):
-        yield f"'{key}' is {value!r}: leave out the character U+{ord(wrong[0]):04X}"
+    for key, value in _values(config):
+        if isinstance(value, str) and (wrong := _IMPOSSIBLE.search(value)):
+            yield f"'{key}' is {value!r}: leave out the character U+{ord(wrong[0]):04X}"
 
 
 def _order(error: ValidationError) -> list[str]:
@@ -270,31 +290,33 @@ def _order(error: ValidationError) -> list[str]:
 
 def _explain(error: ValidationError) -> str:
     """What is wrong with a value, and what is asked for."""
-    key, value = ".".join(str(part) for part in error.absolute_path), error.instance
+    key, value = ".".join(_order(error)), error.instance
     if error.validator == "additionalProperties":
-        return _unknown_keys(key, [*map(str, value)], error.schema["properties"])
+        return _unknown_keys(key, set(map(str, value)), error.schema["properties"])
     if error.validator == "required":
         return f"'{key}' lacks {sorted({*error.validator_value} - {*value})}: add them"
-    said = f"'{key}' is {value!r:.1000}:"
+    text = f"'{key}' is {value!r:.1000}:"
     if error.validator != "pattern":  # which is for the machine
-        said += f" {error.message:.1000}"
+        text += f" {error.message:.1000}"
     if error.validator == "type" and isinstance(value, str):
-        said += f" ({_NUMBER})"
+        text += f" ({_NUMBER})"
     if error.validator == "maxItems":
-        said += f" ({_LIST})"
+        text += f" ({_LIST})"
     if key == "coupling" and isinstance(value, str) and value in COUPLINGS:
-        said += f" ({value} is now {COUPLINGS[value]})"
-    return f"{said} [{text}]" if (text := error.schema.get("description")) else said
+        text += f" ({value} is now {COUPLINGS[value]})"
+    if description := error.schema.get("description"):
+        text += f" [{description}]"
+    return text
 
 
-def _unknown_keys(section: str, given: list[str], known: Mapping) -> str:
-    unknown = sorted({*given} - {*known})
+def _unknown_keys(section: str, names: set[str], rules: Mapping) -> str:
+    unknown = sorted(names - rules.keys())
     renamed = ", ".join(f"{key} is now {KEYS[key]}" for key in unknown if key in KEYS)
     others = [key for key in unknown if key not in KEYS]
-    alike = {key: difflib.get_close_matches(key, known, n=1) for key in others}
-    meant = ", ".join(f"{names[0]} for {key}" for key, names in alike.items() if names)
+    alike = {key: difflib.get_close_matches(key, rules, n=1) for key in others}
+    meant = ", ".join(f"{matches[0]} for {key}" for key, matches in alike.items() if matches)
     hint = f"{renamed}; " if renamed else ""
     hint += f"did you mean {meant}? " if meant else ""
     place = f"'{section}' has" if section else "there are"
-    remedy = f"remove or correct them ({hint}known: {sorted(known)})"
+    remedy = f"remove or correct them ({hint}known: {sorted(rules)})"
     return f"{place} unknown keys {unknown}: {remedy}"

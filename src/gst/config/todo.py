@@ -20,9 +20,10 @@ def is_to_do(value: Any) -> bool:
 def left_in(config: Any, rule: Mapping, key: str = "") -> Iterator[str]:
     """A sentence for each value that is left in a config; `rule` is the schema's."""
     if isinstance(config, Mapping):
+        rules = rule.get("properties", {})
         for name, value in config.items():
-            of = rule.get("properties", {}).get(name, {})
-            yield from left_in(value, of, f"{key}.{name}" if key else str(name))
+            full = f"{key}.{name}" if key else str(name)
+            yield from left_in(value, rules.get(name, {}), full)
     elif is_to_do(config):
         yield sentence(f"'{key}'", config, rule.get("description", ""))
 
@@ -30,7 +31,7 @@ def left_in(config: Any, rule: Mapping, key: str = "") -> Iterator[str]:
 def sentence(what: str, value: str, description: str) -> str:
     """What is to be done with a value, and what it means."""
     likely = value.removeprefix(TODO).strip()
-    said = f"{what} is still {TODO}: fill it in"
+    text = f"{what} is still {TODO}: fill it in"
     if likely:
-        said = f"{what} is still '{value}': delete the word {TODO} if {likely} is right"
-    return f"{said} [{description}]" if description else said
+        text = f"{what} is still '{value}': delete the word {TODO} if {likely} is right"
+    return f"{text} [{description}]" if description else text

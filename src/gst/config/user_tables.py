@@ -33,8 +33,16 @@ from gstlib.io.files import LARGEST_TABLE, check_size
 from gstlib.io.instruments import plain_text
 from gstlib.io.text_rows import FORMULA_ERROR, decoded, separator_of
 
-__all__ = ["Problem", "Record", "UserTable", "alike", "cells_to_do"]
-__all__ += ["read_rows", "records_of", "rows_of"]
+__all__ = [
+    "Problem",
+    "Record",
+    "UserTable",
+    "alike",
+    "cells_to_do",
+    "read_rows",
+    "records_of",
+    "rows_of",
+]
 
 # What every program reads as this number; Python's float takes 1_5, nan and digits of all scripts.
 _NUMBER = re.compile(r"[-+]?([0-9]++\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
@@ -165,16 +173,19 @@ def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
         header, _, lines = _read_lines(Path(path))
     except InputError:  # which is said where the table is read
         return
-    columns: dict[tuple[str, tuple[int, ...]], list[str]] = {}  # with the same cells to fill in
+    # the columns with the same cells to fill in, by their lines and their first value
+    columns: dict[tuple[str, tuple[int, ...]], list[str]] = {}
     for n, column in enumerate(header):
         cells = {line: row[n] for line, row in lines if n < len(row) and is_to_do(row[n])}
-        if cells:  # the first value stands for all
-            columns.setdefault((next(iter(cells.values())), tuple(cells)), []).append(column)
+        if cells:
+            first, *_ = cells.values()
+            columns.setdefault((first, tuple(cells)), []).append(column)
     rules = _schema(name)["properties"]
     for (value, lines_left), names in columns.items():
         where = f"line{'s' * (len(lines_left) > 1)} {_listed(lines_left)}"
-        meaning = " ".join(rules.get(column, {}).get("description", "") for column in names)
-        yield sentence(f"{path}, {' and '.join(names)} in {where},", value, meaning)
+        meanings = [rules.get(column, {}).get("description", "") for column in names]
+        what = f"{path}, {' and '.join(names)} in {where},"
+        yield sentence(what, value, " ".join(meanings))
 
 
 def _listed(numbers: Sequence[int]) -> str:

@@ -24,9 +24,10 @@ def share_out(patches: Sequence[str], per_job: float | None = None) -> dict[str,
     count = 1
     while count < _MOST_BATCHES and len(patches) > count * (per_job or _PER_JOB):
         count *= 2
-    batches: dict[str, list[str]] = {str(number): [] for number in range(1, count + 1)}
+    batches: dict[str, list[str]] = {str(number + 1): [] for number in range(count)}
     for patch in patches:
-        batches[str(1 + crc32(patch.encode()) % count)].append(patch)
+        number = crc32(patch.encode()) % count
+        batches[str(number + 1)].append(patch)
     return {batch: members for batch, members in batches.items() if members}
 
 
@@ -36,20 +37,25 @@ def files_of(folders: Path | Iterable[Path], patches: Iterable[str]) -> dict[str
     A file has the name of its patch. In the folder of an epoch ``_`` and the epoch follow, which no
     id has. Any other file in a folder is somebody else's.
     """
-    folders = [folders] if isinstance(folders, Path) else folders
-    ends = [(folder, _EPOCHS.get(folder.parent.name, "")) for folder in folders]
-    named = ((patch, folder / f"{patch}{end}.h5") for patch in patches for folder, end in ends)
-    return {patch: file for patch, file in named if file.is_file()}
+    folders = [folders] if isinstance(folders, Path) else [*folders]
+    files: dict[str, Path] = {}
+    for patch in patches:
+        for folder in folders:
+            epoch = _EPOCHS.get(folder.parent.name, "")
+            file = folder / f"{patch}{epoch}.h5"
+            if file.is_file():
+                files[patch] = file
+    return files
 
 
 def files_by_epoch(
     folders: Mapping[str, Iterable[Path]], patches: Iterable[str]
 ) -> dict[tuple[str, str], Path]:
     """The files of the patches by patch and epoch; `folders` are those of each epoch's batches."""
-    files = {epoch: files_of(of_epoch, patches) for epoch, of_epoch in folders.items()}
+    by_epoch = {epoch: files_of(places, patches) for epoch, places in folders.items()}
     return {
-        (patch, epoch): files[epoch][patch]
+        (patch, epoch): files[patch]
         for patch in patches
-        for epoch in files
-        if patch in files[epoch]
+        for epoch, files in by_epoch.items()
+        if patch in files
     }

@@ -20,9 +20,26 @@ from gst.run.received import RECORD, is_readable, places_of, read_json
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
 
-__all__ = ["AGAIN", "LEVELS", "LOGS", "Step", "break_in", "certified_inputs", "check_chain"]
-__all__ += ["check_links", "given_to", "hashes_of", "is_inside", "made_in", "messages_of"]
-__all__ += ["plan_again", "record_of", "step_of", "versions_of", "write_record"]
+__all__ = [
+    "AGAIN",
+    "LEVELS",
+    "LOGS",
+    "Step",
+    "break_in",
+    "certified_inputs",
+    "check_chain",
+    "check_links",
+    "given_to",
+    "hashes_of",
+    "is_inside",
+    "made_in",
+    "messages_of",
+    "plan_again",
+    "record_of",
+    "step_of",
+    "versions_of",
+    "write_record",
+]
 
 # What a run makes again, and why: of each such step an output, which stands for its job. The
 # Snakefile fills it when it is read; `gst.run.scheduler` hands it to Snakemake, and the display
@@ -75,13 +92,16 @@ def record_of(results: Path, name: str) -> Path:
 
 
 def write_record(
-    results: Path, step: Step, given: Record, messages: Mapping[str, Sequence[str]]
+    results: Path, step: Step, read: Record, messages: Mapping[str, Sequence[str]]
 ) -> None:
-    """Record a step that has ended: what it was `given`, what it made, its messages by level."""
+    """Record a step that has ended.
+
+    `read` is what it was given, as `given_to` has it, and `messages` are its own by level.
+    """
     record = record_of(results, step.name)
     record.unlink(missing_ok=True)  # or a folder would stand for the files that it names
-    made = _Contents(results).of(step.outputs)
-    whole = given | {"outputs": made, "messages": messages}
+    made = _Contents(results).digests(step.outputs)
+    whole = read | {"outputs": made, "messages": messages}
     text = json.dumps(whole, indent=1, sort_keys=True, ensure_ascii=False)
     write_whole(record, f"{text}\n".encode())
 
@@ -96,10 +116,11 @@ def given_to(results: Path, step: Step, contents: "_Contents | None" = None) -> 
     """
     contents = contents or _Contents(results)
     own = {path for path in step.inputs if path.is_relative_to(results)}
+    others = [path for path in step.inputs if path not in own]
     return {
         "params": _asked(step, results),
-        "inputs": contents.of(own),
-        "files": contents.of(path for path in step.inputs if path not in own),
+        "inputs": contents.digests(own),
+        "files": contents.digests(others),
         "faults": {},
         "software": {},
     }
@@ -124,9 +145,12 @@ def plan_again(
     among the steps: Snakemake runs it anyway.
     """
     contents = _Contents(results)
-    begun = [step for step in steps if any(path.exists() for path in step.outputs)]
-    reasons = {str(step.outputs[0]): _difference(step, contents, accepted) for step in begun}
-    return {output: reason for output, reason in reasons.items() if reason}
+    reasons: dict[str, str] = {}
+    for step in steps:
+        has_begun = any(path.exists() for path in step.outputs)
+        if has_begun and (reason := _difference(step, contents, accepted)):
+            reasons[str(step.outputs[0])] = reason
+    return reasons
 
 
 def _difference(step: Step, contents: "_Contents", accepted: Container[str]) -> str | None:
@@ -137,18 +161,23 @@ def _difference(step: Step, contents: "_Contents", accepted: Container[str]) -> 
     now = given_to(contents.results, step, contents)
     for part in ("files", "inputs"):
         if name := _changed(record[part], now[part]):
-            return f"{name} {'is missing' if now[part].get(name) == '' else 'has changed'}"
+            is_missing = now[part].get(name) == ""
+            return f"{name} is missing" if is_missing else f"{name} has changed"
     if name := _changed(record["params"], now["params"]):
-        values = [
-            json.dumps(of["params"].get(name), ensure_ascii=False) for of in (record, now)
-        ]
-        if name == "code":
-            return "the program has changed"
-        is_short = max(map(len, values)) <= 40
-        return "{} was {}, is {}".format(name, *values) if is_short else f"{name} has changed"
-    if name := _changed(record["outputs"], contents.of(step.outputs)):
+        values = (each["params"].get(name) for each in (record, now))
+        return _changed_param(name, *values)
+    if name := _changed(record["outputs"], contents.digests(step.outputs)):
         return f"{name} is not as it was made"
     return _judged_otherwise(record, accepted)
+
+
+def _changed_param(name: str, *values: Any) -> str:
+    """In words, that a param was the first of two values and is the second."""
+    if name == "code":
+        return "the program has changed"
+    before, after = (json.dumps(value, ensure_ascii=False) for value in values)
+    is_long = max(len(before), len(after)) > 40
+    return f"{name} has changed" if is_long else f"{name} was {before}, is {after}"
 
 
 def _judged_otherwise(record: Record, accepted: Container[str]) -> str | None:
@@ -167,7 +196,7 @@ def break_in(results: Path, config: Mapping[str, Any] | None = None) -> str | No
     """
     if not (steps := steps_in(results)):
         return "this folder holds no finished study"
-    made_with = _of(results, PAGE, "params").get("config", {})
+    made_with = _part_of(results, PAGE, "params").get("config", {})
     if config is not None and made_with != _plain(config, results):
         return "the results were made with another config"
     accepted = made_with.get("accept", ())
@@ -191,18 +220,19 @@ def certified_inputs(
     _refuse(results, next(_breaks(results, steps, places_of(files)), None))
     read: dict[str, str] = {}
     for each in steps:
-        read |= _of(results, each, "files")
-    return {str(path): read.get(str(path)) or sha256(path) for path in sorted(files, key=str)}
+        read |= _part_of(results, each, "files")
+    names = sorted(map(str, files))
+    return {name: read.get(name) or sha256(name) for name in names}
 
 
 def versions_of(results: Path, steps: Iterable[str]) -> dict[str, str]:
     """The version of each package on which the steps ran; all of them where steps differ."""
-    pairs = {pair for step in steps for pair in _of(results, step, "software").items()}
-    versions: dict[str, str] = {}
-    for name, version in sorted(pairs):
-        before = versions.get(name)
-        versions[name] = f"{before}, {version}" if before else version
-    return {name: "mixed: " * (", " in text) + text for name, text in versions.items()}
+    versions: dict[str, set[str]] = {}
+    for step in steps:
+        for name, version in _part_of(results, step, "software").items():
+            versions.setdefault(name, set()).add(version)
+    texts = {name: ", ".join(sorted(each)) for name, each in sorted(versions.items())}
+    return {name: f"mixed: {text}" if ", " in text else text for name, text in texts.items()}
 
 
 def _refuse(results: Path, problem: str | None) -> None:
@@ -243,46 +273,42 @@ def _changed_files(
                 path = Path(file) if part == "files" else results / file
                 if part == "files" and not is_readable(path, places):
                     continue  # what was measured may be gone
-                if contents.digest(path) != digest:
-                    yield (
-                        f"{path} is not as the step {name} {verb} it"
-                        if os.path.exists(path)
-                        else f"{path}, which the step {name} {verb}, is missing"
-                    )
+                if contents.digest(path) == digest:
+                    continue
+                if os.path.exists(path):
+                    yield f"{path} is not as the step {name} {verb} it"
+                else:
+                    yield f"{path}, which the step {name} {verb}, is missing"
 
 
 def made_in(results: Path) -> list[Path]:
     """Every file of a finished study, as its steps recorded them."""
     steps = steps_in(results)
-    return [results / name for each in steps for name in _of(results, each, "outputs")]
+    return [results / name for each in steps for name in _part_of(results, each, "outputs")]
 
 
 def steps_in(results: Path) -> dict[str, str | None]:
     """The steps of a finished study with their hashes, the page last; none if there is none."""
-    steps = _of(results, PAGE, "params").get("steps")
+    steps = _part_of(results, PAGE, "params").get("steps")
     return {**steps, PAGE: None} if isinstance(steps, dict) else {}
 
 
 def messages_of(results: Path, step: str, level: str) -> list[str]:
     """What a step reported at one of the `LEVELS` when it last ran."""
-    return _of(results, step, "messages").get(level, [])
+    return _part_of(results, step, "messages").get(level, [])
 
 
 def check_links(results: Path) -> None:
     """Raise an `InputError` if a link in the results leads out: a study writes nowhere else."""
     whole = os.path.realpath(results)
-    for folder, folders, files in os.walk(results):
-        for name in (*folders, *files):
-            path = Path(folder, name)
-            if not path.is_symlink():
-                continue
-            real = Path(os.path.realpath(path))
-            if not real.is_relative_to(whole):
-                problem = f"is a link to {real}, outside the results"
-                raise InputError(path, problem, "Remove the link: a study writes only there.")
+    for path in filter(Path.is_symlink, results.rglob("*")):
+        real = Path(os.path.realpath(path))
+        if not real.is_relative_to(whole):
+            problem = f"is a link to {real}, outside the results"
+            raise InputError(path, problem, "Remove the link: a study writes only there.")
 
 
-def _of(results: Path, step: str, part: str) -> dict[str, Any]:
+def _part_of(results: Path, step: str, part: str) -> dict[str, Any]:
     record = read_record(results, step)
     return record[part] if record else {}
 
@@ -312,7 +338,7 @@ class _Contents:
         self.results = results
         self.digest = cache(lambda file: sha256(file) if os.path.isfile(file) else "")
 
-    def of(self, paths: Iterable[Path]) -> dict[str, str]:
+    def digests(self, paths: Iterable[Path]) -> dict[str, str]:
         """Of these files, and of those in these folders; empty for one that is missing."""
         files = [file for path in paths for file in self._files_of(path)]
         return {_plain(file, self.results): self.digest(file) for file in files}

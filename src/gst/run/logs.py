@@ -27,8 +27,16 @@ from gst.run.provenance import software
 from gstlib.errors import GstError, InputError, accepting
 from gstlib.io.files import cannot_write
 
-__all__ = ["ASKED", "FILE_ONLY", "PLAN", "job_log", "last_took", "log_failed_start", "logged"]
-__all__ += ["run_script"]
+__all__ = [
+    "ASKED",
+    "FILE_ONLY",
+    "PLAN",
+    "job_log",
+    "last_took",
+    "log_failed_start",
+    "logged",
+    "run_script",
+]
 
 # Environment variable, set by the workflow's display of progress, which shows the log's
 # messages itself: a job then writes nothing to the screen, unless its log cannot be written.
@@ -43,6 +51,7 @@ _START = time.perf_counter()
 PLAN = "GSTLIB_PLAN"
 # Of the application, and of the library.
 _LOGGERS = "gst", "gstlib"
+_TRACEBACK = "\nTraceback (most recent call last):\n"
 _RECORD = re.compile(
     r"^(\w+) (.*?)(?=^(?:INFO|NOTE|WARNING|ERROR) |\Z)", re.MULTILINE | re.DOTALL
 )
@@ -112,9 +121,12 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
 def logged(log: Path, level: str) -> list[str]:
     """Records of a level in a log of `job_log`; a traceback is cut to its last three lines."""
     text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
-    records = [match[2].strip() for match in _RECORD.finditer(text) if match[1] == level]
-    parts = [record.partition("\nTraceback (most recent call last):\n") for record in records]
-    return ["\n  ".join([said, *trace.splitlines()[-3:]]) for said, _, trace in parts]
+    shown = []
+    for match in _RECORD.finditer(text):
+        if match[1] == level:
+            message, _, trace = match[2].strip().partition(_TRACEBACK)
+            shown.append("\n  ".join([message, *trace.splitlines()[-3:]]))
+    return shown
 
 
 def last_took(results: Path, step: str) -> str:
@@ -150,8 +162,9 @@ def log_failed_start(snakemake: Any) -> None:
 
 def _refuse_other_params(results: Path, step: Step) -> None:
     """Raise an `InputError` if a step is asked something else than when the run was started."""
-    asked = json.loads(os.environ.get(ASKED, "{}")).get(str(results), {})
-    if asked.get(step.name) not in (None, hashes_of([step], results)[step.name]):
+    asked = json.loads(os.environ.get(ASKED, "{}"))
+    as_begun = asked.get(str(results), {}).get(step.name)
+    if as_begun not in (None, hashes_of([step], results)[step.name]):
         problem = "the config, its tables or the program were edited while the study runs"
         remedy = "Start the study again: it makes anew what the edit changes."
         raise InputError(f"the step {step.name}", problem, remedy)
@@ -182,11 +195,11 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
         _refuse_other_params(results, step)
         # of files that are about to change
         record_of(results, step.name).unlink(missing_ok=True)
-        given = given_to(results, step) | {"software": software(), "faults": accepted.asked}
+        read = given_to(results, step) | {"software": software(), "faults": accepted.asked}
         with accepting(accepted):
             main(**files, **settings)
         messages = {level: logged(Path(snakemake.log[0]), level) for level in LEVELS}
-        write_record(results, step, given, messages)
+        write_record(results, step, read, messages)
         log.info("%s", _used())
 
 

@@ -26,9 +26,23 @@ from gst.run.received import OUTPUTS, read_json, regular_file
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
-__all__ = ["CLAIMS", "LOCK", "MOVED", "RESULTS", "alive", "claim", "claim_picture"]
-__all__ += ["claimed_by", "locked", "move_aside", "recorded", "refuse_foreign", "removable"]
-__all__ += ["refuse_links", "written_by"]
+__all__ = [
+    "CLAIMS",
+    "LOCK",
+    "MOVED",
+    "RESULTS",
+    "alive",
+    "claim",
+    "claim_picture",
+    "claimed_by",
+    "locked",
+    "move_aside",
+    "recorded",
+    "refuse_foreign",
+    "refuse_links",
+    "removable",
+    "written_by",
+]
 
 CLAIMS = ".gst_outputs"  # in the results: the files that a study would write, one a line
 MOVED = "moved_aside"  # in the results: the user's files from folders that were made anew
@@ -159,13 +173,15 @@ def removable(results: Path) -> list[Path]:
     """
     names, claims = recorded(results), claimed_by(results)
     ours = names | ({_PICTURE} & claims)
-    files = set(filter(os.path.lexists, (results / name for name in ours)))
+    files = {results / name for name in ours if os.path.lexists(results / name)}
     for folder in {file.parent for file in files} | {results / name for name in claims}:
         for file in folder.glob("*"):
             made = _finished(file).relative_to(results)
-            is_ours = not {made.as_posix(), *map(str, made.parents)}.isdisjoint(names | claims)
+            above = {made.as_posix(), *map(str, made.parents)}
+            is_part = made.name != file.name and not above.isdisjoint(names | claims)
             is_mark = file.name in {_STAMP, _PASSED} and file.lstat().st_size == 0
-            files |= {file} if is_mark or (made.name != file.name and is_ours) else set()
+            if is_part or is_mark:
+                files.add(file)
     whole = results.resolve()
     return sorted(
         file

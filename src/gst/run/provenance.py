@@ -74,7 +74,8 @@ def _is_same_study(
         return True
     if before is None or now is None or made["title"] != config["title"]:
         return False
-    if before["mesh"] == now["mesh"] or before.get("scan_folder") == (now["scan_folder"] or ""):
+    folder = now["scan_folder"] or ""
+    if before["mesh"] == now["mesh"] or before.get("scan_folder") == folder:
         return True
     return Path(now["mesh"]).is_file() and sha256(now["mesh"]) in digests
 

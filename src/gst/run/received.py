@@ -15,8 +15,16 @@ from gst import ROOT
 from gstlib.errors import InputError
 from gstlib.io.files import check_size
 
-__all__ = ["CONTENTS", "OUTPUTS", "RECORD", "is_readable", "places_of", "read_json"]
-__all__ += ["read_provenance", "regular_file"]
+__all__ = [
+    "CONTENTS",
+    "OUTPUTS",
+    "RECORD",
+    "is_readable",
+    "places_of",
+    "read_json",
+    "read_provenance",
+    "regular_file",
+]
 
 _LARGEST_JSON = 1 << 26  # bytes: digests of half a million files
 _DEEPEST = 50  # lists in lists, ten times as many as in a config

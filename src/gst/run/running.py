@@ -217,10 +217,14 @@ def lay_out(folder: Path, name: str) -> list[Path]:
     tables = [config["patches"], config["published"]]
     files = ["config/README.md", f"config/{name}.yaml", *filter(None, tables)]
     copies = {folder / file: (ROOT / file).read_bytes() for file in files}
-    changed = [file for file in copies if file.exists() and file.read_bytes() != copies[file]]
-    if there := ", ".join(map(str, changed)):
-        remedy = "Name another folder, or remove them."
-        raise InputError(folder, f"already has {there} with other content", remedy)
+    changed = [
+        str(file)
+        for file, content in copies.items()
+        if file.exists() and file.read_bytes() != content
+    ]
+    if changed:
+        problem = f"already has {', '.join(changed)} with other content"
+        raise InputError(folder, problem, "Name another folder, or remove them.")
     for file, content in copies.items():
         write_whole(file, content)
     return list(copies)

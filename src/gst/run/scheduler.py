@@ -42,15 +42,19 @@ def steps_of(workflow: Any, results: Path) -> list[Step]:
     steps: dict[str, Step] = {}
     for rule, values in jobs:  # which grow
         wildcards = Wildcards(fromdict=values)
-        inputs, outputs = rule.expand_input(wildcards)[0], rule.expand_output(wildcards)[0]
+        inputs = rule.expand_input(wildcards)[0]
+        outputs = rule.expand_output(wildcards)[0]
         params = rule.expand_params(wildcards, inputs, outputs, None)[0]
         step = step_of(rule.expand_log(wildcards)[0], params, inputs, outputs)
         if step.name in steps:
             continue
         steps[step.name] = step
-        for file in (file for file in inputs if results in Path(file).parents):
-            makers = [maker for maker in with_wildcards if maker.is_producer(file)]
-            jobs += [(maker, maker.get_wildcards(file)) for maker in makers]
+        for file in inputs:
+            if results not in Path(file).parents:
+                continue
+            for maker in with_wildcards:
+                if maker.is_producer(file):
+                    jobs.append((maker, maker.get_wildcards(file)))
     return list(steps.values())
 
 
@@ -60,16 +64,21 @@ def order_dates(steps: Iterable[Step], again: Container[str] = ()) -> None:
     Steps that have not run, or that are run `again`, are left out. Dates say nothing: a copy has
     others, and the clock of an instrument may be wrong.
     """
-    made = [step for step in steps if step.outputs]  # not a target, which makes nothing
-    made = [step for step in made if all(path.exists() for path in step.outputs)]
-    made = [step for step in made if str(step.outputs[0]) not in again]
+    made = [
+        step
+        for step in steps
+        if step.outputs  # not a target, which makes nothing
+        and all(path.exists() for path in step.outputs)
+        and str(step.outputs[0]) not in again
+    ]
     paths = {path for step in made for path in (*step.inputs, *step.outputs)}
     dates = {path: _dated(path).stat().st_mtime_ns for path in paths}
     pairs = (pair for step in made for pair in product(step.inputs, step.outputs))
     if any(dates[read] > dates[output] for read, output in pairs):
         newest = max(dates.values())
-        for path in (path for step in made for path in step.outputs):
-            os.utime(_dated(path), ns=(newest, newest))
+        for step in made:
+            for path in step.outputs:
+                os.utime(_dated(path), ns=(newest, newest))
 
 
 def _dated(path: Path) -> Path:
@@ -112,12 +121,12 @@ def end(scheduler: JobScheduler, *_: Any) -> None:
 
 def _parsed(words: list[str]) -> tuple[Any, Any]:
     """Snakemake's parser, and what it makes of these words; not its line that names the profile."""
-    said = io.StringIO()
+    messages = io.StringIO()
     try:
-        with redirect_stderr(said):
+        with redirect_stderr(messages):
             return parse_args(words)
     finally:
-        lines = said.getvalue().splitlines(keepends=True)
+        lines = messages.getvalue().splitlines(keepends=True)
         sys.stderr.writelines(line for line in lines if not line.startswith("Using "))
 
 
