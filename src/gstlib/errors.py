@@ -57,7 +57,17 @@ FAULTS = {
 
 
 class GstError(Exception):
-    """Base of the errors that gstlib raises on purpose; the message is meant for the user."""
+    """Base of the errors that gstlib raises on purpose; the message is meant for the user.
+
+    Examples
+    --------
+    >>> import gstlib
+    >>> try:
+    ...     gstlib.read_mesh("stone.jpg")
+    ... except gstlib.GstError as error:
+    ...     print(error)
+    stone.jpg: no such file. Correct the path of the mesh in the config.
+    """
 
 
 class InputError(GstError):
@@ -71,11 +81,22 @@ class InputError(GstError):
         What is wrong, with the offending value.
     remedy : str
         What to do about it.
+
+    Examples
+    --------
+    >>> import gstlib
+    >>> try:
+    ...     gstlib.read_scan("1_T0.plu")
+    ... except gstlib.InputError as error:
+    ...     print((error.source, error.problem), error.remedy, sep="\\n")
+    ('1_T0.plu', 'no such file')
+    Correct the name in the patch table, or the folder.
     """
 
     def __init__(self, source: str | Path, problem: str, remedy: str):
         super().__init__(source, problem, remedy)
-        self.source, self.problem, self.remedy = str(source), problem.rstrip("."), remedy
+        self.source, self.remedy = str(source), remedy
+        self.problem = problem.rstrip(".")
 
     def about(self, source: str | Path, problem: str, remedy: str | None = None) -> Self:
         """The same error of another source, in other words."""
@@ -91,7 +112,17 @@ class InputError(GstError):
 
 
 class ConfigError(InputError):
-    """A value in the config file or a row of the patch table cannot be used."""
+    """A value in the config file or a row of the patch table cannot be used.
+
+    Examples
+    --------
+    >>> import gstlib
+    >>> error = gstlib.ConfigError("load.force_N", "is -200", "Give a positive force.")
+    >>> error.source, error.problem
+    ('load.force_N', 'is -200')
+    >>> print(error)
+    load.force_N: is -200. Give a positive force.
+    """
 
 
 class FaultError(InputError):

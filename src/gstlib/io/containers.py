@@ -48,7 +48,8 @@ def check_unpacked_size(path: str | Path, size: int) -> None:
     InputError
     """
     packed = os.stat(path).st_size
-    _refuse_above(path, size, min(_LARGEST, max(_SMALL, _PACKED_AT_MOST * packed)))
+    largest = max(_SMALL, _PACKED_AT_MOST * packed)
+    _refuse_above(path, size, min(_LARGEST, largest))
 
 
 def _refuse_above(path: str | Path, size: int, largest: int) -> None:
@@ -70,13 +71,15 @@ def plain_zip(path: str | Path) -> io.BytesIO:
     plain = io.BytesIO()
     try:
         with zipfile.ZipFile(path) as archive, open(path, "rb") as file:
-            members = {one.filename: one for one in archive.infolist() if not one.is_dir()}
+            files = [one for one in archive.infolist() if not one.is_dir()]
+            members = {one.filename: one for one in files}
             if len(archive.filelist) > _MOST_MEMBERS:
                 raise ValueError(f"it has {len(archive.filelist)} members")
-            check_unpacked_size(path, sum(one.file_size for one in members.values()))
+            unpacked = sum(one.file_size for one in members.values())
+            check_unpacked_size(path, unpacked)
             # some formats begin with a header of their own
-            start = min((one.header_offset for one in archive.filelist), default=0)
-            plain.write(file.read(max(0, start)))
+            starts = [one.header_offset for one in archive.filelist]
+            plain.write(file.read(max(0, min(starts, default=0))))
             with zipfile.ZipFile(plain, "a") as copy:
                 for name in members:
                     copy.writestr(name, read_member(path, archive, name))
@@ -107,7 +110,8 @@ def read_member(path: str | Path, archive: zipfile.ZipFile, name: str) -> bytes:
         raise InputError(path, problem, "Export it, or zip it, again.")
     with archive.open(member) as packed:
         content = b"".join(iter(partial(packed.read, _BLOCK), b""))
-    if content[:_BLOCK].replace(b"\0", b"").lstrip(b"\xef\xbb\xbf\xfe\xff \r\n\t")[:1] == b"<":
+    start = content[:_BLOCK].replace(b"\0", b"")
+    if start.lstrip(b"\xef\xbb\xbf\xfe\xff \r\n\t").startswith(b"<"):
         _check_xml(path, name, content)
     return content
 
@@ -144,11 +148,11 @@ def check_hdf5(path: str | Path, file: h5py.File) -> None:
         texts += _texts_of(node)
         if isinstance(node, h5py.Dataset):
             _check_storage(path, node)
-            chunk = math.prod(node.chunks or ())
-            arrays += max(node.size or 0, chunk) * node.id.get_type().get_size()
+            values = max(node.size or 0, math.prod(node.chunks or ()))
+            arrays += values * node.id.get_type().get_size()
             stored += node.id.get_storage_size()
-    unpacked = max(_SMALL, min(_ZEROS_AT_MOST * size, _LARGEST), _PACKED_AT_MOST * size)
-    _refuse_above(path, arrays, unpacked)
+    largest = max(min(_ZEROS_AT_MOST * size, _LARGEST), _PACKED_AT_MOST * size)
+    _refuse_above(path, arrays, max(_SMALL, largest))
     # several of them may refer to the same text, which is in what is left of the file
     _refuse_above(path, texts * max(0, size - stored), _LARGEST)
 
@@ -177,9 +181,11 @@ def _nodes(path: str | Path, file: h5py.File) -> Iterator[h5py.Group | h5py.Data
 
 def _texts_of(node: h5py.Group | h5py.Dataset) -> int:
     """How many texts and lists of any length stand in attributes, or in the cells of a table."""
-    names = range(h5py.h5a.get_num_attrs(node.id))
-    attrs = [h5py.h5a.open(node.id, index=number) for number in names]
-    count = sum(math.prod(attr.shape) for attr in attrs if attr.dtype.hasobject)
+    count = 0
+    for number in range(h5py.h5a.get_num_attrs(node.id)):
+        attr = h5py.h5a.open(node.id, index=number)
+        if attr.dtype.hasobject:
+            count += math.prod(attr.shape)
     if isinstance(node, h5py.Dataset) and node.dtype.hasobject:
         is_text = h5py.check_string_dtype(node.dtype)  # counted where it is read
         count += 0 if is_text else node.size or 0
@@ -189,10 +195,12 @@ def _texts_of(node: h5py.Group | h5py.Dataset) -> int:
 def _check_storage(path: str | Path, field: h5py.Dataset) -> None:
     """Refuse an array that is not stored in the file itself, or by other filters."""
     stored = field.id.get_create_plist()
-    filters = [stored.get_filter(number)[0] for number in range(stored.get_nfilters())]
+    numbers = range(stored.get_nfilters())
+    filters = [stored.get_filter(number)[0] for number in numbers]
+    compressions = [one for one in filters if one in _COMPRESSIONS]
     if stored.get_layout() not in _LAYOUTS or stored.get_external_count():
         raise _refused(path, f"an array ({field.name!r:.60}) that is stored in other files")
-    if not _FILTERS.issuperset(filters) or sum(map(_COMPRESSIONS.count, filters)) > 1:
+    if not _FILTERS.issuperset(filters) or len(compressions) > 1:
         raise _refused(
             path, f"an array ({field.name!r:.60}) that is packed by the filters {filters}"
         )

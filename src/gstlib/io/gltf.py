@@ -47,13 +47,15 @@ def checked_header(path: Path, content: bytes) -> _Header:
     if content[:4] != b"glTF":
         raise ValueError("it does not begin with glTF")
     text = content[20 : 20 + int.from_bytes(content[12:16], "little")]
-    if len(text) > _LONGEST_HEADER or text.count(b"[") + text.count(b"{") > _MOST_LISTS:
+    lists = text.count(b"[") + text.count(b"{")
+    if len(text) > _LONGEST_HEADER or lists > _MOST_LISTS:
         raise ValueError(f"its header has {megabytes(len(text))} MB")
     header: _Header = json.loads(text)
     if (count := len(header.get("nodes", ()))) > MOST_PARTS:
         raise ValueError(f"it has {count} parts, and a stone is one")
     # by the specification, numbers that are not in the file are zeros
-    if sum(part["count"] for part in header.get("accessors", ())) > len(content):
+    counts = [part["count"] for part in header.get("accessors", ())]
+    if sum(counts) > len(content):
         raise ValueError("it states more numbers than it holds")
     for feature in _not_read(header):
         raise InputError(path, f"uses {feature}: what it changes is not read", _PLAIN)
@@ -94,7 +96,8 @@ def _moved_otherwise(header: _Header) -> Iterator[str]:
             yield "a skin that bends the mesh"
         if "EXT_mesh_gpu_instancing" in node.get("extensions", ()):
             yield "the extension EXT_mesh_gpu_instancing"
-    for holder in (*header.get("meshes", ()), *header.get("nodes", ())):
+    holders = *header.get("meshes", ()), *header.get("nodes", ())
+    for holder in holders:
         if any(holder.get("weights", ())):
             yield "morph targets that move the vertices"
 

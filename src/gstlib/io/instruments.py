@@ -147,18 +147,21 @@ def _first_map(path: Path, known_as: str) -> RawMap:
     channel = maps[0]
     _refuse_many_points(path, channel.nb_grid_pts)
     stated = channel.physical_sizes is not None
-    topography = channel.topography(**{} if stated else {"physical_sizes": (1.0, 1.0)})
+    sizes = {} if stated else {"physical_sizes": (1.0, 1.0)}
+    topography = channel.topography(**sizes)
     masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
     heights: np.ndarray = masked.filled(np.nan).T
     if heights.shape != tuple(channel.nb_grid_pts)[::-1]:
         raise ValueError(f"{heights.shape} points for {channel.nb_grid_pts} announced")
-    (size_x, size_y), (ny, nx) = topography.physical_sizes, heights.shape
+    size_x, size_y = topography.physical_sizes
+    ny, nx = heights.shape
     spacing = (float(size_y) / ny, float(size_x) / nx) if stated else None
     unit = topography.unit
     length = None if unit is None else get_unit_conversion_factor(unit, "mm")
     if known_as == "mnt":
         _log.log(NOTE, _AS_MEASURED, path)
-    attrs = _instrument(topography.info) | _stage(known_as, topography.info.get("raw_metadata"))
+    info = topography.info
+    attrs = _instrument(info) | _stage(known_as, info.get("raw_metadata"))
     if maps[1:]:
         attrs["layer"] = f"{channel.name}, the first of {len(maps)} height maps"
     return heights, spacing, length, attrs
@@ -186,8 +189,8 @@ def _stage(known_as: str, header: Any) -> dict[str, str]:
 
     if known_as == "x3p":
         axes = header["Record1"]["Axes"]
-        x, y = (float(axes[axis].get("Offset") or 0) for axis in ("CX", "CY"))
-        return stage_attrs(x, y, 1e3)
+        x, y = (axes[axis].get("Offset") or 0 for axis in ("CX", "CY"))
+        return stage_attrs(float(x), float(y), 1e3)
     if known_as == "os3d":
         return stage_attrs(header["origin_x"], header["origin_y"], 1e-3)
     if known_as == "sur":
@@ -226,7 +229,8 @@ def _plain_sur(path: Path, content: bytes) -> bytes:
     plain, behind = bytearray(content), b""
     if content.startswith(b"DSCOMPRESSED"):
         heights, at = _unpacked_sur(path, content, start)
-        plain, behind = bytearray(b"DIGITAL SURF" + content[12:start] + heights), content[at:]
+        plain = bytearray(b"DIGITAL SURF" + content[12:start] + heights)
+        behind = content[at:]
     _check_sur(path, header, plain, start, behind)
     for unit_at in _SUR_UNITS:
         unit = bytes(plain[unit_at : unit_at + _SUR_UNIT]).strip(b" \0")
@@ -239,9 +243,11 @@ def _plain_sur(path: Path, content: bytes) -> bytes:
 def _unpacked_sur(path: Path, content: bytes, start: int) -> tuple[bytes, int]:
     """Heights of a compressed `.sur`, from byte `start` on, and the byte behind them."""
     (streams,) = struct.unpack_from("<I", content, start)
-    sizes = np.frombuffer(content, "<u4", 2 * streams, start + 4).reshape(-1, 2).tolist()
+    pairs = np.frombuffer(content, "<u4", 2 * streams, start + 4)
+    sizes = pairs.reshape(-1, 2).tolist()
     check_unpacked_size(path, sum(size for size, _ in sizes))
-    heights, at = b"", start + 4 + 8 * streams
+    heights = b""
+    at = start + 4 + pairs.nbytes
     for size, packed in sizes:
         stream = zlib.decompressobj()
         # no more than is stated, whatever the stream holds, but for a byte that shows its end
@@ -260,14 +266,16 @@ def _check_sur(
 
     A further object may follow, and begins with its mark.
     """
-    lowest, highest, nx, ny = (int(header[n]) for n in ("lowest", "highest", "nx", "ny"))
+    names = "lowest", "highest", "nx", "ny"
+    lowest, highest, nx, ny = (int(header[name]) for name in names)
     heights = np.frombuffer(plain, f"<i{header['bits'] // 8}", nx * ny, start)
     behind = bytes(plain[start + heights.nbytes :]) + behind
     if behind and not behind.startswith(_SUR_MARKS):
         raise _odd_end(path, len(behind))
     if heights.size and lowest < highest:  # some programs may state neither
         low, high = int(heights.min()), int(heights.max())
-        if low < lowest - _SUR_BELOW or high > highest + _SUR_ABOVE:
+        is_within = lowest - _SUR_BELOW <= low and high <= highest + _SUR_ABOVE
+        if not is_within:
             problem = (
                 f"holds heights from {low} to {high}, but states {lowest} to {highest} "
                 "(steps of the file): it is damaged"
@@ -279,7 +287,8 @@ def _check_sdf(path: Path, file: BinaryIO) -> None:
     """Refuse a binary `.sdf` with anything but text behind its heights."""
     file.seek(0)
     (header,) = np.frombuffer(file.read(_SDF_HEADER.itemsize), _SDF_HEADER, 1)
-    size = _SDF_SIZES[header["type"]] * int(header["nx"]) * int(header["ny"])
+    count = int(header["nx"]) * int(header["ny"])
+    size = count * _SDF_SIZES[header["type"]]
     file.seek(_SDF_HEADER.itemsize + size)
     behind = file.read()
     if not _SDF_TRAILER.match(behind):

@@ -4,6 +4,7 @@ trimesh passes over lines that it does not know, and takes the rows that it need
 therefore held against what the file states, before trimesh reads it.
 """
 
+import contextlib
 import itertools
 import re
 from collections.abc import Iterator, Sequence
@@ -54,10 +55,10 @@ class PlainText(NamedTuple):
 
 def unit_word(content: bytes) -> str:
     """The word for a unit, without the s of a plural, in a comment at a file's head; or nothing."""
-    head = content[:_HEAD]
     pattern = rb"^\s*(?:#|comment|obj_info|solid)[^\n]*?\bunits?\W+(?:are |in )?(\w+)"
-    stated = re.search(pattern, head, re.MULTILINE | re.IGNORECASE)
-    return stated[1].decode("latin-1").lower().removesuffix("s") if stated else ""
+    stated = re.search(pattern, content[:_HEAD], re.MULTILINE | re.IGNORECASE)
+    word = stated[1] if stated else b""
+    return word.decode("latin-1").lower().removesuffix("s")
 
 
 def plain_obj(path: Path, content: bytes) -> PlainText:
@@ -69,7 +70,8 @@ def plain_obj(path: Path, content: bytes) -> PlainText:
         if re.search(odd, text, re.MULTILINE):
             raise InputError(path, problem, EXPORT_AGAIN)
     # trimesh counts them from the last vertex of the file
-    is_mixed = (b"\n" + text).find(b"\nf ") < text.rfind(b"\nv ")
+    first_face = (b"\n" + text).find(b"\nf ")
+    is_mixed = first_face < text.rfind(b"\nv ")
     if is_mixed and re.search(rb"^f .*-", text, re.MULTILINE):
         problem = "counts the vertices of faces backwards, with vertices behind them"
         raise InputError(path, problem, EXPORT_AGAIN)
@@ -82,12 +84,12 @@ def plain_off(path: Path, content: bytes) -> PlainText:
     header = re.match(rb"(?:ST)?C?N?OFF\s(\d+) (\d+)(?: \d+)?\n", text)
     if header is None:
         raise _no_header(path)
-    vertices, faces = int(header[1]), int(header[2])
+    vertices, faces = map(int, header.groups())
     rows = text[header.end() :].splitlines()
     _check_rows(path, len(rows), vertices + faces)
     # a face begins with the count of its corners
-    corners = [row.split(b" ", 1)[0] for row in rows[vertices:]]
-    triangles = sum(int(count) - 2 for count in corners if count.isdigit())
+    counts = [row.partition(b" ")[0] for row in rows[vertices:]]
+    triangles = sum(int(count) - 2 for count in counts if count.isdigit())
     return PlainText(text, triangles, is_ended)
 
 
@@ -96,32 +98,40 @@ def plain_ply(path: Path, content: bytes) -> PlainText:
     header = re.match(
         rb"ply[^\S\r\n]*[\r\n](?:[^\r\n]*[\r\n])*?end_header[ \t]*(?:\r\n|\r(?!\n)|\n)", content
     )
-    if header is None or not re.search(rb"^[ \t\r]*+element\s+face\s", header[0], re.MULTILINE):
+    of_faces = rb"^[ \t\r]*+element\s+face\s"
+    if header is None or not re.search(of_faces, header[0], re.MULTILINE):
         raise _no_header(path)
     lines = header[0].translate(_BLANKS).split(b"\n")
-    kept = [line for line in lines if line.split()[:1] not in ([], [b"comment"], [b"obj_info"])]
-    head, body = b"\n".join(kept) + b"\n", content[header.end() :]
+    # and empty lines
+    passed_over = [], [b"comment"], [b"obj_info"]
+    kept = [line for line in lines if line.split()[:1] not in passed_over]
+    head = b"\n".join([*kept, b""])
+    body = content[header.end() :]
     _refuse_zero_bytes(path, head)
-    if not any(line.split()[:2] == [b"format", b"ascii"] for line in kept):
+    is_text = any(line.split()[:2] == [b"format", b"ascii"] for line in kept)
+    if not is_text:
         return PlainText(head + body, None, is_ended=True)
     body, is_ended = _tidied(path, body)
     rows = body.splitlines()
     elements = [*_elements(kept)]
-    _check_rows(path, len(rows), sum(count for _, count, _ in elements))
+    stated = sum(count for _, count, _ in elements)
+    _check_rows(path, len(rows), stated)
     faces, left = 0, iter(rows)
     for name, count, is_list in elements:
-        for row in itertools.islice(left, count):
-            corners = _corners(path, row, is_list)
-            faces += corners - 2 if name == b"face" else 0
+        corners = [_corners(path, row, is_list) for row in itertools.islice(left, count)]
+        if name == b"face":
+            faces += sum(corners) - 2 * count
     return PlainText(head + body, faces, is_ended)
 
 
 def plain_stl(path: Path, content: bytes) -> PlainText:
     """An ASCII STL, without the names of its solids, which trimesh takes for its keywords."""
     text, _ = _tidied(path, content)
-    if not text.rsplit(b"\n", 2)[-2].lower().startswith(b"endsolid"):
+    last = text.rsplit(b"\n", 2)[-2]
+    if not last.lower().startswith(b"endsolid"):
         raise InputError(path, "ends without 'endsolid': it is cut, or no STL", EXPORT_AGAIN)
-    text = re.sub(rb"^(end)?solid\b.*", rb"\1solid", text, flags=re.MULTILINE | re.IGNORECASE)
+    any_case = re.MULTILINE | re.IGNORECASE
+    text = re.sub(rb"^(end)?solid\b.*", rb"\1solid", text, flags=any_case)
     return PlainText(text, text.lower().count(b"endfacet"), is_ended=True)
 
 
@@ -140,7 +150,8 @@ def _tidied(path: Path, content: bytes, *, continued: bool = False) -> tuple[byt
         text = text.replace(b"\\\n", b" ")
     text = re.sub(rb" +", b" ", text) if b"  " in text else text
     text = re.sub(rb"(?:(?:^| )#.*| $|^ )", b"", text, flags=re.MULTILINE)
-    text = re.sub(rb"\n\n+", b"\n", text.strip(b" \n") + b"\n")
+    text = text.strip(b" \n") + b"\n"
+    text = re.sub(rb"\n\n+", b"\n", text)
     if re.search(rb"^(?:v |vertex )? ?[-+]?\d+,\d", text, re.MULTILINE | re.IGNORECASE):
         raise InputError(path, "has decimal commas", "Export it again, with decimal points.")
     return text, is_ended
@@ -165,18 +176,17 @@ def _corners(path: Path, row: bytes, is_list: Sequence[bool]) -> int:
 
     trimesh takes all lists to be as long as the first, and drops what is left.
     """
-    cells, at, longest = row.split(), 0, 0
-    try:
+    cells = row.split()
+    at = longest = 0
+    with contextlib.suppress(IndexError, ValueError):
         for a_list in is_list:
             length = int(cells[at]) if a_list else 0
-            at, longest = at + 1 + length, max(longest, length)
-        is_whole = at == len(cells)
-    except (IndexError, ValueError):
-        is_whole = False
-    if not is_whole:
-        problem = f"has a row that its header does not describe: {cells[:9]}"
-        raise InputError(path, problem, EXPORT_AGAIN)
-    return longest
+            longest = max(longest, length)
+            at += 1 + length
+        if at == len(cells):
+            return longest
+    problem = f"has a row that its header does not describe: {cells[:9]}"
+    raise InputError(path, problem, EXPORT_AGAIN)
 
 
 def _check_rows(path: Path, count: int, stated: int) -> None:

@@ -62,6 +62,7 @@ _CLOSED = 0.01
 # everywhere.
 _FEWEST_EMPTY, _ZEROS_TIMES = 3, 10
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_TEXT_READERS = {".obj": plain_obj, ".off": plain_off, ".ply": plain_ply}
 _STL_HEADER = 84
 # Counts in the header of an STL that was written before its program knew how many triangles follow.
 _STREAMED = 0, 0xFFFFFFFF
@@ -105,6 +106,16 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
         The file is missing, cut, damaged or not a mesh; the mesh has no faces, or vertices
         that are not finite; its size is not that of a stone, as when the unit is wrong; or the
         step of its coordinates is above 20 µm.
+
+    Examples
+    --------
+    >>> import gstlib, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = pathlib.Path(folder.name) / "corner.off"
+    >>> size = path.write_text("OFF\\n3 1 0\\n0 0 0\\n4 0 0\\n0 3 0.5\\n3 0 1 2\\n")
+    >>> mesh = gstlib.read_mesh(path, unit="cm")
+    >>> mesh.extents.tolist(), mesh.metadata["file_unit"]
+    ([40.0, 30.0, 5.0], 'cm')
     """
     import trimesh
 
@@ -113,15 +124,17 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
         raise InputError(path, f"unknown mesh unit {unit!r}", f"Use one of {list(UNITS)}.")
     content = _read_content(path)
     parts, stated, is_ended = _load(path, content)
-    before = np.cumsum([0, *(len(part.vertices) for part in parts)])
     vertices = np.concatenate([part.vertices for part in parts])
-    faces = np.concatenate([part.faces + n for part, n in zip(parts, before, strict=False)])
+    before = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    shifted = [part.faces + n for part, n in zip(parts, before, strict=False)]
+    faces = np.concatenate(shifted)
     _mind_cut_end(path, vertices, faces, is_ended=is_ended)
     unit = _unit_to_read_in(path, unit, stated)
     step_mm = max(part.step for part in parts) * UNITS[unit]
     check_step_and_extent(path, vertices[faces], step_mm, unit)
     metadata = {"file_unit": unit, "states_unit": stated is not None, "step_mm": step_mm}
-    mesh = trimesh.Trimesh(vertices * UNITS[unit], faces, process=False, metadata=metadata)
+    vertices_mm = vertices * UNITS[unit]
+    mesh = trimesh.Trimesh(vertices_mm, faces, process=False, metadata=metadata)
     mesh.merge_vertices()
     _refuse_zeros(path, vertices, faces, mesh)
     _drop_copies(mesh)
@@ -137,7 +150,9 @@ def ply_with(mesh: "trimesh.Trimesh", scalars: Mapping[str, np.ndarray], *, unit
     """
     import trimesh
 
-    numbers: Any = {f"scalar_{name}": of.astype(np.float32) for name, of in scalars.items()}
+    numbers: Any = {
+        f"scalar_{name}": scalar.astype(np.float32) for name, scalar in scalars.items()
+    }
     vertices = np.asarray(mesh.vertices) / UNITS[unit]
     whole = trimesh.Trimesh(vertices, mesh.faces, process=False, vertex_attributes=numbers)
     ply: Any = whole.export(file_type="ply", vertex_normal=False)
@@ -177,13 +192,14 @@ def _check_parts(path: Path, content: io.BytesIO) -> bytes:
 
 def _check_faces(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
     """Refuse faces of vertices that are not there, or are no places."""
-    if faces.min() < 0 or faces.max() >= len(vertices):
+    are_there = faces.min() >= 0 and faces.max() < len(vertices)
+    if not are_there:
         problem = f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged"
         raise InputError(path, problem, EXPORT_AGAIN)
-    if bad := int((~np.isfinite(vertices)).any(axis=1).sum()):
-        raise InputError(
-            path, f"{bad} of {len(vertices)} vertices are not numbers", "Repair it."
-        )
+    bad = np.count_nonzero(~np.isfinite(vertices).all(axis=1))
+    if bad:
+        problem = f"{bad} of {len(vertices)} vertices are not numbers"
+        raise InputError(path, problem, "Repair it.")
 
 
 def _unit_to_read_in(path: Path, wanted: str | None, stated: str | None) -> str:
@@ -193,15 +209,17 @@ def _unit_to_read_in(path: Path, wanted: str | None, stated: str | None) -> str:
         if path.suffix.lower() == ".3mf":
             problem = f"states its unit, {stated}, and is to be read in {unit}"
             raise InputError(path, problem, f"Set mesh_unit: {stated}.")
-        by = "by its specification" if path.suffix.lower() == ".glb" else "by its own comment"
-        _log.warning("%s: is in %s %s, but is read in %s, as given", path, stated, by, unit)
+        source = "specification" if path.suffix.lower() == ".glb" else "own comment"
+        message = "%s: is in %s by its %s, but is read in %s, as given"
+        _log.warning(message, path, stated, source, unit)
     return unit
 
 
 def _turn_outwards(mesh: "trimesh.Trimesh") -> None:
     """Turn the faces of a closed mesh that is inside out."""
     # measured from its middle, so pin-holes far from the origin matter little
-    outwards = (mesh.triangles_center - mesh.bounds.mean(axis=0)) * mesh.triangles_cross
+    from_middle = mesh.triangles_center - mesh.bounds.mean(axis=0)
+    outwards = from_middle * mesh.triangles_cross
     if is_closed(mesh) and outwards.sum() < 0:
         _log.log(NOTE, "the mesh is inside out (its volume is negative): its faces were turned")
         mesh.invert()
@@ -210,7 +228,9 @@ def _turn_outwards(mesh: "trimesh.Trimesh") -> None:
 def is_closed(mesh: "trimesh.Trimesh") -> bool:
     """Whether a mesh has an underside, too, but for pin-holes."""
     areas = mesh.triangles_cross
-    return bool(np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum())
+    whole_area = np.linalg.norm(areas, axis=1).sum()
+    open_area = np.abs(areas.sum(axis=0)).max()
+    return bool(open_area < _CLOSED * whole_area)
 
 
 def _drop_copies(mesh: "trimesh.Trimesh") -> None:
@@ -227,20 +247,18 @@ def _mind_cut_end(
 ) -> None:
     """Refuse text that ends within a line, if its last face or its vertices show that it is cut."""
     unused = len(vertices) - len(np.unique(faces))
-    left = f"{unused} of its vertices belong to no face"
+    sign = f"{unused} of its vertices belong to no face" if unused else "its last face is odd"
     if is_ended:
-        if (
-            unused and path.suffix.lower() == ".obj"
-        ):  # which does not state how many faces follow
-            _log.warning("%s: %s. If it was cut, copy it again", path, left)
+        # an OBJ does not state how many faces follow
+        if unused and path.suffix.lower() == ".obj":
+            _log.warning("%s: %s. If it was cut, copy it again", path, sign)
         return
-    longest = np.linalg.norm(np.diff(vertices[faces[:, [0, 1, 2, 0]]], axis=1), axis=2).max(
-        axis=1
-    )
-    if unused or longest[-1] > longest[:-1].max(initial=0):
-        problem = (
-            f"ends within a line, and {left if unused else 'its last face is odd'}: it is cut"
-        )
+    outlines = vertices[faces[:, [0, 1, 2, 0]]]
+    edges = np.diff(outlines, axis=1)
+    longest = np.linalg.norm(edges, axis=2).max(axis=1)
+    is_last_odd = longest[-1] > longest[:-1].max(initial=0)
+    if unused or is_last_odd:
+        problem = f"ends within a line, and {sign}: it is cut"
         raise InputError(path, problem, f"{EXPORT_AGAIN} If it is whole, end its last line.")
 
 
@@ -251,11 +269,11 @@ def _plain(path: Path, content: bytes) -> PlainText:
         text = content.rstrip(b"\0")
         is_text = bool(text) and b"\0" not in text
         return plain_stl(path, content) if is_text else _binary_stl(path, content)
-    if kind in (".obj", ".off", ".ply"):
-        read = {".obj": plain_obj, ".off": plain_off, ".ply": plain_ply}[kind]
+    if read := _TEXT_READERS.get(kind):
         return read(path, content)
     if kind == ".glb":  # its length is that of its header; more may follow
-        content = content[: max(int.from_bytes(content[8:12], "little"), _GLB_HEADER)]
+        length = int.from_bytes(content[8:12], "little")
+        content = content[: max(length, _GLB_HEADER)]
     return PlainText(content, None, is_ended=True)
 
 
@@ -264,25 +282,24 @@ def _binary_stl(path: Path, content: bytes) -> PlainText:
 
     A program that writes while it reads cannot know the count, and leaves 0 or −1.
     """
-    stated, fitting = int.from_bytes(content[80:84], "little"), len(content) - _STL_HEADER
-    count, left = divmod(fitting, _RECORD.itemsize)
+    stated = int.from_bytes(content[80:84], "little")
+    count, left = divmod(len(content) - _STL_HEADER, _RECORD.itemsize)
     if stated in _STREAMED and count > 0 and not left:
         stated = count
     elif stated > count:
-        problem = (
-            f"{max(count, 0)} triangles can be read, but the file states {stated}: it is cut"
-        )
-        raise InputError(path, f"{problem} or damaged", EXPORT_AGAIN)
+        raise _other_count(path, max(count, 0), stated)
     end = _STL_HEADER + stated * _RECORD.itemsize
     corners = np.frombuffer(content, _RECORD, count, _STL_HEADER)["corners"]
     own, more = corners[:stated], corners[stated:]
     if stated and len(more):
-        inside = (more >= own.min(axis=(0, 1))) & (more <= own.max(axis=(0, 1)))
-        if (inside.all(axis=(1, 2)) & more.any(axis=(1, 2))).any():
+        lowest, highest = own.min(axis=(0, 1)), own.max(axis=(0, 1))
+        is_inside = ((lowest <= more) & (more <= highest)).all(axis=(1, 2))
+        is_no_padding = more.any(axis=(1, 2))
+        if (is_inside & is_no_padding).any():
             problem = f"states {stated} triangles, and more follow: it is damaged"
             raise InputError(path, problem, EXPORT_AGAIN)
-    counted = content[:80] + stated.to_bytes(4, "little") + content[_STL_HEADER:end]
-    return PlainText(counted, stated, is_ended=True)
+    header = content[:80] + stated.to_bytes(4, "little")
+    return PlainText(header + content[_STL_HEADER:end], stated, is_ended=True)
 
 
 def _load(path: Path, content: bytes) -> tuple[list[_Part], str | None, bool]:
@@ -298,7 +315,8 @@ def _load(path: Path, content: bytes) -> tuple[list[_Part], str | None, bool]:
             if kind == "ply":
                 _check_ply_lists(path, scene)
             parts = [*_parts(path, scene, stored)]
-        word = str(scene.units or "").lower().removesuffix("s") or unit_word(content)
+        units = str(scene.units or "").lower()
+        word = units.removesuffix("s") or unit_word(content)
     except InputError:
         raise
     except Exception as error:  # trimesh raises whatever its parsers raise
@@ -309,15 +327,17 @@ def _load(path: Path, content: bytes) -> tuple[list[_Part], str | None, bool]:
         raise InputError(path, problem, "Export it again, in millimeter.")
     count = sum(len(part.faces) for part in parts)
     if plain.faces not in (None, count):
-        raise InputError(
-            path,
-            f"{count} triangles can be read, but the file states {plain.faces}: it is cut or "
-            "damaged",
-            EXPORT_AGAIN,
-        )
+        raise _other_count(path, count, plain.faces)
     if count == 0:
         raise InputError(path, "the mesh has no faces", "Export it again, with its triangles.")
     return parts, STATED_UNITS.get(word), plain.is_ended
+
+
+def _other_count(path: Path, count: int, stated: int | None) -> InputError:
+    problem = (
+        f"{count} triangles can be read, but the file states {stated}: it is cut or damaged"
+    )
+    return InputError(path, problem, EXPORT_AGAIN)
 
 
 def _scene(content: bytes, kind: str) -> "trimesh.Scene":
@@ -325,16 +345,13 @@ def _scene(content: bytes, kind: str) -> "trimesh.Scene":
     import trimesh
 
     # Textures and materials would open other files and split vertices.
-    options: dict[str, Any] = {
-        "skip_materials": True,
-        "fix_texture": False,
-        "maintain_order": True,
-    }
+    options: Any = {"skip_materials": True, "fix_texture": False, "maintain_order": True}
     # From memory, so that trimesh cannot look for other files beside this one.
     file = io.BytesIO(content)
     scene: Any = trimesh.load_scene(file, file_type=kind, process=False, **options)
-    named = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
-    if sum(len(getattr(part, "faces", ())) for part in named) > len(content):
+    names = [scene.graph[node][1] for node in scene.graph.nodes_geometry]
+    counts = [len(getattr(scene.geometry[name], "faces", ())) for name in names]
+    if sum(counts) > len(content):
         raise ValueError("it repeats its parts until there are more faces than bytes")
     return scene
 
@@ -353,13 +370,16 @@ def _parts(
         faces = np.asarray(getattr(part, "faces", ()), np.int64)
         if not len(faces):
             continue
-        vertices, step = _numbers(np.asarray(part.vertices, float), accessors.get(name, {}))
+        numbers = np.asarray(part.vertices, float)
+        accessor = accessors.get(name, {})
+        vertices, step = _numbers(numbers, accessor)
         _check_faces(path, vertices, faces)
         turn, shift = matrix[:3, :3], matrix[:3, 3]
-        scale = float(np.linalg.norm(turn, axis=0).max())
-        step = scale * (step or coordinate_step(vertices, faces))
-        is_mirrored = np.linalg.det(turn) < 0
-        yield _Part(vertices @ turn.T + shift, faces[:, ::-1] if is_mirrored else faces, step)
+        scale = np.linalg.norm(turn, axis=0).max()
+        step = float(scale * (step or coordinate_step(vertices, faces)))
+        if np.linalg.det(turn) < 0:  # a mirror
+            faces = faces[:, ::-1]
+        yield _Part(vertices @ turn.T + shift, faces, step)
 
 
 def _numbers(stored: np.ndarray, accessor: Mapping[str, Any]) -> tuple[np.ndarray, float]:
@@ -377,9 +397,12 @@ def _check_ply_lists(path: Path, scene: "trimesh.Scene") -> None:
     for part in scene.geometry.values():
         for element in part.metadata.pop("_ply_raw", {}).values():
             rows = element.get("data")
-            for name in getattr(getattr(rows, "dtype", None), "names", None) or ():
-                lengths = rows[name]["f0"] if rows.dtype[name].names else rows[:0]
-                if len(lengths) and (lengths != lengths[0]).any():
+            columns = getattr(getattr(rows, "dtype", None), "names", None) or ()
+            for column in columns:
+                if not rows.dtype[column].names:  # no lists
+                    continue
+                lengths = rows[column]["f0"]
+                if (lengths != lengths[:1]).any():
                     problem = "is damaged, or its faces have different numbers of corners"
                     raise InputError(path, problem, EXPORT_AGAIN)
 
@@ -388,18 +411,22 @@ def _refuse_zeros(
     path: Path, vertices: np.ndarray, faces: np.ndarray, merged: "trimesh.Trimesh"
 ) -> None:
     """Refuse zeros where vertices or faces were: triangles, or several vertices, in one place."""
-    shrunk = (merged.faces == merged.faces[:, :1]).all(axis=1)
-    lost = shrunk & ((faces == 0).all(axis=1) | ~merged.triangles.any(axis=(1, 2)))
-    elsewhere = int(np.bincount(merged.faces[shrunk & ~lost, 0]).max(initial=0))
-    if (count := int(lost.sum())) >= _FEWEST_EMPTY and count > _ZEROS_TIMES * elsewhere:
+    is_point = (merged.faces == merged.faces[:, :1]).all(axis=1)
+    is_zero = (faces == 0).all(axis=1)
+    is_zero |= ~merged.triangles.any(axis=(1, 2))
+    lost = is_point & is_zero
+    other_points = merged.faces[is_point & ~lost, 0]
+    elsewhere = int(np.bincount(other_points).max(initial=0))
+    count = int(lost.sum())
+    if count >= _FEWEST_EMPTY and count > _ZEROS_TIMES * elsewhere:
         _refuse_lost(path, count, "faces")
-    is_used = np.zeros(len(vertices), bool)
-    is_used[faces] = True
-    corners = vertices[is_used]
+    corners = vertices[np.unique(faces)]
     lost = ~corners.any(axis=1)
-    if (count := int(lost.sum())) >= _FEWEST_EMPTY:
+    count = int(lost.sum())
+    if count >= _FEWEST_EMPTY:
         _, copies = np.unique(corners[~lost], axis=0, return_counts=True)
-        if count - 1 > _ZEROS_TIMES * (copies.max(initial=1) - 1):
+        most_elsewhere = copies.max(initial=1)
+        if count - 1 > _ZEROS_TIMES * (most_elsewhere - 1):
             _refuse_lost(path, count, "vertices")
 
 

@@ -64,7 +64,8 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
         )
     (kind,) = struct.unpack_from("<I", content, 428)
     ny, nx = struct.unpack_from("<2I", content, 500)
-    if kind != _TYPE_TOPOGRAPHY or not (0 < ny < _LARGEST_SIDE and 0 < nx < _LARGEST_SIDE):
+    is_map = min(ny, nx) > 0 and max(ny, nx) < _LARGEST_SIDE
+    if kind != _TYPE_TOPOGRAPHY or not is_map:
         raise InputError(
             path,
             f"states a measurement of type {kind} with {ny} × {nx} points: not a .plu "
@@ -78,10 +79,12 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
             f"{ny} × {nx} points take {needed} bytes, but the file has {size}: it is truncated",
             "Export or copy the scan again.",
         )
+    stored = np.frombuffer(content, "<f4", ny * nx, _HEADER).reshape(ny, nx)
     with np.errstate(invalid="ignore"):  # some bytes are no numbers
-        heights = np.frombuffer(content, "<f4", ny * nx, _HEADER).reshape(ny, nx).astype(float)
+        heights = stored.astype(float)
     heights[heights == PLU_UNMEASURED_UM] = np.nan
-    _check_ends(path, heights, _ENDS.unpack_from(content, needed - _ENDS.size))
+    ends = _ENDS.unpack_from(content, needed - _ENDS.size)
+    _check_ends(path, heights, ends)
     dx, dy, x, y = struct.unpack_from("<4f", content, 404)
     (objective,) = struct.unpack_from("<I", content, 440)
     layers, version, instrument = content[489:492]
@@ -89,7 +92,8 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
     # Older and later versions keep something else in place of the instrument.
     if 0 < version <= _VERSION_2012 and instrument in _INSTRUMENTS:
         attrs = {"instrument": _INSTRUMENTS[instrument], **attrs}
-    date = content[:128].split(b"\0")[0].decode("latin-1").strip()
+    words, *_ = content[:128].partition(b"\0")
+    date = words.decode("latin-1").strip()
     with contextlib.suppress(ValueError):
         date = str(datetime.strptime(date, "%a %b %d %H:%M:%S %Y"))
     attrs["acquired"] = date
@@ -110,8 +114,8 @@ def _check_ends(path: Path, heights: np.ndarray, stated: tuple[float, float]) ->
     if not measured.size:
         return
     lowest, highest = float(measured.min()), float(measured.max())
-    none = -PLU_UNMEASURED_UM, PLU_UNMEASURED_UM
-    if stated[0] not in (lowest, *none) or stated[1] not in (highest, *none):
+    none = {-PLU_UNMEASURED_UM, PLU_UNMEASURED_UM}
+    if stated[0] not in none | {lowest} or stated[1] not in none | {highest}:
         problem = (
             f"holds heights from {lowest:g} to {highest:g} µm, but states {stated[0]:g} to "
             f"{stated[1]:g}: it is damaged"
@@ -139,10 +143,22 @@ def write_plu(
         Distance of points in mm.
     comment : str
         Up to 255 characters, stored beside the heights.
+
+    Examples
+    --------
+    >>> import gstlib, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = pathlib.Path(folder.name) / "scan.plu"
+    >>> gstlib.write_plu(path, [[0.0, 0.002], [0.001, np.nan]], 0.5)
+    >>> gstlib.read_scan(path).round(6).values.tolist()
+    [[0.0, 0.002], [0.001, nan]]
     """
-    values = (np.asarray(heights, dtype=float) * 1e3).astype("<f4")
-    stored = np.where(np.isnan(values), np.float32(PLU_UNMEASURED_UM), values).astype("<f4")
-    measured = values[np.isfinite(values)] if np.isfinite(values).any() else stored
+    heights_um = np.asarray(heights, dtype=float) * 1e3
+    values = heights_um.astype("<f4")
+    stored = values.copy()
+    stored[np.isnan(values)] = PLU_UNMEASURED_UM
+    is_measured = np.isfinite(values)
+    measured = values[is_measured] if is_measured.any() else stored
     lowest, highest = float(measured.min()), float(measured.max())
     ny, nx = values.shape
     dy, dx = (float(step) * 1e3 for step in np.broadcast_to(spacing, 2))
@@ -158,4 +174,5 @@ def write_plu(
         struct.pack("<5B3xI", 0, 1, _VERSION_2012, _DCM_3D_REV_2, 0, 1),
         struct.pack("<2I", ny, nx),
     ]
-    write_whole(path, b"".join([*header, stored.tobytes(), _ENDS.pack(lowest, highest)]))
+    content = [*header, stored.tobytes(), _ENDS.pack(lowest, highest)]
+    write_whole(path, b"".join(content))

@@ -46,18 +46,22 @@ def read_points(
     order, units = _columns_of_points(path, table, unit)
     points = numbers_in(path, table, order)
     for n in order:
-        refuse_odd_decimals(path, (row.split(table.mark)[n] for row in table.rows), table.mark)
+        cells = (row.split(table.mark)[n] for row in table.rows)
+        refuse_odd_decimals(path, cells, table.mark)
     length = None
     if units:
         length = units["z"]
-        points[:, :2] *= np.array([units["x"], units["y"]]) / length
+        lateral = np.array([units["x"], units["y"]])
+        points[:, :2] *= lateral / length
     # A point without x or y has no place; one without z is unmeasured.
-    points = points[np.isfinite(points[:, :2]).all(axis=1)]
+    has_place = np.isfinite(points[:, :2]).all(axis=1)
+    points = points[has_place]
     columns, dx = _grid_lines(path, points[:, 0])
     rows, dy = _grid_lines(path, points[:, 1])
     ny, nx = int(rows.max()) + 1, int(columns.max()) + 1
     places = rows * nx + columns
-    if not len(np.unique(places)) == len(points) >= _LEAST_FILLED * ny * nx:
+    are_distinct = len(np.unique(places)) == len(points)
+    if not are_distinct or len(points) < _LEAST_FILLED * ny * nx:
         raise _scattered(path, len(points))
     _refuse_cut_grid(path, rows, columns)
     if length is None:
@@ -76,8 +80,9 @@ def _columns_of_points(
     units: dict[str, float] = {}
     for letter, symbol in _UNIT_OF_COLUMN.findall("\n".join(header)):
         units.setdefault(letter.lower(), HEADER_UNITS[symbol])
-    names = table.names or re.split(r"[\s,;]+", header[-1].strip("# ") if header else "")
-    letters = [name.strip("# ").lower()[:1] for name in names]
+    last = header[-1].strip("# ") if header else ""
+    names = table.names or re.split(r"[\s,;]+", last)
+    letters = [name.strip("# ")[:1].lower() for name in names]
     count = len(table.rows[0].split(table.mark))
     if len(units) < 3:
         refuse_statements(path, header, unit)
@@ -94,18 +99,19 @@ def _columns_of_points(
 
 
 def _mind_point_numbers(
-    path: Path, places: np.ndarray, steps: Sequence[float], given: float | None
+    path: Path, places: np.ndarray, steps: Sequence[float], config_step: float | None
 ) -> None:
     """Refuse numbers of points in place of lengths, if the config states their spacing."""
-    starts = {*places.min(axis=0)}
-    if {*steps} != {1.0} or not starts <= {0, 1} or (places % 1).any():
+    are_steps_one = {*steps} == {1.0}
+    do_start_at_one = {*places.min(axis=0)} <= {0, 1}
+    if not (are_steps_one and do_start_at_one) or (places % 1).any():
         return
     numbered = "its x and y are whole numbers, 1 apart, as numbers of points"
-    if given is None:
+    if config_step is None:
         message = "%s: %s. They are read as lengths in scans.unit"
         _log.warning(message, path, numbered)
-    elif abs(given - 1) > SPACING_TOLERANCE:
-        problem = f"{numbered}, and scans.spacing_um states {given:g} in scans.unit"
+    elif abs(config_step - 1) > SPACING_TOLERANCE:
+        problem = f"{numbered}, and scans.spacing_um states {config_step:g} in scans.unit"
         remedy = "Multiply them by the spacing, or save the heights as a matrix (.csv)."
         raise InputError(
             path, problem, f"{remedy} If they are lengths, correct scans.spacing_um."
@@ -118,12 +124,15 @@ def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:
     gaps = np.diff(levels)
     if len(gaps):
         # Rounded text repeats a coordinate with small differences; real steps are larger.
-        step = float(np.median(gaps[gaps > GRID_TOLERANCE * gaps.max()]))
-        span = float(np.round((levels[-1] - levels[0]) / step))
+        real = gaps[gaps > GRID_TOLERANCE * gaps.max()]
+        extent = float(levels[-1] - levels[0])
+        span = float(np.round(extent / np.median(real)))
         if 1 <= span <= _LARGEST_SIDE:
-            step = float(levels[-1] - levels[0]) / span
-            index = np.round((values - levels[0]) / step).astype(int)
-            if np.abs(values - levels[0] - index * step).max() <= GRID_TOLERANCE * step:
+            step = extent / span
+            places = values - levels[0]
+            index = np.round(places / step).astype(int)
+            errors = np.abs(places - index * step)
+            if errors.max() <= GRID_TOLERANCE * step:
                 return index, step
     raise _scattered(path, len(values))
 
@@ -136,15 +145,17 @@ def _refuse_cut_grid(path: Path, rows: np.ndarray, columns: np.ndarray) -> None:
     for lines, places in ((rows, columns), (columns, rows)):
         length = places.max() + 1
         ahead = np.median(np.diff(places)) > 0
-        lines = lines if lines[0] <= lines[-1] else lines.max() - lines
+        if lines[0] > lines[-1]:
+            lines = lines.max() - lines
         order = lines * length + (places if ahead else length - 1 - places)
         steps = np.diff(order, prepend=-1)
+        most_elsewhere = steps.max() - 1
         missing = -(order[-1] + 1) % length
-        if (steps > 0).all() and missing > _CUT_TIMES * (steps.max() - 1):
+        if (steps > 0).all() and missing > _CUT_TIMES * most_elsewhere:
             raise InputError(
                 path,
                 f"the last line of its grid lacks {missing} of {length} points, and elsewhere at "
-                f"most {steps.max() - 1} are missing in a row: it is cut",
+                f"most {most_elsewhere} are missing in a row: it is cut",
                 "Export or copy the file again. Write unmeasured points as NaN, if it is whole.",
             )
 

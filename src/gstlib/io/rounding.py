@@ -51,27 +51,33 @@ def coordinate_step(vertices: np.ndarray, faces: np.ndarray) -> float:
         numbers[axis] = _next_number(values)
         distances[axis] = _regular_distance(values)
         if distances[axis] and along.any():
-            over_steps[axis] = np.median(along[along > 0]) / distances[axis]
+            typical = np.median(along[along > 0])
+            over_steps[axis] = typical / distances[axis]
     least = _EDGES_OF_ALL if distances.all() else _EDGES
-    return float(np.maximum(numbers, np.where(over_steps >= least, distances, 0)).max())
+    distances[over_steps < least] = 0
+    return float(np.maximum(numbers, distances).max())
 
 
 def _next_number(values: np.ndarray) -> float:
     """How far the next number is from the largest one, of 32 bits if all are such numbers."""
     with np.errstate(over="ignore"):
-        is_single = bool((values.astype(np.float32) == values).all())
+        is_single = np.array_equal(values.astype(np.float32), values)
     largest = np.abs(values).max()
-    return float(np.spacing(np.float32(largest) if is_single else largest))
+    if is_single:
+        largest = np.float32(largest)
+    return float(np.spacing(largest))
 
 
 def _regular_distance(values: np.ndarray) -> float:
     """The smallest distance of coordinates along an axis, 0 if it may be chance."""
-    largest, regular = np.abs(values).max(), 0.0
+    sizes = np.abs(values)
+    regular = 0.0
     for share in _SHARES:
-        distinct = np.unique(values[np.abs(values) >= share * largest])
+        distinct = np.unique(values[sizes >= share * sizes.max()])
         count = len(distinct)
-        if count >= _FEWEST:
-            smallest = float(np.diff(distinct).min())
-            if smallest * count**2 > _TIMES_CHANCE * np.ptp(distinct):
-                regular = max(regular, smallest)
+        if count < _FEWEST:
+            continue
+        smallest = float(np.diff(distinct).min())
+        if smallest * count**2 > _TIMES_CHANCE * np.ptp(distinct):
+            regular = max(regular, smallest)
     return regular

@@ -27,10 +27,12 @@ __all__ = ["cut_scan", "is_scan", "read_scan", "unit_remedy", "whole_scan"]
 
 _log = logging.getLogger(__name__)
 
-_READERS: dict[str, Callable[[Path], RawMap]] = {**dict.fromkeys((".plu", ".apx"), read_plu)}
+_READERS: dict[str, Callable[[Path], RawMap]] = {".plu": read_plu, ".apx": read_plu}
 # These are given unit and spacing of the config, too, with which they may disagree.
 _TEXT_READERS: dict[str, Callable[[Path, str | None, float | None], RawMap]] = {
-    **dict.fromkeys((".csv", ".txt", ".asc"), read_matrix),
+    ".csv": read_matrix,
+    ".txt": read_matrix,
+    ".asc": read_matrix,
     ".xyz": read_points,
 }
 # What any profilometer can have measured (mm); outside this range the unit is wrong.
@@ -87,6 +89,18 @@ def read_scan(
     If a file has several height maps, the first is read, with a warning. There is also a warning if
     many points share a height (if that is far from all others, they count as unmeasured), and if
     the spacing seems to be computed with one point too few.
+
+    Examples
+    --------
+    >>> import gstlib, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = pathlib.Path(folder.name) / "scan.csv"
+    >>> size = path.write_text("1.0,2.5,3.0\\n4.0,,6.0\\n")
+    >>> scan = gstlib.read_scan(path, unit="um", spacing_um=1.66)
+    >>> scan.values.tolist()
+    [[0.001, 0.0025, 0.003], [0.004, nan, 0.006]]
+    >>> gstlib.spacing_of(scan)
+    (0.00166, 0.00166)
     """
     path = Path(path)
     if unit is not None and unit not in SCAN_UNITS:
@@ -104,15 +118,14 @@ def read_scan(
     else:
         raw, steps, length, attrs = _READERS.get(ending, read_instrument_file)(path)
     attrs["unit_stated"] = "no" if length is None else "yes"
-    if length is None and unit is not None:
-        length = SCAN_UNITS[unit]
+    if length is None:
+        length = SCAN_UNITS.get(unit or "")
     steps_mm = None if spacing_um is None else (spacing_um * 1e-3, spacing_um * 1e-3)
     if steps is not None and length is not None:
         steps_mm = steps[0] * length, steps[1] * length
     if length is None or steps_mm is None:
-        raise _not_stated(
-            path, unit=length is None, spacing=steps is None and spacing_um is None
-        )
+        has_spacing = steps is not None or spacing_um is not None
+        raise _not_stated(path, unit=length is None, spacing=not has_spacing)
     spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in steps_mm)
     with np.errstate(all="ignore"):  # overflows are refused below
         heights = raw * length
@@ -152,10 +165,11 @@ def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:
 
 def _mind_step_too_few(path: Path, shape: tuple[int, ...], spacing: tuple[float, ...]) -> None:
     """Warn if the points would be square with the length divided by n points, not n - 1."""
-    (dy, dx), (ny, nx) = spacing, shape
+    dy, dx = spacing
     if min(shape) > 1:
-        true_y, true_x = dy * (ny - 1) / ny, dx * (nx - 1) / nx
-        if abs(dx / dy - 1) > 1e-5 and abs(true_x / true_y - 1) < 0.1 * abs(dx / dy - 1):
+        true_y, true_x = (step * (n - 1) / n for step, n in zip(spacing, shape, strict=True))
+        oblongness = abs(dx / dy - 1)
+        if oblongness > 1e-5 and abs(true_x / true_y - 1) < 0.1 * oblongness:
             _log.warning(
                 "%s: its points are %.5g × %.5g µm apart, as if a length of n points had been "
                 "divided by n - 1; then they are %.5g µm apart. Export the scan in another format "
@@ -192,7 +206,7 @@ def cut_scan(
     InputError
         The piece sticks out of the scan, or the whole scan has another size.
     """
-    height, width = (n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
+    height, width = _sides_of(scan)
     source = scan.attrs.get("file", "scan")
     if centre is None:
         if max(abs(height - size_mm), abs(width - size_mm)) > _SIZE_TOLERANCE * size_mm:
@@ -218,7 +232,14 @@ def cut_scan(
             f"by {beyond:.4g} mm of the scan of {width:.4g} × {height:.4g} mm",
             "Correct crop_x_mm and crop_y_mm in the patch table: they are relative to its centre.",
         )
-    return make_surface(scan.values[tuple(slices)], spacing_of(scan)).assign_attrs(scan.attrs)
+    piece = make_surface(scan.values[tuple(slices)], spacing_of(scan))
+    return piece.assign_attrs(scan.attrs)
+
+
+def _sides_of(scan: xr.DataArray) -> tuple[float, float]:
+    """Height and width of a scan, mm."""
+    (ny, nx), (dy, dx) = scan.shape, spacing_of(scan)
+    return ny * dy, nx * dx
 
 
 def whole_scan(scan: xr.DataArray, size_mm: float) -> xr.DataArray:
@@ -229,7 +250,7 @@ def whole_scan(scan: xr.DataArray, size_mm: float) -> xr.DataArray:
     InputError
         It is smaller than a patch of this side.
     """
-    height, width = (n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
+    height, width = _sides_of(scan)
     if min(height, width) < (1 - _SIZE_TOLERANCE) * size_mm:
         raise InputError(
             scan.attrs.get("file", "scan"),
@@ -250,7 +271,8 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
     if not distinct.size or counts.max() < _FEWEST_HELD:
         return
     low, middle, high = np.quantile(distinct, (0.25, 0.5, 0.75))
-    far = np.where(np.abs(distinct - middle) > _FAR * (high - low), counts, 0)
+    is_far = np.abs(distinct - middle) > _FAR * (high - low)
+    far = np.where(is_far, counts, 0)
     held, count = distinct[np.argmax(far)], far.max()
     if _FEWEST_HELD <= count < heights.size / 2 and 2 * count > far.sum():
         heights[heights == held] = np.nan

@@ -5,8 +5,6 @@ names (corner or centre) differ between instruments, and no file states them: of
 that were measured without taking the stone off, only the distances count.
 """
 
-import math
-
 import xarray as xr
 
 __all__ = ["stage_attrs", "stage_of"]
@@ -25,16 +23,16 @@ def stage_attrs(x: float, y: float, length_mm: float) -> dict[str, str]:
     >>> stage_attrs(-52.16, -6042.68, 1e-3)
     {'stage_x_mm': '-0.05216', 'stage_y_mm': '-6.04268'}
     """
-    place = x * length_mm, y * length_mm
-    if not any(place) or not all(math.isfinite(at) and abs(at) <= _FARTHEST for at in place):
+    place = {"stage_x_mm": x * length_mm, "stage_y_mm": y * length_mm}
+    is_near = all(abs(at) <= _FARTHEST for at in place.values())  # and no NaN
+    if not is_near or not any(place.values()):
         return {}
-    return {
-        f"stage_{axis}_mm": f"{at:.{_DIGITS}g}" for axis, at in zip("xy", place, strict=True)
-    }
+    return {name: f"{at:.{_DIGITS}g}" for name, at in place.items()}
 
 
 def stage_of(scan: xr.DataArray) -> tuple[float, float] | None:
     """The stage's place (x, y) in mm of a scan from `gstlib.io.scans.read_scan`, if it has one."""
-    if "stage_x_mm" not in scan.attrs:
+    attrs = scan.attrs
+    if "stage_x_mm" not in attrs:
         return None
-    return float(scan.attrs["stage_x_mm"]), float(scan.attrs["stage_y_mm"])
+    return float(attrs["stage_x_mm"]), float(attrs["stage_y_mm"])

@@ -7,6 +7,7 @@ filter): reading a damaged file gives an error, not wrong numbers.
 """
 
 import io
+import itertools
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -43,7 +44,8 @@ def write_dataset(
     of the dataset (see `gst.run.provenance`). Raises as `gstlib.io.files.write_whole`.
     """
     for name, variable in dataset.data_vars.items():
-        if missing := {"units", "long_name"} - set(variable.attrs):
+        missing = {"units", "long_name"} - variable.attrs.keys()
+        if missing:
             raise ValueError(f"variable '{name}' lacks {', '.join(sorted(missing))}")
     # In memory first: HDF5 does not recover from a disk that fills up under it.
     content = io.BytesIO()
@@ -65,11 +67,13 @@ def write_dataset(
 def _write_field(file: h5py.File, name: str, variable: xr.Variable) -> None:
     """Write a field without its dimensions; a coordinate becomes one."""
     values, attrs = variable.values, dict(variable.attrs)
-    if values.dtype.kind == "b":
-        values, attrs["dtype"] = values.astype(np.int8), "bool"  # as xarray writes them
+    if values.dtype.kind == "b":  # as xarray writes them
+        values = values.astype(np.int8)
+        attrs["dtype"] = "bool"
     elif values.dtype.kind not in "iuf":
         values = values.astype(h5py.string_dtype())
-    field = file.create_dataset(name, data=values, track_order=True, **_storage(values))
+    storage = _storage(values)
+    field = file.create_dataset(name, data=values, track_order=True, **storage)
     field.attrs.update(attrs)
     if variable.dims == (name,):
         field.make_scale(name)
@@ -82,17 +86,15 @@ def _storage(values: np.ndarray) -> dict[str, object]:
     of their digits are noise, and packing them took a tenth of a study's time to save a third of
     its disk.
     """
-    if not values.size or not values.shape or values.dtype.kind == "O":
+    is_text = values.dtype.kind == "O"
+    if is_text or not values.size or not values.shape:
         return {}
-    stored: dict[str, object] = {"fletcher32": True, "chunks": values.shape}
     flat = values.reshape(-1)
-    if (
-        flat.size >= _COMPRESS_FROM
-        and 2 * np.count_nonzero(flat[1:] == flat[:-1]) >= flat.size - 1
-    ):
-        # Level 1 writes twice as fast as 4, and packs zeros as well.
-        stored["compression"] = 1
-    return stored
+    repeats = np.count_nonzero(flat[1:] == flat[:-1])
+    is_repetitive = flat.size >= _COMPRESS_FROM and 2 * repeats >= flat.size - 1
+    # Level 1 writes twice as fast as 4, and packs zeros as well.
+    compression = 1 if is_repetitive else None
+    return {"fletcher32": True, "chunks": values.shape, "compression": compression}
 
 
 def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Dataset:
@@ -103,21 +105,30 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
     InputError
         The file is missing, damaged or no HDF5 file, or lacks a variable; or it leads to other
         files, or states more than it can hold.
+
+    Examples
+    --------
+    >>> import gstlib, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = pathlib.Path(folder.name) / "surface.h5"
+    >>> surface = gstlib.make_surface(np.ones((3, 4)), 0.5, long_name="height")
+    >>> gstlib.io.store.write_dataset(path, surface.to_dataset(name="height"))
+    >>> gstlib.read_dataset(path).height.sum().item(), dict(gstlib.read_dataset(path).sizes)
+    (12.0, {'y': 3, 'x': 4})
     """
     try:
         check_regular(path)
         with h5py.File(path) as file:
             check_hdf5(path, file)
-            fields = {name: file[name] for name in (file if only is None else only)}
-            dims_of = {name: _dimensions(field) for name, field in fields.items()}
-            dims = {dim for of_field in dims_of.values() for dim in of_field}
-            for name in file:
-                if name in dims and name not in fields:
-                    fields[name], dims_of[name] = file[name], [name]
+            wanted = file if only is None else only
+            dims_of = {name: _dimensions(file[name]) for name in wanted}
+            dims = set(itertools.chain.from_iterable(dims_of.values()))
+            # their coordinates, too
+            dims_of |= {name: [name] for name in file if name in dims - dims_of.keys()}
             variables = {
-                name: _variable(field, dims_of[name])
-                for name, field in fields.items()
-                if not field.attrs.get("NAME", b"").startswith(_NO_COORDINATES.encode())
+                name: _variable(file[name], own)
+                for name, own in dims_of.items()
+                if not _is_bare(file[name])
             }
             coords = {name: variables.pop(name) for name in list(variables) if name in dims}
             return xr.Dataset(variables, coords, _attributes(file))
@@ -134,10 +145,16 @@ def read_attributes(path: str | Path) -> dict[str, object]:
 
 def _dimensions(field: h5py.Dataset) -> list[str]:
     """Names of a field's dimensions; a coordinate is its own."""
+    scales = [field] if field.shape else []
     if "DIMENSION_LIST" in field.attrs:  # HDF5's own reader of it trusts it, and may crash
-        scales = [field.file[scale[0]] for scale in field.attrs["DIMENSION_LIST"]]
-        return [Path(scale.name).name for scale in scales]
-    return [Path(field.name).name] if field.shape else []
+        references = field.attrs["DIMENSION_LIST"]
+        scales = [field.file[reference[0]] for reference in references]
+    return [Path(scale.name).name for scale in scales]
+
+
+def _is_bare(field: h5py.Dataset) -> bool:
+    """Whether a field is nothing but the length of a dimension."""
+    return field.attrs.get("NAME", b"").startswith(_NO_COORDINATES.encode())
 
 
 def _variable(field: h5py.Dataset, dims: list[str]) -> xr.Variable:
@@ -163,8 +180,12 @@ def _texts(field: h5py.Dataset) -> np.ndarray:
 
 def _attributes(place: h5py.Dataset | h5py.File) -> dict[str, object]:
     """The attributes that are the dataset's own, not the format's; a single number as such."""
-    own = {name: place.attrs[name] for name in place.attrs if name not in _OF_THE_FORMAT}
-    return {name: value[0] if np.shape(value) == (1,) else value for name, value in own.items()}
+    names = [name for name in place.attrs if name not in _OF_THE_FORMAT]
+    attrs = {name: place.attrs[name] for name in names}
+    for name, value in attrs.items():
+        if np.shape(value) == (1,):
+            attrs[name] = value[0]
+    return attrs
 
 
 class Stored(Mapping):
@@ -188,7 +209,8 @@ class Stored(Mapping):
         only: Iterable[str] | None = None,
         then: Callable[[xr.Dataset], Any] = lambda dataset: dataset,
     ):
-        self._files, self._only = dict(files), None if only is None else list(only)
+        self._files = dict(files)
+        self._only = None if only is None else list(only)
         self._then = then
 
     def __getitem__(self, name: Any) -> Any:

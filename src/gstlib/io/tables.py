@@ -38,8 +38,8 @@ def printed(value: float, digits: int = SIGNIFICANT_DIGITS) -> str:
     A tie must not be decided by rounding errors: 0.3 times 35.885, from another table, is 10.7655,
     and its last printed digit must not depend on the sixteenth.
     """
-    known = float(f"{value:.{_KNOWN_DIGITS}g}")
-    text = f"{known:.{digits}g}"
+    rounded = float(f"{value:.{_KNOWN_DIGITS}g}")
+    text = f"{rounded:.{digits}g}"
     return "0" if text == "-0" else text
 
 
@@ -100,7 +100,8 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
             path, f"lacks {', '.join(missing)}", "Delete it and run the study again."
         )
     for column in table.columns.drop("patch", errors="ignore"):
-        if table[column].isin(["yes", "no"]).all() and len(table):
+        is_yes_or_no = table[column].isin(["yes", "no"])
+        if is_yes_or_no.all() and len(table):
             table[column] = table[column] == "yes"
     return table
 
@@ -119,4 +120,5 @@ def studied_files(
     """
     table = read_table(pressures, ["patch", "in_study"])
     studied = set(table.patch[table.in_study])
-    return {patch: file for patch, file in zip(patches, files, strict=True) if patch in studied}
+    by_patch = zip(patches, files, strict=True)
+    return {patch: file for patch, file in by_patch if patch in studied}

@@ -95,10 +95,10 @@ def read_matrix(
     ny, nx = numbers.shape
     grid = {name.lower(): cell for name, cell in _ESRI.findall(header)}
     is_grid = {"ncols", "nrows"} <= grid.keys()
-    stated = {
-        name: float(number.replace(",", ".") or 1) * HEADER_UNITS[symbol]
-        for name, number, symbol in _GWYDDION.findall(header)
-    }
+    stated = {}
+    for name, number, symbol in _GWYDDION.findall(header):
+        count = float(number.replace(",", ".") or 1)
+        stated[name] = count * HEADER_UNITS[symbol]
     is_stated = len(stated) == 3
     if is_grid or is_stated:  # and nothing but heights follows
         refuse_odd_decimals(path, table.rows, table.mark)
@@ -132,7 +132,8 @@ def refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> Non
     for line in lines:
         symbols = _UNIT_STATED.findall(line)
         lengths = {HEADER_UNITS.get(symbol) for symbol in symbols}
-        if symbols and unit and lengths == {SCAN_UNITS[unit]} and not re.search(r"\d", line):
+        agrees = unit is not None and lengths == {SCAN_UNITS[unit]}
+        if agrees and not re.search(r"\d", line):
             continue
         if symbols or _SIZE_STATED.search(line):
             raise InputError(
@@ -149,7 +150,7 @@ def step_in_units(unit: str | None, spacing_um: float | None) -> float | None:
 
 
 def _without_coordinates(
-    path: Path, table: Table, numbers: np.ndarray, given: float | None
+    path: Path, table: Table, numbers: np.ndarray, config_step: float | None
 ) -> tuple[np.ndarray, tuple[float, float] | None]:
     """Heights without coordinates in their first row and column; the steps (y, x) of both.
 
@@ -160,7 +161,7 @@ def _without_coordinates(
     has_y, has_x = (each is not None for each in ticks)
     if not (has_x and has_y):
         _refuse_corner(path, table)
-    steps = _steps_between(path, ticks, numbers[0, 0], given)
+    steps = _steps_between(path, ticks, numbers[0, 0], config_step)
     heights = numbers[int(has_x) :, int(has_y) :]
     again = [_ticks(path, lines) for lines in (heights, heights.T)] if has_x or has_y else []
     if any(each is not None for each in again):
@@ -187,7 +188,7 @@ def _refuse_corner(path: Path, table: Table) -> None:
 
 
 def _steps_between(
-    path: Path, ticks: Sequence[np.ndarray | None], corner: float, given: float | None
+    path: Path, ticks: Sequence[np.ndarray | None], corner: float, config_step: float | None
 ) -> list[float]:
     """The steps of the coordinates (y, x), as far as they have some; numbers have none."""
     steps = []
@@ -199,8 +200,9 @@ def _steps_between(
         if across is None and not abs(corner - start) <= _ROUNDED * abs(step):
             problem = f"has coordinates in one direction only, and {corner:g} in their corner"
             raise InputError(path, problem, "Delete them, or have them in both directions.")
-        if abs(step) != 1 or min(start, each[-1]) not in (0, 1):
-            _refuse_other_spacing(path, abs(step), given)
+        are_numbers = abs(step) == 1 and min(start, each[-1]) in (0, 1)
+        if not are_numbers:
+            _refuse_other_spacing(path, abs(step), config_step)
             steps.append(abs(step))
     return steps
 
@@ -208,10 +210,12 @@ def _steps_between(
 def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
     """The coordinates in the first of some lines, but for the corner; None if it has heights."""
     first, others = lines[0, 1:], lines[1:, 1:]
-    if len(first) < _FEWEST_TICKS or len(others) < 2 or not np.isfinite(first).all():
+    is_small = len(first) < _FEWEST_TICKS or len(others) < 2
+    if is_small or not np.isfinite(first).all():
         return None
     sample = others[:: max(1, len(others) // _SAMPLED)]
-    (own,), uneven = _unevenness(first[None]), np.median(_unevenness(sample))
+    (own,) = _unevenness(first[None])
+    uneven = np.median(_unevenness(sample))
     # lines with unmeasured points are not even, and a comparison with NaN is false
     near, next_ = (
         np.nanmedian(np.abs(pair)) if np.isfinite(pair).any() else np.nan
@@ -238,24 +242,28 @@ def _unevenness(lines: np.ndarray) -> np.ndarray:
     count = lines.shape[1] - 1
     steps = (lines[:, -1:] - lines[:, :1]) / count
     with np.errstate(divide="ignore", invalid="ignore"):
-        departures = np.abs((lines - lines[:, :1]) / steps - np.arange(count + 1)).max(axis=1)
+        places = (lines - lines[:, :1]) / steps
+        departures = np.abs(places - np.arange(count + 1)).max(axis=1)
     return np.where(np.isfinite(departures), departures, np.inf)
 
 
-def _refuse_other_spacing(path: Path, step: float, given: float | None) -> None:
-    if given is not None and abs(step - given) > SPACING_TOLERANCE * given:
-        raise InputError(
-            path,
-            f"its coordinates are {step:g} apart, and by scans.spacing_um {given:g}, in scans.unit",
-            "Correct scans.unit or scans.spacing_um, or delete the coordinates.",
-        )
+def _refuse_other_spacing(path: Path, step: float, config_step: float | None) -> None:
+    if config_step is not None and abs(step - config_step) > SPACING_TOLERANCE * config_step:
+        apart = f"its coordinates are {step:g} apart"
+        problem = f"{apart}, and by scans.spacing_um {config_step:g}, in scans.unit"
+        remedy = "Correct scans.unit or scans.spacing_um, or delete the coordinates."
+        raise InputError(path, problem, remedy)
 
 
 def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) -> None:
     """Refuse heights so steep that their unit is not that of the coordinates."""
-    finite = np.where(np.isfinite(heights), heights, np.nan)
-    slopes = [np.abs(np.diff(finite, axis=n)) / step for n, step in enumerate(steps)]
-    medians = [float(np.nanmedian(s)) for s in slopes if np.isfinite(s).any()]
+    is_finite = np.isfinite(heights)
+    finite = np.where(is_finite, heights, np.nan)
+    medians = []
+    for axis, step in enumerate(steps):
+        slopes = np.abs(np.diff(finite, axis=axis)) / step
+        if np.isfinite(slopes).any():
+            medians.append(float(np.nanmedian(slopes)))
     steepness = min(medians, default=0.0)
     if steepness > _STEEPEST:
         raise InputError(
@@ -267,9 +275,7 @@ def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) ->
         )
 
 
-def _esri_grid(
-    path: Path, header: Mapping[str, str], heights: np.ndarray
-) -> tuple[np.ndarray, tuple[float, float], None, dict[str, str]]:
+def _esri_grid(path: Path, header: Mapping[str, str], heights: np.ndarray) -> TextMap:
     """Heights and spacing of an ESRI ASCII grid, whose first row is that of the highest y."""
     try:
         stated = {name: float(cell.replace(",", ".")) for name, cell in header.items()}

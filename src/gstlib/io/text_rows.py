@@ -111,12 +111,12 @@ def read_table(path: Path, *, corner: bool = False) -> Table:
             line.startswith("##") and len(line.split(mark)) == count
         )
 
-    top = next(
-        n for n, line in enumerate(lines) if is_row(line) and len(line.split(mark)) == count
-    )
+    long = (n for n, line in enumerate(lines) if len(line.split(mark)) == count)
+    top = next(n for n in long if is_row(lines[n]))
     names = _names_in(path, top, lines[top].split(mark))
     first = top + bool(names)
-    numbers = [n for n in range(first, len(lines)) if lines[n] and is_row(lines[n])]
+    filled = [n for n in range(first, len(lines)) if lines[n]]
+    numbers = [n for n in filled if is_row(lines[n])]
     rows = [lines[n] for n in numbers]
     _refuse_numbers_above(path, lines[:top], count)
     if mark == ",":
@@ -129,7 +129,8 @@ def read_table(path: Path, *, corner: bool = False) -> Table:
             rows = [row[:-1] for row in rows]
         cell, *others = rows[0].split(mark)
         if not _CELL.fullmatch(cell) and all(map(_CELL.fullmatch, others)):
-            word, rows[0] = cell.strip(), (mark or " ").join(["nan", *others])
+            word = cell.strip()
+            rows[0] = (mark or " ").join(["nan", *others])
     is_split = len({*np.diff(numbers)}) > 1
     return Table(lines[:first], names, word, rows, mark, first + 1, is_split)
 
@@ -140,8 +141,9 @@ def _layout(path: Path, lines: Sequence[str]) -> tuple[str | None, int]:
     votes: Counter[tuple[str | None, int]] = Counter()
     for line in filled[:: max(1, len(filled) // _SAMPLED)]:
         mark = separator_of(line)
-        if mark == "," and re.search(r"\d,\d+\s+[-+\d]", line) and not re.search(r",\s", line):
-            mark = None  # blanks, between numbers with decimal commas
+        has_decimal_commas = re.search(r"\d,\d+\s+[-+\d]", line) and not re.search(r",\s", line)
+        if mark == "," and has_decimal_commas:
+            mark = None  # blanks, between numbers
         cells = line.split(mark)
         if len(cells) > 1 and all(map(_CELL.fullmatch, cells[:20])):
             votes[mark, len(cells)] += 1
@@ -172,7 +174,8 @@ def _refuse_numbers_above(path: Path, lines: Iterable[str], count: int) -> None:
         cells = line.split(separator_of(line))
         read = [cell for cell in cells if _CELL.fullmatch(cell)]
         numbers = [cell for cell in read if re.search(r"\d", cell)]
-        if numbers and (len(read) == len(cells) or 2 < len(cells) < 2 * len(numbers)):
+        are_most = 2 < len(cells) < 2 * len(numbers)
+        if numbers and (are_most or len(read) == len(cells)):
             problem = f"has rows of {len(cells)} and of {count} cells: it is damaged"
             remedy = "Export or copy it again, without numbers above the heights."
             raise InputError(path, problem, remedy)
@@ -185,9 +188,10 @@ def _refuse_split_numbers(path: Path, rows: Sequence[str]) -> None:
     in all columns.
     """
     cells = [row.split(",") for row in rows[:_SAMPLED]]
-    whole, parts = ([cell for row in cells for cell in row[n::2]] for n in (0, 1))
+    whole = [cell for row in cells for cell in row[::2]]
+    parts = [cell for row in cells for cell in row[1::2]]
     digits = re.compile(rf"\d{{{len(parts[0])}}}", re.ASCII)
-    alike = sum(map(bool, map(digits.fullmatch, whole))) > _ALIKE * len(whole)
+    alike = len([*filter(digits.fullmatch, whole)]) > _ALIKE * len(whole)
     is_padded = any(re.match("0.", part) for part in parts)
     is_padded &= not any(re.match("0.", cell) for cell in whole)
     if (
@@ -206,18 +210,18 @@ def _refuse_cut_lines(path: Path, text: str, rows: Sequence[str], mark: str | No
     if not text.endswith(("\n", "\r")):
         remedy = "Export or copy it again. If it is whole, end its last line."
         raise InputError(path, "ends within a line: it is cut", remedy)
-    count = len(rows[0].split(mark))
-    other = next((row for row in rows if len(row.split(mark)) != count), None)
-    if other is not None:
-        problem = f"has rows of {count} and of {len(other.split(mark))} cells: it is damaged"
+    counts = [len(row.split(mark)) for row in rows]
+    others = [count for count in counts if count != counts[0]]
+    if others:
+        problem = f"has rows of {counts[0]} and of {others[0]} cells: it is damaged"
         raise InputError(path, problem, "Export or copy the file again.")
 
 
 def refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> None:
     """Refuse numbers that have lost digits, or been given some, where all have equally many."""
     decimals = re.compile(r"\.(\d+)" if mark == "," else r"[.,](\d+)")
-    found = itertools.chain.from_iterable(map(decimals.findall, cells))
-    (usual, count), *others = Counter(map(len, found)).most_common() or [(0, 0)]
+    digits = itertools.chain.from_iterable(map(decimals.findall, cells))
+    (usual, count), *others = Counter(map(len, digits)).most_common() or [(0, 0)]
     odd = sum(times for _, times in others)
     if 0 < odd <= _ODD_FRACTION * count:
         raise InputError(

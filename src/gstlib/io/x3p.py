@@ -24,7 +24,8 @@ __all__ = ["plain_x3p"]
 _log = logging.getLogger(__name__)
 
 # Bytes of a height of each data type: whole steps, and floating-point numbers.
-_STEPS, _NUMBERS = {"I": 2, "L": 4}, {"F": 4, "D": 8}
+_STEPS = {"I": 2, "L": 4}
+_NUMBERS = {"F": 4, "D": 8}
 _REVISION = "ISO5436 - 2000"
 _POINTS, _VALID = "bindata/data.bin", "bindata/valid.bin"
 _EXPORT_AGAIN = "Export the scan again, as a surface with its increments, or as .sur or .plux."
@@ -65,13 +66,13 @@ def _members(path: Path, archive: zipfile.ZipFile) -> dict[str, str]:
         problem = f"holds {len(indices)} files main.xml, and an .x3p has one"
         raise InputError(path, problem, _EXPORT_AGAIN)
     folder = indices[0].removesuffix("main.xml")
-    return {
-        name.removeprefix(folder): own for name, own in names.items() if name.startswith(folder)
-    }
+    inside = [name for name in names if name.startswith(folder)]
+    return {name.removeprefix(folder): names[name] for name in inside}
 
 
 def _plain_name(name: str) -> str:
-    return re.sub(r"^(\./|/)+", "", name.replace("\\", "/")).lower()
+    with_slashes = name.replace("\\", "/")
+    return re.sub(r"^(\./|/)+", "", with_slashes).lower()
 
 
 def _make_plain(path: Path, root: ElementTree.Element) -> None:
@@ -79,14 +80,15 @@ def _make_plain(path: Path, root: ElementTree.Element) -> None:
     kind = root.findtext("Record1/FeatureType", "").upper()
     if kind != "SUR":
         raise InputError(path, f"holds no surface, but a feature {kind!r}", _EXPORT_AGAIN)
-    for where in ("Record1/FeatureType", *(f".//{name}" for name in ("AxisType", "DataType"))):
+    for where in ("Record1/FeatureType", ".//AxisType", ".//DataType"):
         for element in root.findall(where):
             element.text = str(element.text).upper()
     for axis in "XYZ":
         _check_axis(path, root, axis)
     # whether heights are steps or numbers, they are offset + increment × what is stored
     height_type = _element(root, "Record1/Axes/CZ/AxisType")
-    height_type.text = {"I": "A"}.get(str(height_type.text), height_type.text)
+    if height_type.text == "I":
+        height_type.text = "A"
     _element(root, "Record1/Revision").text = _REVISION
     for record in root.findall("Record2"):
         for date in record.findall("Date"):
@@ -115,8 +117,8 @@ def _contents(
 ) -> dict[str, bytes | memoryview]:
     """Heights, and the mask of those that were measured if there is one, by their plain names."""
     record = _element(root, "Record3")
-    counts = [int(record.findtext(f"MatrixDimension/Size{axis}", "")) for axis in "XY"]
-    count = math.prod(counts)
+    nx, ny = (record.findtext(f"MatrixDimension/Size{axis}", "") for axis in "XY")
+    count = int(nx) * int(ny)
     height_type = _element(root, "Record1/Axes/CZ/DataType")
     listed = record.find("DataList")
     if listed is not None and not record.findtext("DataLink/PointDataLink"):
@@ -145,7 +147,8 @@ def _contents(
                 raise InputError(path, problem, _EXPORT_AGAIN)
             contents[name] = read_member(path, archive, own)
             _check_bytes(path, len(contents[name]), sizes[name], what)
-            _mind_sum(path, contents[name], link.findtext(f"MD5Checksum{tag}", ""), what)
+            stated = link.findtext(f"MD5Checksum{tag}", "")
+            _mind_sum(path, contents[name], stated, what)
             target.text = name
         elif target is not None:
             link.remove(target)
@@ -171,8 +174,9 @@ def _check_bytes(path: Path, size: int, announced: int, what: str) -> None:
 def _mind_sum(path: Path, content: bytes | memoryview, stated: str, what: str) -> None:
     """Warn if a member does not have the MD5 sum that is stated; zeros stand for none."""
     own = hashlib.md5(content, usedforsecurity=False).hexdigest()
-    is_sum = re.fullmatch("[0-9a-f]{32}", stated.lower()) and stated.strip("0")
-    if is_sum and stated.lower() != own:
+    stated = stated.lower()
+    is_sum = re.fullmatch("[0-9a-f]{32}", stated) and stated.strip("0")
+    if is_sum and stated != own:
         _log.warning(
             "%s: its %s do not have the MD5 sum that its main.xml states: they may be damaged. "
             "Compare the file with the original one",

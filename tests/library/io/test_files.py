@@ -1,3 +1,5 @@
+"""Result files are whole or absent, whatever happens while they are written."""
+
 import errno
 import os
 import signal
@@ -10,28 +12,24 @@ from gstlib.errors import OutputError
 from gstlib.io.files import check_writable, write_whole
 
 
-def failing(code):
-    def fail(*_):
-        raise OSError(code, os.strerror(code))
-
-    return fail
-
-
 @pytest.mark.parametrize(
-    ("code", "words"),
-    [(errno.ENOSPC, "the disk is full. Make room"), (errno.EIO, "Input/output error. Mend that")],
+    ("step", "code", "words"),
+    [
+        ("os.fsync", errno.ENOSPC, "the disk is full. Make room"),
+        ("os.replace", errno.EIO, "Input/output error. Mend that"),
+    ],
 )
-@pytest.mark.parametrize("step", ["os.fsync", "os.replace"])
 def test_a_disk_that_fails_is_told_and_leaves_the_old_file(
     tmp_path, monkeypatch, step, code, words
 ):
+    def fail(*_):
+        raise OSError(code, os.strerror(code))
+
     path = tmp_path / "a.bin"
     write_whole(path, b"old")
-    monkeypatch.setattr(step, failing(code))
-    with pytest.raises(OutputError) as caught:
+    monkeypatch.setattr(step, fail)
+    with pytest.raises(OutputError, match=rf"a\.bin.*{words}"):
         write_whole(path, b"new")
-    assert str(path) in str(caught.value)
-    assert words in str(caught.value)
     assert path.read_bytes() == b"old"
     assert os.listdir(tmp_path) == ["a.bin"]
 
@@ -47,12 +45,12 @@ def test_killed_while_writing(tmp_path):
         os.fsync = lambda _: os.kill(os.getpid(), signal.SIGKILL)
         write_whole(sys.argv[1], b"new" * 1000)
     """
-    killed = subprocess.run([sys.executable, "-c", textwrap.dedent(script), str(path)], check=False)
+    command = [sys.executable, "-c", textwrap.dedent(script), str(path)]
+    killed = subprocess.run(command, check=False)
     assert killed.returncode == -signal.SIGKILL
     assert path.read_bytes() == b"old"
-    left = set(os.listdir(path.parent)) - {path.name, other.name}
-    assert len(left) == 1
-    assert left.pop().startswith(".a[1].bin.")
+    (left,) = set(os.listdir(path.parent)) - {path.name, other.name}
+    assert left.startswith(".a[1].bin.")
     write_whole(path, b"new")
     assert path.read_bytes() == b"new"
     assert set(os.listdir(path.parent)) == {path.name, other.name}
@@ -61,9 +59,6 @@ def test_killed_while_writing(tmp_path):
 def test_links_and_modes_stay(tmp_path):
     file, link = tmp_path / "there/a.bin", tmp_path / "b.bin"
     write_whole(file, b"old")
-    umask = os.umask(0o022)
-    os.umask(umask)
-    assert file.stat().st_mode & 0o777 == 0o666 & ~umask
     file.chmod(0o640)
     link.symlink_to("there/a.bin")
     write_whole(link, b"new")
@@ -72,12 +67,9 @@ def test_links_and_modes_stay(tmp_path):
     assert os.listdir(tmp_path / "there") == ["a.bin"]
 
 
-def test_a_folder_that_cannot_be_written_to(tmp_path, monkeypatch):
+def test_a_folder_that_cannot_be_written_to(tmp_path):
     check_writable(tmp_path / "new/results")
     assert os.listdir(tmp_path / "new/results") == []
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="file/results: cannot be written: Not a directory"):
         check_writable(tmp_path / "file/results")
-    monkeypatch.setattr("tempfile.TemporaryFile", lambda **_: failing(errno.EROFS)())
-    with pytest.raises(OutputError, match="results: cannot be written: the disk is read-only"):
-        check_writable(tmp_path / "new/results")

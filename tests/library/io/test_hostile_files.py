@@ -1,79 +1,261 @@
-"""Workbooks and containers made to break their readers: read, or refused in a sentence.
+"""Files that ask for much, or are made to break their readers: read, or refused in a sentence.
 
-The numbers of files are few, to be quick. All of them take some minutes:
-``HOSTILE_WORKBOOKS=600 HOSTILE_CONTAINERS=200 pytest tests/library/io/test_hostile_files.py``
+Each test has a gigabyte more than there was before it, and ten seconds.
 """
 
 import os
-import subprocess
-import sys
+import resource
+import struct
+import time
+import tracemalloc
+import zipfile
+from datetime import date
 from pathlib import Path
 
+import h5py
+import numpy as np
 import openpyxl
 import pytest
 from gst.config.patches import read_patches
 from gst.config.strict_yaml import parse_yaml
 from gstlib.errors import ConfigError, InputError
-from gstlib.io.store import read_attributes, read_dataset
+from gstlib.io import containers
+from gstlib.io.meshes import read_mesh
+from gstlib.io.scans import read_scan
+from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
+from hypothesis import given, settings
+from mesh_files import glb, stone
+from scan_files import FORMATS, damaged, write_sur, zipped
 
-SECONDS, MEGABYTES = 10, 1000
-
-
-@pytest.mark.parametrize(("kind", "count"), [("workbooks", 25), ("containers", 36)])
-def test_hostile_files_end_in_a_sentence(tmp_path, kind, count):
-    """In a process of its own, whose memory is then known."""
-    count = int(os.environ.get(f"HOSTILE_{kind.upper()}", count))
-    script = Path(__file__).with_name("hostile_files.py")
-    done = subprocess.run(
-        [sys.executable, script, kind, tmp_path, str(count)],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    *results, memory = done.stdout.splitlines()
-    assert len(results) == count
-    for result in results:
-        assert result.split("\t")[1] in ("read", "refused"), result
-        assert float(result.split("\t")[2]) < SECONDS, result
-    assert int(memory.removeprefix("MB ")) < MEGABYTES
+BYTES, SECONDS = 10**9, 10
+STATUS = Path("/proc/self/statm")  # of Linux
 
 
-@pytest.mark.parametrize("read", [read_dataset, read_attributes, read_table])
+@pytest.fixture(autouse=True)
+def _little_memory_and_time():
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    if STATUS.is_file():
+        pages = int(STATUS.read_text().split()[0])
+        largest = pages * resource.getpagesize() + BYTES
+        resource.setrlimit(resource.RLIMIT_AS, (largest, before[1]))
+    start = time.process_time()
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, before)
+    assert time.process_time() - start < SECONDS
+
+
+def patches(path):
+    return read_patches(path, size_mm=5.0, patch_size_mm=0.85)
+
+
+# --- More than a file can hold ------------------------------------------------------------------
+
+
+def repeated(header):
+    """The ball stands a thousand times in the scene."""
+    nodes = [{"children": list(range(1, 1001))}, *1000 * [{"mesh": 0}]]
+    return header | {"nodes": nodes}
+
+
+def empty(header):
+    """Of what it states, nothing is in the file."""
+    for accessor in header["accessors"]:
+        del accessor["bufferView"]
+        accessor["count"] = 10**9
+    return header
+
+
+def made(content):
+    return lambda path: path.write_bytes(content)
+
+
+def mesh_with(more):
+    """A 3MF with further members."""
+
+    def make(path):
+        stone().export(path)
+        with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in more.items():
+                archive.writestr(name, content)
+
+    return make
+
+
+def false_sur(path):
+    """Its stream states two gigabytes."""
+    write_sur(path, np.ones((4, 4)), (1e-3, 1e-3), compressed=True)
+    content = bytearray(path.read_bytes())
+    at = content.rindex(b"a comment") + len(b"a comment") + 4
+    struct.pack_into("<I", content, at, 1 << 31)
+    path.write_bytes(content)
+
+
+def false_sdf(path):
+    """Its header announces 65,535² points."""
+    FORMATS["sdf"].write(path, np.ones((4, 4)), (1e-3, 1e-3))
+    content = bytearray(path.read_bytes())
+    struct.pack_into("<2H", content, 42, 65_535, 65_535)
+    path.write_bytes(content)
+
+
+def sparse(path):
+    with path.open("wb") as file:
+        file.truncate(40_000_000_000)
+
+
+ROWS = "".join(f"p{n},1,1,a\n" for n in range(20_000))
+POINTS = "".join(f"{n} {n} 0\n" for n in range(60_000))
+# a face of six thousand corners, each of them at three places
+FAN = "v 0 0 0\nv 9 0 0\nv 0 9 0\nf" + " 1 2 3" * 2000 + "\n"
+CASES = {
+    "points": (made(POINTS.encode()), "a.xyz", read_scan),
+    "zeros": (mesh_with({"notes.bin": bytes(20_000_000)}), "a.3mf", read_mesh),
+    "entity": (mesh_with({"a.xml": b"<!DOCTYPE a [<!ENTITY b 'c'>]>"}), "a.3mf", read_mesh),
+    "members": (mesh_with({f"{n}": b"" for n in range(2000)}), "a.3mf", read_mesh),
+    "fan": (made(FAN.encode()), "a.obj", read_mesh),
+    "sur": (false_sur, "a.sur", read_scan),
+    "sdf": (false_sdf, "a.sdf", read_scan),
+    "repeated": (made(glb(repeated)), "a.glb", read_mesh),
+    "empty": (made(glb(empty)), "a.glb", read_mesh),
+    "mesh": (sparse, "a.stl", read_mesh),
+    "scan": (sparse, "a.plu", read_scan),
+    "table": (sparse, "a.tsv", patches),
+    "rows": (made(f"patch,x_mm,y_mm,t0\n{ROWS}".encode()), "a.csv", patches),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_file_that_asks_for_much_is_refused(tmp_path, case):
+    make, name, read = CASES[case]
+    make(tmp_path / name)
+    with pytest.raises((ConfigError, InputError), match=name) as refused:
+        read(tmp_path / name)
+    assert "\n" not in str(refused.value)
+
+
+def test_xml_with_too_many_elements_is_refused(tmp_path, monkeypatch):
+    """Each takes a hundred times its bytes in memory."""
+    monkeypatch.setattr(containers, "_MOST_IN_XML", 100)
+    mesh_with({})(tmp_path / "a.3mf")
+    with pytest.raises(InputError, match="elements and attributes, and 100 are read"):
+        read_mesh(tmp_path / "a.3mf")
+
+
+def test_a_member_is_unpacked_no_further_than_its_header_states(tmp_path):
+    content = bytearray(zipped({"a.model": bytes(40_000_000)}))
+    struct.pack_into("<I", content, content.index(b"PK\1\2") + 24, 10_000)
+    (tmp_path / "a.3mf").write_bytes(content)
+    tracemalloc.start()
+    with pytest.raises(InputError, match="is damaged"):
+        read_mesh(tmp_path / "a.3mf")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 10_000_000
+
+
+# --- HDF5 ---------------------------------------------------------------------------------------
+
+
+def external(root):
+    root.create_dataset("e", (100,), "u1", external=[("/etc/hostname", 0, 100)])
+
+
+def virtual(root):
+    layout = h5py.VirtualLayout((100,), "f8")
+    layout[:] = h5py.VirtualSource("/tmp/other.h5", "height", (100,))
+    root.create_virtual_dataset("v", layout)
+
+
+def huge(root):
+    root.create_dataset("huge", (10**6, 10**6), "f8", chunks=(100, 100))
+
+
+def long_texts(root):
+    texts = root.create_dataset("a", (100_000,), h5py.string_dtype())
+    texts[:10] = "x" * 500_000
+
+
+def references(root):
+    field = root.create_dataset("height", data=np.zeros((4, 5)))
+    field.attrs["DIMENSION_LIST"] = np.array([root.ref] * 2, h5py.ref_dtype)
+
+
+HDF5 = {
+    "external storage": (external, "stored in other files"),
+    "virtual": (virtual, "stored in other files"),
+    "link": (lambda root: root.update(a=h5py.ExternalLink("/tmp/b.h5", "height")), "a link"),
+    "huge": (huge, "unpacks from"),
+    "texts": (long_texts, "too long"),
+    "references": (references, "cannot be read as HDF5"),
+    "filter": (lambda root: root.create_dataset("f", data=np.zeros(9), scaleoffset=3), "filters"),
+    "loop": (lambda root: root.create_group("g").update(again=root), "cannot be read as HDF5"),
+    "many": (lambda root: [root.create_group(f"{n}") for n in range(3000)], "more than 1000"),
+}
+
+
+@pytest.mark.parametrize("kind", HDF5)
+def test_hdf5_that_leads_elsewhere_or_cannot_hold_its_arrays_is_refused(tmp_path, kind):
+    fill, match = HDF5[kind]
+    with h5py.File(tmp_path / "a.h5", "w") as root:
+        fill(root)
+    with pytest.raises(InputError, match=rf"a\.h5.*{match}"):
+        read_dataset(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("read", [read_dataset, read_table])
 def test_a_result_that_is_a_pipe_is_not_waited_for(tmp_path, read):
     os.mkfifo(tmp_path / "a.h5")
     with pytest.raises(InputError, match=r"a\.h5"):
         read(tmp_path / "a.h5")
 
 
+# --- Workbooks and configs ----------------------------------------------------------------------
+
+
 def workbook(path, cells):
     book = openpyxl.Workbook()
-    for row in (["patch", "x_mm", "y_mm", "t0"], [1, 1, 1, "a"], [2, 3, 1, "b"]):
-        book.active.append(row)
-    for place, value in cells.items():
+    book.active.append(["patch", "x_mm", "y_mm", "t0", "note"])
+    for n in range(1, 4):
+        book.active.append([n, 1.2 * n, 1.5, f"{n}_T0.plu", date(2024, 5, n)])
+    for place, value in cells:
         book.active[place] = value
     book.save(path)
-    return path
 
 
-def test_formats_of_far_cells_are_no_cells_but_values_are(tmp_path):
-    path = workbook(tmp_path / "a.xlsx", {})
+def test_a_damaged_workbook_is_read_or_refused_in_a_sentence(tmp_path):
+    path = tmp_path / "a.xlsx"
+    workbook(path, [("E3", "=1+1"), ("E4", "#N/A")])
+
+    @settings(max_examples=40, derandomize=True, database=None, deadline=None)
+    @given(damaged(path.read_bytes()))
+    def check(content):
+        path.write_bytes(content)
+        message = "a.xlsx"
+        try:
+            patches(path)
+        except InputError as error:
+            message = str(error)
+        assert path.name in message.splitlines()[0]
+        assert len(message) < 10_000
+
+    check()
+
+
+def test_the_format_of_a_far_cell_is_no_cell_but_its_value_is(tmp_path):
+    path = tmp_path / "a.xlsx"
+    workbook(path, [("A1", "patch")])
     book = openpyxl.load_workbook(path)
     book.active["XFD1048576"].number_format = "0.00"
     book.save(path)
-    assert len(read_patches(path, size_mm=5.0, patch_size_mm=0.85)) == 2
-    for far in ("XFD1048576", "XFD2", "A1048576"):
-        with pytest.raises(ConfigError, match=r"beyond column|line 1048576"):
-            read_patches(workbook(path, {far: "a"}), size_mm=5.0, patch_size_mm=0.85)
+    assert len(patches(path)) == 3
+    workbook(path, [("XFD2", "a")])
+    with pytest.raises(ConfigError, match="beyond column"):
+        patches(path)
 
 
-@pytest.mark.parametrize(
-    "text", ["[" * 80_000, "- " * 40_000, "a: {b: " * 9000, "a: " + "1" * 90_000 + "x"]
-)
-def test_yaml_that_would_take_minutes(text):
-    """Time grows with the square of the depth, or with that of a number's digits."""
-    if text.endswith("x"):
-        assert parse_yaml(text, "a.yaml")["a"][-1] == "x"
-    else:
-        with pytest.raises(ConfigError, match=r"a\.yaml"):
-            parse_yaml(text, "a.yaml")
+@pytest.mark.parametrize("text", ["[" * 80_000, "- " * 40_000, "a: {b: " * 9000])
+def test_yaml_that_would_take_minutes_is_refused(text):
+    """Time grows with the square of the depth."""
+    with pytest.raises(ConfigError, match=r"a\.yaml"):
+        parse_yaml(text, "a.yaml")
