@@ -144,7 +144,7 @@ def timed(how, seed, name, places, work, *of):
             "how": how,
             "seed": seed,
             "scans": name,
-            "found": match.found,
+            "found": match.is_found,
             "cpu_s": cpu_s,
             "certain": not match.is_uncertain,
             "off_um": np.hypot(off_y, off_x),

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from gst.check.sliding import Template
+from gst.check.sliding import Template, sides_of, wrapped
 from gstlib.surfaces.fitting import planes_over, residuals
 from gstlib.surfaces.footprints import PatchPosition, spline_of
 from gstlib.surfaces.grid import spacing_of
@@ -44,21 +44,19 @@ class Fit:
     step: float
 
     @classmethod
-    def of(
+    def on(
         cls,
         surface: xr.DataArray,
         scans: Sequence[xr.DataArray],
         reading: np.ndarray,
         mirrored: bool,
     ) -> "Fit":
-        sides = [
-            n * d for scan in scans for n, d in zip(scan.shape, spacing_of(scan), strict=True)
-        ]
-        step = max(spacing_of(surface)[0], min(sides) / _REFINED)
+        side = min(min(sides_of(scan)) for scan in scans)
+        step = max(spacing_of(surface)[0], side / _REFINED)
         edge = max(step, surface.attrs.get("mesh_edge_mm", 0.0))
         points, heights, shapes = [], [], []
         for scan, (dv, du) in zip(scans, reading, strict=True):
-            template = Template.of(scan, edge)
+            template = Template.smoothed(scan, edge)
             along = [np.arange(-side / 2 + step / 2, side / 2, step) for side in template.sides]
             v, u = (each.ravel() for each in np.meshgrid(*along, indexing="ij"))
             shapes.append((len(along[0]), len(along[1])))
@@ -68,37 +66,37 @@ class Fit:
 
     def refined(self, start: PatchPosition, *, is_turned: bool = True) -> "Refined":
         """The best place near another; perhaps without turning."""
-        reach = max(np.hypot(v, u).max() for v, u in self.points) + 5 * self.step
-        spline = spline_of(part_around(self.surface, start, reach))
+        away = max(np.hypot(v, u).max() for v, u in self.points)
+        around = part_around(self.surface, start, away + 5 * self.step)
+        spline = spline_of(around)
 
         def at(pose: np.ndarray) -> PatchPosition:
             y, x, *turn = map(float, pose)
             degrees = math.degrees(turn[0]) if turn else start.rotation_deg
-            return PatchPosition(y, x, (degrees + 180) % 360 - 180)
+            return PatchPosition(y, x, wrapped(degrees))
 
         def under(pose: np.ndarray) -> Iterator[np.ndarray]:
             yield from (spline.ev(*at(pose).points(v, u)) for v, u in self.points)
 
         def residual(pose: np.ndarray) -> np.ndarray:
             """Heights of the surface less those of each scan, without their planes and scales."""
-            columns = (
-                np.column_stack([planes_over(v, u), heights])
-                for (v, u), heights in zip(self.points, self.heights, strict=True)
-            )
             return np.concatenate([*map(residuals, columns, under(pose))])
 
+        planes = [planes_over(v, u) for v, u in self.points]
+        columns = [*map(np.column_stack, zip(planes, self.heights, strict=True))]
         count = 3 if is_turned else 2
-        pose = np.array([start.y_mm, start.x_mm, math.radians(start.rotation_deg)])[:count]
+        y, x, turn = start
+        pose = np.array([y, x, math.radians(turn)])[:count]
         scale = (self.step, self.step, 0.01)[:count]
         fit = scipy.optimize.least_squares(residual, pose, x_scale=scale)
-        planes = [planes_over(v, u) for v, u in self.points]
-        pairs = [[*map(residuals, planes, of)] for of in (under(fit.x), self.heights)]
-        seen, own = map(np.concatenate, pairs)
+        parts_seen = [*map(residuals, planes, under(fit.x))]
+        parts_own = [*map(residuals, planes, self.heights)]
+        seen, own = np.concatenate(parts_seen), np.concatenate(parts_own)
         common, squares = float(seen @ own), float(own @ own)
         return Refined(
             at(fit.x),
             correlation=_correlation(seen, own),
-            each=np.array([*map(_correlation, *pairs)]),
+            each=np.array([*map(_correlation, parts_seen, parts_own)]),
             shape=np.linalg.pinv(fit.jac.T @ fit.jac),
             squares=float(fit.fun @ fit.fun),
             freedom=max(1.0, self._independent(fit.fun) - _FITTED * len(self.points) - count),
@@ -115,10 +113,11 @@ class Fit:
         """
         slopes, ends = 0.0, np.cumsum([math.prod(shape) for shape in self.shapes])
         for part, shape in zip(np.split(rest, ends[:-1]), self.shapes, strict=True):
-            slopes += len(part) * sum(
-                float(np.mean(np.diff(part.reshape(shape), axis=axis) ** 2)) for axis in (0, 1)
-            )
-        values = slopes / (2 * math.pi) * len(rest) / max(float(rest @ rest), _LEAST_SQUARES)
+            field = part.reshape(shape)
+            steps = (np.diff(field, axis=axis) for axis in (0, 1))
+            slopes += len(part) * sum(float(np.mean(each**2)) for each in steps)
+        squares = max(float(rest @ rest), _LEAST_SQUARES)
+        values = slopes / (2 * math.pi) * len(rest) / squares
         return values - _OF_PLANE * len(self.shapes)
 
 

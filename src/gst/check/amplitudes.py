@@ -16,11 +16,12 @@ import numpy as np
 import xarray as xr
 from skimage.transform import resize_local_mean
 
+from gst.check.sliding import sides_of
 from gstlib.coupling.comparison import WAVE_PER_EDGE
 from gstlib.errors import NOTE, FaultError
 from gstlib.io.scans import unit_remedy
 from gstlib.surfaces.footprints import PatchPosition, on_patch, spline_of
-from gstlib.surfaces.grid import MM_TO_UM, make_surface, spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, make_surface
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["UNIT_FACTOR", "WRONG_UNIT", "Amplitude", "other_units"]
@@ -51,7 +52,7 @@ class Amplitude(NamedTuple):
     states_unit: bool = False  # the file, so that the config has no effect on it
 
     @classmethod
-    def of(
+    def measured(
         cls,
         path: Path,
         scan: xr.DataArray,
@@ -71,15 +72,18 @@ class Amplitude(NamedTuple):
 def _common_waves(
     scan: xr.DataArray, square: xr.DataArray, place: PatchPosition
 ) -> tuple[float, float] | None:
-    side = min(n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
+    side = min(sides_of(scan))
     blocks = int(2 * side / (WAVE_PER_EDGE * square.attrs["mesh_edge_mm"]))
     if blocks < _FEWEST_BLOCKS:
         return None
     level = remove_plane(scan)[0].fillna(0.0).values
     under = on_patch(spline_of(square), place, scan.shape, side)
-    both = (resize_local_mean(heights, 2 * (blocks,)) for heights in (level, under))
-    one, other = (float(remove_plane(make_surface(h, side / blocks))[0].std()) for h in both)
-    return one, other
+
+    def height(values: np.ndarray) -> float:
+        means = resize_local_mean(values, (blocks, blocks))
+        return float(remove_plane(make_surface(means, side / blocks))[0].std())
+
+    return height(level), height(under)
 
 
 def other_units(

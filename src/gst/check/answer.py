@@ -76,7 +76,9 @@ def draw(
     size_mm, face, pressed = config["square"]["size_mm"], inputs.face, None
     if face is not None and config["coupling"] != "paper":
         load_point = np.array(resolved_load_point(config["load"], size_mm))
-        moved = np.zeros((1, 2)) if poses is None else poses[["y_mm", "x_mm"]].to_numpy()
+        moved = np.zeros((1, 2))
+        if poses is not None:
+            moved = poses[["y_mm", "x_mm"]].to_numpy()
         interlayer_um = (config["interlayer"] or {}).get("thickness_um")
         pressed = PressedFace(face, load_point + moved, interlayer_um)
     figure = check_figure(

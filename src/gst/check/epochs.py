@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gst.check.sliding import sides_of
 from gst.config.patches import at_epoch
 from gstlib.change.form import form_warning
 from gstlib.change.registration import Registration, is_one_way, register
@@ -171,10 +172,12 @@ def _without_long_waves(
     Then the short waves of both scans lie on each other, as high as they may be.
     """
     scans, spacing = (before, after), spacing_of(before)
-    side = min(n * step for n, step in zip(before.shape, spacing, strict=True))
+    side = min(sides_of(before))
     for cut in _CUTS:
         long = [low_pass(scan.values, spacing, cut * side) for scan in scans]
-        short = [scan.copy(data=scan.values - w) for scan, w in zip(scans, long, strict=True)]
+        short = [
+            scan.copy(data=scan.values - waves) for scan, waves in zip(scans, long, strict=True)
+        ]
         for epoch, (one, other) in {"T0": (0, 1), "T1": (1, 0)}.items():
             lower, apart = (_times(waves[one], waves[other]) for waves in (long, short))
             # polish lowers short waves alone, and another unit both alike

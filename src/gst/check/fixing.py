@@ -108,7 +108,11 @@ def _by_hand(study: Study, scans: Mapping[str, "xr.Dataset"]) -> Iterator[Cure]:
     cells = {}
     for (patch, former), match in zip(places.items(), matches, strict=True):
         off = math.dist(former[:2], match.place[:2])
-        if match.found and not match.mirrored and off > max(_LEAST_MOVED, 3 * match.error_mm):
+        if (
+            match.is_found
+            and not match.mirrored
+            and off > max(_LEAST_MOVED, 3 * match.error_mm)
+        ):
             y, x, turn = match.place
             cells[patch] = {"x_mm": f"{x:.3f}", "y_mm": f"{y:.3f}"}
             if abs(turn - former.rotation_deg) > _LEAST_TURNED:

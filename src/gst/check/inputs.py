@@ -245,7 +245,7 @@ def _cut(
         facts,
         (piece.shape, spacing_of(piece)),
         (hash(whole.values.tobytes()), use.crop),
-        Amplitude.of(path, piece, heights, use.place if use.epoch == "T0" else None),
+        Amplitude.measured(path, piece, heights, use.place if use.epoch == "T0" else None),
     )
 
 
@@ -256,7 +256,8 @@ def _warn_of_other_bodies(
     from trimesh.graph import connected_component_labels
 
     size_mm = asked.face["size_mm"]
-    middle = np.array(frame.origin) + size_mm / 2 * (frame.axes[0] + frame.axes[1])
+    x_axis, y_axis, _ = frame.axes
+    middle = np.array(frame.origin) + size_mm / 2 * (x_axis + y_axis)
     body = connected_component_labels(stone.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
     areas = np.bincount(
         body[stone.faces[:, 0]], weights=stone.area_faces, minlength=body.max() + 1
@@ -349,7 +350,8 @@ def _unlike_counterface(face: _Piece, at_t0: Mapping[str, _Piece]) -> list[GstEr
 
 def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[GstError]:
     """Why the whole square cannot be pressed at the scans' resolution, if it cannot."""
-    grids = list({piece.grid[0]: (patch, piece) for patch, piece in at_t0.items()}.values())
+    by_shape = {piece.grid[0]: (patch, piece) for patch, piece in at_t0.items()}
+    grids = [*by_shape.values()]
     if not grids:
         return
     first = grids[0][1]

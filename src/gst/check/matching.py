@@ -26,6 +26,7 @@ from gst.check.sliding import (
     peaks_of,
     slid,
     to_search,
+    wrapped,
 )
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import spacing_of
@@ -61,7 +62,7 @@ class Match:
     next_best: float  # correlation elsewhere, or otherwise turned or mirrored
     # Covariance (3, 3) of y and x (mm) and the turn (radians).
     covariance: np.ndarray = field(compare=False)
-    found: bool  # whether correlation and lead are those of a right match
+    is_found: bool  # whether correlation and lead are those of a right match
     own: tuple[float, ...] = ()  # of scans that were found together: the correlation of each
     # Whether a scan was taken here, but at which of several places nearby, or where exactly, is
     # not certain; and the other places.
@@ -76,7 +77,8 @@ class Match:
     @property
     def lead(self) -> float:
         """Over the next best, in Fisher's z."""
-        return math.atanh(min(self.correlation, _ONE)) - math.atanh(min(self.next_best, _ONE))
+        own, other = (min(each, _ONE) for each in (self.correlation, self.next_best))
+        return math.atanh(own) - math.atanh(other)
 
     def place_of(self, v: float, u: float) -> PatchPosition:
         """The place of what lies (v, u) along the axes of the scan from its centre, mm."""
@@ -95,27 +97,28 @@ class Match:
 
         One that does not fit there by itself is not found: it shows another place.
         """
-        places = (self.at(*map(float, offset)) for offset in offsets)
-        return [
-            lies if fits else replace(lies, correlation=own, found=False)
-            for lies, own, fits in zip(places, self.own, _fitting(self.own), strict=True)
-        ]
+        matches = []
+        for offset, own, fits in zip(offsets, self.own, _fitting(self.own), strict=True):
+            lies = self.at(*map(float, offset))
+            matches.append(lies if fits else replace(lies, correlation=own, is_found=False))
+        return matches
 
     def carrying(self, inner: "Match", middle: Sequence[float]) -> "Match":
         """Where a scan lies that was found on this scan, whose middle is at (y, x) there, mm."""
         y, x, turn = inner.place
-        there, way = self.at(y - middle[0], x - middle[1]), -1 if self.mirrored else 1
+        there = self.at(y - middle[0], x - middle[1])
+        way = -1 if self.mirrored else 1
         turned = there.place.rotation_deg + way * turn
         upright = PatchPosition(0.0, 0.0, there.place.rotation_deg)
         axes = np.diag([0.0, 0.0, way])
         axes[:2, :2] = upright.points(np.array([1, 0]), np.array([0, way]))
         return replace(
             inner,
-            place=there.place._replace(rotation_deg=(turned + 180) % 360 - 180),
+            place=there.place._replace(rotation_deg=wrapped(turned)),
             mirrored=self.mirrored != inner.mirrored,
             inverted=self.inverted != inner.inverted,
             covariance=there.covariance + axes @ inner.covariance @ axes.T,
-            found=self.found and inner.found,
+            is_found=self.is_found and inner.is_found,
         )
 
     def among(self, others: Iterable[float], count: int) -> "Match":
@@ -123,7 +126,7 @@ class Match:
         match = replace(self, next_best=max([self.next_best, *others]))
         least = LEAST_LEAD if count == 1 else _LEAST_LEAD_TOGETHER
         is_right = match.correlation >= _LEAST_CORRELATION and match.lead >= least
-        return replace(match, found=self.found and is_right)
+        return replace(match, is_found=self.is_found and is_right)
 
 
 def match_map(surface: xr.DataArray, scan: xr.DataArray) -> Match:
@@ -140,8 +143,8 @@ def match_map(surface: xr.DataArray, scan: xr.DataArray) -> Match:
     Returns
     -------
     Match
-        The best place; its ``found`` says whether it is the right one. It takes some 3 s for a map
-        of 2.5 mm on a face of 17 mm with elements of 50 µm, and keeps 90 MB of correlations.
+        The best place; its ``is_found`` says whether it is the right one. A map of 2.5 mm on a face
+        of 17 mm with elements of 50 µm takes some 3 s, and keeps 90 MB of correlations.
 
     Raises
     ------
@@ -180,21 +183,23 @@ def match_together(
     """
     search, templates = to_search(surface, scans)
     step = spacing_of(search)[0]
-    image, peaks = Image.of(search), dict[_Key, np.ndarray]()
-    for pose, held in slid(image, templates, step, _all_around(templates, readings, step)):
+    image, peaks = Image.transformed(search), dict[_Key, np.ndarray]()
+    turns = _all_around(templates, readings, step)
+    for pose, held in slid(image, templates, step, turns):
         for number, reading in enumerate(readings):
             at = elements(reading, pose, step)
-            peaks[*pose, number] = peaks_of(correlation_of(held, at)) - [0, *at.min(axis=0)]
+            scores = peaks_of(correlation_of(held, at))
+            peaks[*pose, number] = scores - [0, *at.min(axis=0)]
     key, best = _highest(peaks)
     mirrored, turn, number = key
     y, x = middles(best[np.newaxis, 1:], search, templates)[0]
     sign, at = np.sign(best[0]), readings[number]
     start = PatchPosition(y, x, turn)
-    fit = Fit.of(surface, scans, at, mirrored).refined(start)
+    fit = Fit.on(surface, scans, at, mirrored).refined(start)
     own, best_fit = sign * fit.each, fit
     if not (fits := _fitting(own)).all():  # the others alone say where they lie
         kept = [scan for scan, fitting in zip(scans, fits, strict=True) if fitting]
-        best_fit = Fit.of(surface, kept, at[fits], mirrored).refined(start)
+        best_fit = Fit.on(surface, kept, at[fits], mirrored).refined(start)
     radius = _SAME_PLACE * min(min(each.sides) for each in templates) / step
     match = Match(
         best_fit.place,
@@ -203,13 +208,13 @@ def match_together(
         correlation=abs(fit.correlation),
         next_best=0.0,
         covariance=best_fit.covariance,
-        found=True,
+        is_found=True,
         own=tuple(map(float, own)),
     )
-    elsewhere = (
-        _elsewhere(own, best, radius if _is_same(key, other) else 0.0)
-        for other, own in peaks.items()
-    )
+    elsewhere = []
+    for other, scores in peaks.items():
+        away = radius if _is_same(key, other) else 0.0
+        elsewhere.append(_elsewhere(scores, best, away))
     return match.among(elsewhere, len(scans)), number
 
 
@@ -227,7 +232,8 @@ def _all_around(
     templates: Sequence["Template"], readings: np.ndarray, step: float
 ) -> np.ndarray:
     """Turns over half a circle: half of the way between two moves no scan by an element."""
-    apart = np.linalg.norm(readings - readings.mean(axis=1, keepdims=True), axis=-1).max()
+    offsets = readings - readings.mean(axis=1, keepdims=True)
+    apart = np.linalg.norm(offsets, axis=-1).max()
     radius = apart + max(math.hypot(*each.sides) / 2 for each in templates)
     count = max(_TURNS // 2, math.ceil(math.pi * radius / (2 * step)))
     return np.arange(count) * 180 / count
@@ -235,7 +241,10 @@ def _all_around(
 
 def _highest(peaks: dict[_Key, np.ndarray]) -> tuple[_Key, np.ndarray]:
     """The key and the peak of the highest score."""
-    tops = {key: own[np.abs(own[:, 0]).argmax()] for key, own in peaks.items() if len(own)}
+    tops = {}
+    for key, own in peaks.items():
+        if len(own):
+            tops[key] = own[np.abs(own[:, 0]).argmax()]
     if not tops:
         raise ValueError("the map does not fit on the surface")
     key = max(tops, key=lambda each: abs(tops[each][0]))
@@ -245,11 +254,12 @@ def _highest(peaks: dict[_Key, np.ndarray]) -> tuple[_Key, np.ndarray]:
 def _elsewhere(peaks: np.ndarray, best: np.ndarray, radius: float) -> float:
     """The highest score that is farther from the best than a radius, or has the other sign."""
     far = np.hypot(*(peaks - best)[:, 1:].T) >= radius
-    other = far | (np.sign(peaks[:, 0]) != np.sign(best[0]))
-    return float(np.abs(peaks[other, 0]).max(initial=0.0))
+    scores = peaks[:, 0]
+    other = far | (np.sign(scores) != np.sign(best[0]))
+    return float(np.abs(scores[other]).max(initial=0.0))
 
 
 def _is_same(one: _Key, other: _Key) -> bool:
     """Whether two are the same match if they are at the same place."""
-    off = abs((one[1] - other[1] + 180) % 360 - 180)
+    off = abs(wrapped(one[1] - other[1]))
     return one[0] == other[0] and one[2] == other[2] and off <= _SAME_TURN

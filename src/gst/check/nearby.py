@@ -6,6 +6,7 @@ variance that all scans share. This gives each peak a probability. A scan is fou
 that is nearly certain, and otherwise has its alternatives.
 """
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -25,6 +26,7 @@ from gst.check.sliding import (
     peaks_of,
     slid,
     to_search,
+    wrapped,
 )
 from gstlib.surfaces.fitting import vertex
 from gstlib.surfaces.footprints import PatchPosition
@@ -78,10 +80,13 @@ def match_near(
     sums = {pose: _common([peaks[pose] for peaks in near]) for pose in near[0]}
     pose = max(sums, key=lambda each: sums[each])
     mirrored, sign, half, number = pose
-    another = max(of for each, of in sums.items() if each[:3] != pose[:3])
+    laid = pose[:3]
+    another = max(total for each, total in sums.items() if each[:3] != laid)
     is_clear = sums[pose] - another >= LEAST_LEAD / math.sqrt(len(scans))
-    turn = 180 * half + _top(number, [sums[*pose[:3], n] for n in range(len(_BY_HAND))])
-    fits = [Fit.of(surface, [scan], np.zeros((1, 2)), mirrored) for scan in scans]
+    by_turn = [sums[mirrored, sign, half, n] for n in range(len(_BY_HAND))]
+    turn = 180 * half + _top(number, by_turn)
+    alone = np.zeros((1, 2))
+    fits = [Fit.on(surface, [scan], alone, mirrored) for scan in scans]
 
     def lying(starts: Iterable[Sequence[PatchPosition]]) -> list[_Lying | None]:
         return [_lying(*each, sign) for each in zip(fits, places, starts, strict=True)]
@@ -91,21 +96,14 @@ def match_near(
         for peaks, place in zip(near, places, strict=True)
     )
     off = _common_turn([each for each in by_hand if each])
-    turned = lying(
-        [fit.place._replace(rotation_deg=fit.place.rotation_deg + off) for fit in each.fits]
-        if each
-        else []
-        for each in by_hand
-    )
-    shared = _Shared.of([each for each in turned if each])
+    turned = lying(each.turned(off) if each else [] for each in by_hand)
+    shared = _Shared.among([each for each in turned if each])
     anywhere = np.diag([math.inf] * 3)
-    unmatched = [
-        Match(place, mirrored, sign < 0, 0.0, 0.0, anywhere, False) for place in places
-    ]
-    return [
-        shared.match(each, match, is_clear) if each else match
-        for each, match in zip(turned, unmatched, strict=True)
-    ]
+    matches = []
+    for place, each in zip(places, turned, strict=True):
+        match = Match(place, mirrored, sign < 0, 0.0, 0.0, anywhere, is_found=False)
+        matches.append(shared.match(each, match, is_clear) if each else match)
+    return matches
 
 
 class _Lying(NamedTuple):
@@ -114,11 +112,15 @@ class _Lying(NamedTuple):
     fits: list[Refined]
     free: Refined  # from the best on, turned by itself
 
+    def turned(self, off: float) -> list[PatchPosition]:
+        """The places, turned further by an angle (degrees)."""
+        places = (fit.place for fit in self.fits)
+        return [place._replace(rotation_deg=place.rotation_deg + off) for place in places]
+
     @property
     def own_turn(self) -> float:
         """By how much it turns by itself, degrees."""
-        turn = self.free.place.rotation_deg - self.fits[0].place.rotation_deg
-        return (turn + 180) % 360 - 180
+        return wrapped(self.free.place.rotation_deg - self.fits[0].place.rotation_deg)
 
     @property
     def weight(self) -> float:
@@ -150,12 +152,11 @@ class _Shared(NamedTuple):
     of_turn: float  # variance of the turn, radians²
 
     @classmethod
-    def of(cls, lying: Sequence[_Lying]) -> "_Shared":
+    def among(cls, lying: Sequence[_Lying]) -> "_Shared":
         if not lying:
             return cls(math.inf, 1.0, 1.0, math.inf)
-        own = [
-            (each.fits[0].squares, each.fits[0].freedom, each.fits[0].scale) for each in lying
-        ]
+        best = (each.fits[0] for each in lying)
+        own = [(fit.squares, fit.freedom, fit.scale) for fit in best]
         squares, freedom, scale = np.median(own, axis=0)
         variance = squares / scipy.special.chdtri(freedom, 0.5)
         freedom = max(1.0, _MEDIAN_TELLS * freedom * len(lying))
@@ -166,35 +167,28 @@ class _Shared(NamedTuple):
         best, *others = lying.fits
         squares = np.array([fit.squares_with(self.scale) for fit in lying.fits])
         chances = self._chances(lying.fits, squares)
-        fits_as_others = (
-            scipy.special.fdtrc(
-                best.freedom, self.freedom, squares[0] / best.freedom / self.variance
-            )
-            >= _LEAST_CHANCE
-        )
-        ratio = best.scale / self.scale
+        ratio = squares[0] / best.freedom / self.variance
+        chance = scipy.special.fdtrc(best.freedom, self.freedom, ratio)
         is_taken_here = (
             is_clear
             and abs(best.correlation) >= _LEAST_NEAR
-            and fits_as_others
+            and chance >= _LEAST_CHANCE
             and abs(lying.own_turn) <= _MOST_TURNED
-            and 1 / _MOST_HIGHER <= ratio <= _MOST_HIGHER
+            and 1 / _MOST_HIGHER <= best.scale / self.scale <= _MOST_HIGHER
         )
         covariance = self._covariance(lying)
-        within = -math.expm1(-(_WRONG**2) / covariance.diagonal()[:2].sum())
+        variance = covariance.diagonal()[:2].sum()
+        within = -math.expm1(-(_WRONG**2) / variance)
         is_sure = chances[0] * within >= _SURE
-        likely = [
-            fit.place
-            for fit, chance in zip(others, chances[1:], strict=True)
-            if chance >= (1 - _SURE) / _PEAKS
-        ]
+        is_likely = chances[1:] >= (1 - _SURE) / _PEAKS
+        likely = (fit.place for fit in itertools.compress(others, is_likely))
         return replace(
             match,
             place=best.place,
             correlation=abs(best.correlation),
             next_best=max([abs(fit.correlation) for fit in others], default=0.0),
             covariance=covariance,
-            found=is_taken_here and is_sure,
+            is_found=is_taken_here and is_sure,
             is_uncertain=is_taken_here and not is_sure,
             alternatives=tuple(likely) if is_taken_here and not is_sure else (),
         )
@@ -227,7 +221,9 @@ def _error_of_turn(lying: Sequence[_Lying], variance: float) -> float:
     turns, weights = np.transpose(
         [(math.radians(each.own_turn), each.weight) for each in lying]
     )
-    scatter = float(np.cov(turns, aweights=weights, ddof=1)) if len(turns) > 1 else 0.0
+    scatter = 0.0
+    if len(turns) > 1:
+        scatter = float(np.cov(turns, aweights=weights, ddof=1))
     several = weights.sum() ** 2 / (weights**2).sum()
     return math.sqrt(max(variance / weights.sum(), scatter / several))
 
@@ -247,15 +243,17 @@ def _near(
     """Peaks (score, y, x) around a place, by mirroring, sign, half turn and number of the turn."""
     step = spacing_of(search)[0]
     part = part_around(search, place, template.count(step) * step / 2 + REACH + step)
-    image, turns = Image.of(part), place.rotation_deg + _BY_HAND
+    image, turns = Image.transformed(part), place.rotation_deg + _BY_HAND
     by_pose = {}
     for number, (pose, held) in enumerate(slid(image, [template], step, turns)):
         peaks = peaks_of(correlation_of(held, np.zeros((1, 2), int)))
         peaks[:, 1:] = middles(peaks[:, 1:], part, [template])
-        peaks = peaks[np.hypot(*(peaks[:, 1:] - place[:2]).T) <= REACH]
+        off_y, off_x = (peaks[:, 1:] - place[:2]).T
+        peaks = peaks[np.hypot(off_y, off_x) <= REACH]
         for sign in (1.0, -1.0):
+            key = pose[0], sign, number % 2, number // 4
             own = peaks[sign * peaks[:, 0] > 0] * [sign, 1, 1]
-            by_pose[pose[0], sign, number % 2, number // 4] = own[np.argsort(-own[:, 0])]
+            by_pose[key] = own[np.argsort(-own[:, 0])]
     return by_pose
 
 

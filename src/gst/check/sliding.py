@@ -22,7 +22,7 @@ from gstlib.surfaces.grid import coarser, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["Image", "Template", "correlation_of", "elements", "middles", "peaks_of"]
-__all__ += ["slid", "to_search"]
+__all__ += ["sides_of", "slid", "to_search", "wrapped"]
 
 # Fewest elements of the surface along a scan's side: fewer show no waves. More than the most tell
 # nothing in a search.
@@ -37,14 +37,23 @@ _SMOOTHED = 1 / 3
 Pose = tuple[bool, float]  # mirrored, and turn in degrees
 
 
+def sides_of(surface: xr.DataArray) -> tuple[float, float]:
+    """Its sides along y and x, mm."""
+    (ny, nx), (dy, dx) = surface.shape, spacing_of(surface)
+    return ny * dy, nx * dx
+
+
+def wrapped(turn: float) -> float:
+    """The same turn, from -180° on and below 180°."""
+    return (turn + 180) % 360 - 180
+
+
 def to_search(
     surface: xr.DataArray, scans: Sequence[xr.DataArray]
 ) -> tuple[xr.DataArray, list["Template"]]:
     """Surface and scans on elements that are long enough for a search."""
     step = spacing_of(surface)[0]
-    side = min(
-        n * d for scan in scans for n, d in zip(scan.shape, spacing_of(scan), strict=True)
-    )
+    side = min(min(sides_of(scan)) for scan in scans)
     if side * math.sqrt(len(scans)) < _FEWEST * step:
         raise ValueError(
             f"a map of {side:.3g} mm has fewer than {_FEWEST} elements of {step:.3g} mm"
@@ -54,17 +63,17 @@ def to_search(
     times = max(1, int(side / _MOST / step))
     search = coarser(surface, times) if times > 1 else surface
     edge = max(times * step, surface.attrs.get("mesh_edge_mm", 0.0))
-    templates = [Template.of(scan, edge) for scan in scans]
+    templates = [Template.smoothed(scan, edge) for scan in scans]
     return _with_margin(search, _count(templates, times * step) // 2), templates
 
 
 def _with_margin(surface: xr.DataArray, count: int) -> xr.DataArray:
     """A surface with NaN around it: a turned window may stick out where its scan does not."""
     step = spacing_of(surface)[0]
-    along = {
-        axis: np.arange(-count, surface.sizes[axis] + count) * step + float(surface[axis][0])
-        for axis in ("y", "x")
-    }
+    along = {}
+    for axis in ("y", "x"):
+        numbers = np.arange(-count, surface.sizes[axis] + count)
+        along[axis] = numbers * step + float(surface[axis][0])
     return surface.pad(y=count, x=count).assign_coords(along)
 
 
@@ -75,15 +84,16 @@ def slid(
     count = _count(templates, step)
     for turn in turns:
         # half a turn later, and mirrored, too, a rectangle covers the same elements
-        windows = {
-            sides: image.window(each.covered(turn, step, count))
-            for sides, each in {each.sides: each for each in templates}.items()
-        }
+        windows = {}
+        for each in templates:
+            if each.sides not in windows:
+                windows[each.sides] = image.window(each.covered(turn, step, count))
         for mirrored, whole in itertools.product((False, True), (turn, turn + 180)):
             held = []
             for each in templates:
                 window = windows[each.sides]
-                heights = each.laid(mirrored, whole, step, count)[window.covered]
+                v, u = each.offsets(whole, step, count)[:, window.covered]
+                heights = each.at(v, u, mirrored)
                 held.append(image.held_against(heights, window))
             yield (mirrored, whole), held
 
@@ -105,7 +115,8 @@ def elements(reading: np.ndarray, pose: Pose, step: float) -> np.ndarray:
     """By how many elements (n, 2) scans at a pose lie from their common point."""
     mirrored, turn = pose
     v, u = np.transpose(reading)
-    return np.rint(np.transpose(rotated(v, -u if mirrored else u, turn)) / step).astype(int)
+    places = rotated(v, -u if mirrored else u, turn)
+    return np.rint(np.transpose(places) / step).astype(int)
 
 
 class Held(NamedTuple):
@@ -119,8 +130,10 @@ class Held(NamedTuple):
 def correlation_of(held: Sequence[Held], at: np.ndarray) -> np.ndarray:
     """That of scans shifted by elements (n, 2) from each other; it begins where the first does."""
     shifts = at - at.min(axis=0)
-    rows, columns = np.maximum(np.subtract(held[0].products.shape, shifts.max(axis=0)), 0)
-    products, under = np.zeros((rows, columns)), np.zeros((rows, columns))
+    whole = held[0].products.shape
+    rows, columns = np.maximum(np.subtract(whole, shifts.max(axis=0)), 0)
+    products = np.zeros((rows, columns))
+    under = np.zeros((rows, columns))
     for each, (row, column) in zip(held, shifts, strict=True):
         part = np.s_[row : row + rows, column : column + columns]
         products += each.products[part]
@@ -145,7 +158,7 @@ class Template:
     sides: tuple[float, float]  # mm, along y and x
 
     @classmethod
-    def of(cls, scan: xr.DataArray, edge: float) -> "Template":
+    def smoothed(cls, scan: xr.DataArray, edge: float) -> "Template":
         """A scan, as smooth as a mesh with edges of this length (mm)."""
         dy, dx = spacing_of(scan)
         level = remove_plane(scan)[0]
@@ -153,37 +166,30 @@ class Template:
         sigma = _SMOOTHED * edge
         smooth = scipy.ndimage.gaussian_filter(whole, (sigma / dy, sigma / dx))
         centred = {axis: level[axis] - level[axis].mean() for axis in level.dims}
-        ny, nx = scan.shape
-        return cls(level.copy(data=smooth).assign_coords(centred), (ny * dy, nx * dx))
+        return cls(level.copy(data=smooth).assign_coords(centred), sides_of(scan))
 
     def count(self, step: float) -> int:
         """Elements along a square window that holds the map, however it is turned."""
         return math.ceil(math.hypot(*self.sides) / step) | 1
 
-    def _offsets(self, turn: float, step: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    def offsets(self, turn: float, step: float, count: int) -> np.ndarray:
         """Places (v, u) of a window's elements along the axes of the turned map, mm."""
         along = (np.arange(count) - (count - 1) / 2) * step
-        return rotated(along[:, None], along[None, :], -turn)
+        return np.array(rotated(along[:, None], along[None, :], -turn))
 
     def covered(self, turn: float, step: float, count: int) -> np.ndarray:
         """Which elements of a window the turned map covers."""
-        v, u = self._offsets(turn, step, count)
+        v, u = self.offsets(turn, step, count)
         return (abs(v) <= self.sides[0] / 2) & (abs(u) <= self.sides[1] / 2)
-
-    def laid(self, mirrored: bool, turn: float, step: float, count: int) -> np.ndarray:
-        """Its heights on a window's elements."""
-        return self.at(*self._offsets(turn, step, count), mirrored)
 
     def at(self, v: np.ndarray, u: np.ndarray, mirrored: bool) -> np.ndarray:
         """Heights at places from its centre, along its own axes."""
-        places = [
-            (at - float(self.heights[axis][0])) / step
-            for axis, at, step in zip(
-                "yx", (v, -u if mirrored else u), spacing_of(self.heights), strict=True
-            )
-        ]
+        (dy, dx), heights = spacing_of(self.heights), self.heights
+        u = -u if mirrored else u
+        rows = (v - float(heights.y[0])) / dy
+        columns = (u - float(heights.x[0])) / dx
         return scipy.ndimage.map_coordinates(
-            self.heights.values, places, order=1, mode="nearest"
+            heights.values, [rows, columns], order=1, mode="nearest"
         )
 
 
@@ -207,12 +213,12 @@ class Image:
     absent: np.ndarray
 
     @classmethod
-    def of(cls, surface: xr.DataArray) -> "Image":
+    def transformed(cls, surface: xr.DataArray) -> "Image":
         level = remove_plane(surface)[0].values
         absent = np.isnan(level)
         heights = np.where(absent, 0.0, level)
         padded = tuple(scipy.fft.next_fast_len(n, real=True) for n in level.shape)
-        transforms = (scipy.fft.rfft2(of, padded) for of in (heights, heights**2, absent))
+        transforms = (scipy.fft.rfft2(field, padded) for field in (heights, heights**2, absent))
         return cls(level.shape, padded, *transforms)
 
     def _sums(
@@ -224,18 +230,16 @@ class Image:
         # along the window's few rows first
         rows_of = scipy.fft.rfft(window, self.padded[1])
         factor = np.conj(scipy.fft.fft(rows_of, self.padded[0], axis=0))
-        rows, columns = (
-            max(n - k + 1, 0) for n, k in zip(self.shape, covered.shape, strict=True)
-        )
-        return [
-            scipy.fft.irfft2(of * factor, self.padded)[:rows, :columns] for of in transforms
-        ]
+        rows, columns = np.maximum(np.subtract(self.shape, covered.shape) + 1, 0)
+        sums = (scipy.fft.irfft2(each * factor, self.padded) for each in transforms)
+        return [each[:rows, :columns] for each in sums]
 
     def window(self, covered: np.ndarray) -> _Window:
         """A window that covers these of its elements."""
         y, x = np.nonzero(covered)
         planes, _ = np.linalg.qr(planes_over(y, x))
-        squares, absent = self._sums([self.squares, self.absent], np.ones(len(planes)), covered)
+        ones = np.ones(len(planes))
+        squares, absent = self._sums([self.squares, self.absent], ones, covered)
         for plane in planes.T:
             squares -= self._sums([self.heights], plane, covered)[0] ** 2
         is_stone = (absent < 0.5) & (squares > _FLAT * squares.max(initial=0.0))
@@ -244,5 +248,5 @@ class Image:
     def held_against(self, heights: np.ndarray, window: _Window) -> "Held":
         """What a scan's heights (points,) have in common with the surface, wherever they lie."""
         flat = heights - window.planes @ (window.planes.T @ heights)
-        (products,) = self._sums([self.heights], flat, window.covered)
+        products = self._sums([self.heights], flat, window.covered)[0]
         return Held(products, float(flat @ flat), window.squares)

@@ -8,7 +8,7 @@ are alike without their marks are of one place. A name with two readings becomes
 import itertools
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import NamedTuple
@@ -86,6 +86,7 @@ class _Name:
     repeat: int | None = None  # 0 if it has no number
     day: str = ""  # the date, as digits that sort
     is_twofold: bool = False  # two marks of one kind
+    rank: float = 0.0  # among all files, lower before higher
 
     @property
     def key(self) -> tuple[str, ...]:
@@ -117,16 +118,18 @@ def read_names(names: Iterable[str], pattern: str | None = None) -> Names:
     """
     names = sorted(names)
     files = _by_pattern(names, pattern) if pattern else [_taken_apart(name) for name in names]
-    ranks, epochs, questions = _epochs(files)
+    epochs, questions = _rank(files)
+    earliest = min(file.rank for file in files)
     places: dict[tuple[str, ...], list[_Name]] = {}
     for file in files:
         places.setdefault(file.key, []).append(file)
     rows, left = [], []
     patches = _patch_names([place[0] for place in places.values()])
     for patch, place in zip(patches, places.values(), strict=True):
-        row, rest = _row(patch, place, ranks)
-        questions += [*_doubts(row, place, rest, ranks, places)]
-        rows.append(row)
+        scans, rest = _scans_of(place, earliest)
+        t0, t1, _ = scans
+        questions += _doubts(t0, t1, rest, places)
+        rows.append(Row(patch, *(file.name if file else "" for file in scans)))
         left += [file.name for file in rest]
     rows.sort(key=lambda row: natural(row.patch))
     return Names(rows, questions, epochs, left)
@@ -201,8 +204,8 @@ def _is_mark(file: _Name, chunk: str, *, is_joined: bool = False) -> bool:
     return repeat is not None
 
 
-def _epochs(files: Sequence[_Name]) -> tuple[dict[str, float], tuple[str, str], list[str]]:
-    """The rank of each file, lower before higher; the marks that tell them apart; questions."""
+def _rank(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
+    """Give each file its rank; the marks that tell earlier from later ones, and questions."""
     questions = [
         f"{file.name} has two marks of use that disagree" for file in files if file.is_twofold
     ]
@@ -211,101 +214,98 @@ def _epochs(files: Sequence[_Name]) -> tuple[dict[str, float], tuple[str, str], 
     kinds = sorted({kind for file in files for kind in file.marks})
     vary = [kind for kind in kinds if len({file.marks.get(kind) for file in scans}) > 1]
     if not vary:
-        return _of_one_kind(files, kinds, questions)
+        epochs, more = _rank_alike(files)
+        return epochs, questions + more
     ranked = [_complete(kind, files, scans) for kind in vary]
-    complete = [ranks for ranks in ranked if ranks is not None]
-    ranks = complete[0] if complete else {file.name: 0.0 for file in files}
+    complete = [ranks for ranks in ranked if ranks]
+    if complete:
+        for file, rank in zip(files, complete[0], strict=True):
+            file.rank = rank
     if len(complete) < len(vary):
         questions.append("some names say when the scan was made, and others do not")
-    elif any(not _agree(ranks, other) for other in complete[1:]):
+    elif any(not _agree(complete[0], other) for other in complete[1:]):
         shown = ", ".join(sorted({f.written[k] for f in files for k in vary if k in f.marks}))
         questions.append(f"the names have several marks that do not agree in order ({shown})")
-    told = {ranks[f.name]: f.written.get(vary[0], "without it") for f in reversed(files)}
+    told = {file.rank: file.written.get(vary[0], "without it") for file in reversed(files)}
     if len(told) > 2:
         states = ", ".join(told[rank] for rank in sorted(told))
         questions.append(f"there are {len(told)} states ({states}), and a study compares two")
-    return ranks, (f'"{told[min(told)]}"', f'"{told[max(told)]}"'), questions
+    return (f'"{told[min(told)]}"', f'"{told[max(told)]}"'), questions
 
 
-def _of_one_kind(
-    files: Sequence[_Name], kinds: Sequence[str], questions: list[str]
-) -> tuple[dict[str, float], tuple[str, str], list[str]]:
-    """`_epochs` of names with no marks that differ: all of one epoch, or told apart by dates."""
-    same = {file.name: 0.0 for file in files}
+def _rank_alike(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
+    """`_rank` of names with no marks that differ: all of one epoch, or told apart by dates."""
+    first = files[0]
+    kinds = sorted(first.marks)
     for kind in kinds:
-        if files[0].marks.get(kind) == 0:
-            return same, (f'"{files[0].written[kind]}"', ""), questions
+        if first.marks[kind] == 0:
+            return (f'"{first.written[kind]}"', ""), []
     if kinds:
-        text = f"all names say '{files[0].written[kinds[0]]}', and none is of before use"
-        return same, ("", ""), [*questions, f"{text}: t0 is yours to give"]
+        text = f"all names say '{first.written[kinds[0]]}', and none is of before use"
+        return ("", ""), [f"{text}: t0 is yours to give"]
     days: dict[tuple[str, ...], list[str]] = {}
     for file in files:
         days.setdefault(file.key, []).append(file.day)
-    if any("" in own or len(own) != 2 or len({*own}) != 2 for own in days.values()):
+    if any(len(own) != 2 or len({*own} - {""}) != 2 for own in days.values()):
         text = "none of the names says which scan was made before use and which after it"
-        return same, ("", ""), [*questions, text]
-    later = {file.name: float(file.day == max(days[file.key])) for file in files}
-    return later, ("the earlier date", "the later one"), questions
+        return ("", ""), [text]
+    for file in files:
+        file.rank = float(file.day == max(days[file.key]))
+    return ("the earlier date", "the later one"), []
 
 
-def _complete(
-    kind: str, files: Sequence[_Name], scans: Sequence[_Name]
-) -> dict[str, float] | None:
+def _complete(kind: str, files: Sequence[_Name], scans: Sequence[_Name]) -> list[float] | None:
     """The ranks of all files by a kind of mark; None if those without it could be either."""
     ranks = [file.marks[kind] for file in files if kind in file.marks]
     is_open = any(kind not in file.marks for file in scans)
     if is_open and len({*ranks}) > 1:
         return None
     # the others are what those with the mark are not, and a repeat is of the earliest
-    other = min(ranks) - 1 if min(ranks) > 0 else max(ranks) + 1
-    return {
-        file.name: file.marks.get(kind, other if is_open or file.repeat is None else min(ranks))
+    earliest = min(ranks)
+    other = earliest - 1 if earliest > 0 else max(ranks) + 1
+    return [
+        file.marks.get(kind, other if is_open or file.repeat is None else earliest)
         for file in files
-    }
+    ]
 
 
-def _agree(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+def _agree(one: Sequence[float], other: Sequence[float]) -> bool:
     """Whether two ranks of the same files have the same order, and the same ties."""
-    pairs = sorted({(one[name], other[name]) for name in one})
+    pairs = sorted({*zip(one, other, strict=True)})
     return all(a < c and b < d for (a, b), (c, d) in itertools.pairwise(pairs))
 
 
-def _row(
-    patch: str, place: Sequence[_Name], ranks: Mapping[str, float]
-) -> tuple[Row, list[_Name]]:
-    """The row of a place, and the files that are not in it."""
-    earliest, latest = min(ranks.values()), max(ranks[file.name] for file in place)
-    ordered = sorted(place, key=lambda f: -1 if f.repeat is None else f.repeat)
-    at_t0 = [file for file in ordered if ranks[file.name] == earliest]
-    later = [file for file in ordered if ranks[file.name] == latest > earliest]
+def _scans_of(
+    place: Sequence[_Name], earliest: float
+) -> tuple[list[_Name | None], list[_Name]]:
+    """The scans of a place before and after use and its repeat, and its other files."""
+    latest = max(file.rank for file in place)
+    ordered = sorted(place, key=lambda file: -1 if file.repeat is None else file.repeat)
+    at_t0 = [file for file in ordered if file.rank == earliest]
+    later = [file for file in ordered if file.rank == latest > earliest]
     again = [file for file in at_t0[1:] if file.repeat is not None]
-    t0, t1, repeat = (files[0].name if files else "" for files in (at_t0, later, again))
-    rest = [file for file in ordered if file.name not in (t0, t1, repeat)]
-    return Row(patch, t0, t1, repeat), sorted(rest, key=lambda file: ranks[file.name])
+    scans = [files[0] if files else None for files in (at_t0, later, again)]
+    rest = [file for file in ordered if file not in scans]
+    return scans, sorted(rest, key=lambda file: file.rank)
 
 
 def _doubts(
-    row: Row,
-    place: Sequence[_Name],
-    rest: Sequence[_Name],
-    ranks: Mapping[str, float],
-    keys: Iterable[tuple[str, ...]],
+    t0: _Name | None, t1: _Name | None, rest: Sequence[_Name], keys: Iterable[tuple[str, ...]]
 ) -> Iterator[str]:
     """Questions of one place: whether all of its scans are there, no others, and in order."""
-    _, t0, t1, _ = row
-    if not t0:
-        yield f"{t1} is of after use, and no scan of before use is named like it"
+    if t1 and not t0:
+        yield f"{t1.name} is of after use, and no scan of before use is named like it"
     for file in rest:
         for scan in filter(None, (t0, t1)):
             # a further repeat is of no use, and no other place
-            is_second = file.repeat is not None and scan != t0
-            if ranks[file.name] == ranks[scan] and not is_second:
-                yield f"{file.name} is named like {scan}, and one of the two is in the table"
-    if not t1 and any({*key} < {*place[0].key} for key in keys):
-        yield f"{t0} may be a place of its own, or a repeat of another scan"
-    days = {file.name: file.day for file in place}
-    if t0 and t1 and days[t0] > days[t1] > "":
-        yield f"{t0} is named as before use, and has a later date than {t1}"
+            is_second = file.repeat is not None and scan is not t0
+            if file.rank == scan.rank and not is_second:
+                text = f"{file.name} is named like {scan.name}"
+                yield f"{text}, and one of the two is in the table"
+    if t0 and not t1 and any({*key} < {*t0.key} for key in keys):
+        yield f"{t0.name} may be a place of its own, or a repeat of another scan"
+    if t0 and t1 and t0.day > t1.day > "":
+        yield f"{t0.name} is named as before use, and has a later date than {t1.name}"
 
 
 def _patch_names(files: Sequence[_Name]) -> list[str]:

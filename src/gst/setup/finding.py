@@ -16,8 +16,9 @@ import scipy
 import xarray as xr
 
 from gst.check.matching import Match, match_map, match_together
+from gst.check.sliding import sides_of
 from gstlib.surfaces.frames import Frame
-from gstlib.surfaces.grid import axis_coordinates, make_surface, spacing_of
+from gstlib.surfaces.grid import axis_coordinates, make_surface
 
 if TYPE_CHECKING:
     import trimesh
@@ -76,10 +77,10 @@ def find_on_stone(
                 continue
         for frame, match, reading in seen:
             others = [other.correlation for at, other, _ in seen if at is not frame]
-            found = OnStone(frame, match.among(others, len(scans)), reading)
-            if best is None or found.match.lead > best.match.lead:
-                best = found
-        if best is not None and best.match.found:
+            candidate = OnStone(frame, match.among(others, len(scans)), reading)
+            if best is None or candidate.match.lead > best.match.lead:
+                best = candidate
+        if best is not None and best.match.is_found:
             return _from_above(mesh, best, scans, readings)
     return best
 
@@ -89,13 +90,14 @@ def _views(mesh: "trimesh.Trimesh") -> Iterator[list[tuple[Frame, float]]]:
     points = np.asarray(mesh.vertices)
     axes = np.linalg.eigh(np.cov(points, rowvar=False))[1].T  # the thinnest first
     for n in range(3):
-        pair = []
+        pair, x_axis = [], axes[(n + 1) % 3]
         for normal in (axes[n], -axes[n]):
-            towards = np.array([axes[(n + 1) % 3], np.cross(normal, axes[(n + 1) % 3])])
+            towards = np.array([x_axis, np.cross(normal, x_axis)])
             along = points @ towards.T
             low, high = along.min(axis=0), along.max(axis=0)
             corner = low @ towards + (points @ normal).mean() * normal
-            pair.append((Frame(corner, towards[0], normal), float((high - low).max())))
+            side = float((high - low).max())
+            pair.append((Frame(corner, x_axis, normal), side))
         yield pair
 
 
@@ -118,25 +120,26 @@ def view_of(
     points = frame.to_frame(mesh.vertices) + np.array([around_mm, around_mm, 0.0])
     size_mm += 2 * around_mm
     is_seen = np.asarray(mesh.vertex_normals) @ frame.axes[2] > _SEEN
-    is_near = ((points[:, :2] > -_GAP * edge) & (points[:, :2] < size_mm + _GAP * edge)).all(
-        axis=1
-    )
+    places, gap = points[:, :2], _GAP * edge
+    is_near = ((places > -gap) & (places < size_mm + gap)).all(axis=1)
     cloud = points[is_seen & is_near]
     along = axis_coordinates(max(2, round(size_mm / step)), step)
     heights = np.full(2 * along.shape, np.nan)
     if len(cloud) > 3:
         y, x = np.meshgrid(along, along, indexing="ij")
-        places, tree = np.stack([x, y], axis=-1), scipy.spatial.KDTree(cloud[:, :2])
-        away, _ = tree.query(places, distance_upper_bound=_GAP * edge)
+        places = np.stack([x, y], axis=-1)
+        tree = scipy.spatial.KDTree(cloud[:, :2])
+        away, _ = tree.query(places, distance_upper_bound=gap)
         is_stone = np.isfinite(away)
         # straight lines between vertices would cut the shortest waves that the mesh has
         smooth = scipy.interpolate.CloughTocher2DInterpolator(cloud[:, :2], cloud[:, 2])
         heights[is_stone] = smooth(places[is_stone])
     view = make_surface(heights, step, mesh_edge_mm=edge)
-    view = view.assign_coords(
-        {axis: view[axis].copy(data=view[axis] - around_mm) for axis in ("y", "x")}
-    )
-    rows, columns = (np.flatnonzero(np.isfinite(heights).any(axis=n)) for n in (1, 0))
+    for axis in ("y", "x"):
+        view[axis] = view[axis].copy(data=view[axis] - around_mm)
+    is_stone = np.isfinite(heights)
+    rows = np.flatnonzero(is_stone.any(axis=1))
+    columns = np.flatnonzero(is_stone.any(axis=0))
     if len(rows) == 0:
         return view
     return view[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
@@ -147,22 +150,23 @@ def _from_above(
 ) -> OnStone:
     """The same scans on the mesh as it looks from straight above where they were found."""
     reading = readings[first.reading]
-    diagonal = max(np.hypot(*np.multiply(scan.shape, spacing_of(scan))) for scan in scans)
+    diagonal = max(np.hypot(*sides_of(scan)) for scan in scans)
     half = float(np.ptp(reading, axis=0).max()) / 2 + diagonal / 2 + _MARGIN
     middle = (reading.min(axis=0) + reading.max(axis=0)) / 2
     y_mm, x_mm, rotation_deg = first.match.place_of(*middle)
-    points, normals = first.frame.to_frame(mesh.vertices), np.asarray(mesh.vertex_normals)
+    points = first.frame.to_frame(mesh.vertices)
+    normals = np.asarray(mesh.vertex_normals)
     x, y, up = first.frame.axes
-    is_near = (np.hypot(points[:, 0] - x_mm, points[:, 1] - y_mm) < half) & (
-        normals @ up > _SEEN
-    )
+    away = np.hypot(points[:, 0] - x_mm, points[:, 1] - y_mm)
+    is_near = (away < half) & (normals @ up > _SEEN)
     turn, normal = math.radians(rotation_deg), normals[is_near].mean(axis=0)
     along = math.cos(turn) * x + math.sin(turn) * y
     along -= along @ normal / (normal @ normal) * normal
     height = np.median(points[is_near, 2])
     centre = np.asarray(first.frame.origin) + x_mm * x + y_mm * y + height * up
     frame = Frame(centre, along, normal)
-    frame = replace(frame, origin=centre - half * (frame.axes[0] + frame.axes[1]))
+    along, up, _ = frame.axes
+    frame = replace(frame, origin=centre - half * (along + up))
     view = view_of(mesh, frame, size_mm=2 * half)
     try:
         match, _ = match_together(view, scans, reading[np.newaxis])
@@ -179,13 +183,13 @@ def find_on_map(
     `readings` are as in `gst.check.matching.match_together`; None without a stage.
     """
     alone = {name: match_map(overview, scan) for name, scan in scans.items()}
-    if readings is None or all(match.found for match in alone.values()):
+    if readings is None or all(match.is_found for match in alone.values()):
         return alone
     together, number = match_together(overview, [*scans.values()], readings)
-    if not together.found:
+    if not together.is_found:
         return alone
     tied = together.each(readings[number])
     return {
-        name: match if match.found else by_stage
+        name: match if match.is_found else by_stage
         for (name, match), by_stage in zip(alone.items(), tied, strict=True)
     }

@@ -117,11 +117,8 @@ def new_study(
 
 
 def _relative(path: Path, folder: Path) -> str:
-    """A path from the folder of the study, absolute where there is no way between them."""
-    try:
-        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
-    except ValueError:  # another drive
-        return path.resolve().as_posix()
+    """A path from the folder of the study."""
+    return os.path.relpath(path.resolve(), folder.resolve())
 
 
 def _read_stone(path: Path) -> _Stone:
@@ -181,12 +178,12 @@ def _face(stone: _Stone, values: Mapping[str, Any]) -> tuple[float, Line]:
 
 
 def _from_scans(
-    folder: Path, stone: _Stone, given: Sequence[Path], overview: Path | None, names: str | None
+    folder: Path, stone: _Stone, paths: Sequence[Path], overview: Path | None, names: str | None
 ) -> tuple[dict[str, Any], str, list[Line]]:
     """Values of the config, the patch table, and lines of the listing."""
-    root, paths, others = scans_in(given)
+    root, files, others = scans_in(paths)
     scans, faults = read_scans(
-        root, [path for path in paths if overview is None or path != overview.resolve()]
+        root, [path for path in files if overview is None or path != overview.resolve()]
     )
     if not scans:
         raise InputError(root, f"no scan in it can be read: {faults[0]}", "Export them again.")
@@ -302,7 +299,7 @@ def _table(pairs: Pairs, places: Mapping[str, PatchPosition], *, is_cut: bool) -
         cells: dict[str, Any] = {"patch": row.patch, "crop_x_mm": 0, "crop_y_mm": 0}
         cells |= {"x_mm": TODO, "y_mm": TODO, "rotation_deg": 0}
         if place := places.get(row.patch):
-            cells |= {name: round(of, 4) for name, of in place._asdict().items()}
+            cells |= {name: round(value, 4) for name, value in place._asdict().items()}
         cells |= {name: cell_of(getattr(row, name)) for name in ("t0", "t1", "repeat")}
         lines.append({column: cells[column] for column in columns})
     return pd.DataFrame(lines, columns=columns).to_csv(

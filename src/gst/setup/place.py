@@ -119,11 +119,11 @@ class _Command:
         for file in (self._log, self._number):
             file.unlink(missing_ok=True)
         # -P: not a folder `gst` in the study's own
-        with self._log.open("xb") as said:
+        with self._log.open("xb") as log:
             self._own = subprocess.Popen(
                 [sys.executable, "-P", "-u", *self._words],
                 stdin=subprocess.DEVNULL,
-                stdout=said,
+                stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # Ctrl-C ends the server alone
             )
@@ -135,7 +135,7 @@ class _Command:
         if (process := self._running()) is not None:
             process.terminate()
 
-    def said(self) -> dict[str, Any]:
+    def report(self) -> dict[str, Any]:
         """What it said so far, by level, and how it is.
 
         That is whether it is ``running``, its exit ``code`` if it is known, and whether the config
@@ -168,15 +168,15 @@ class _Command:
 
 def _records(text: str) -> list[dict[str, str]]:
     """What was said, in pieces of one level: error, warning, note or text."""
-    found: list[dict[str, str]] = []
+    records: list[dict[str, str]] = []
     for line in text.splitlines():
         match = _REPORT.match(line)
         level = match[1].lower() if match else "text"
-        if not match and found and (found[-1]["level"] == "text" or line[:1] == " "):
-            found[-1]["text"] += f"\n{line}"
+        if not match and records and (records[-1]["level"] == "text" or line[:1] == " "):
+            records[-1]["text"] += f"\n{line}"
         elif line.strip():
-            found.append({"level": level, "text": line[match.end() if match else 0 :]})
-    return found
+            records.append({"level": level, "text": line[match.end() if match else 0 :]})
+    return records
 
 
 def _make_logs() -> None:
@@ -302,28 +302,28 @@ class PlaceServer(ThreadingHTTPServer):
 
 
 _SENT = {"answers": SENT_ANSWERS, "file": SENT_FILE, "places": SENT_PLACES}
-# What is asked for by the first part of a path, and how it is answered: the server, the rest of the
-# path, and what was sent. Bytes are a picture, a path is a file, all else is JSON.
-_Answer = Callable[[PlaceServer, str, Any], Any]
-_ROUTES: dict[tuple[str, str], _Answer] = {
-    ("GET", "state"): lambda server, _rest, _sent: state_of(server.config),
-    ("GET", "stone"): lambda server, _rest, _sent: stone_of(server.config),
-    ("GET", "stage"): lambda server, _rest, _sent: {"all": has_stage(server.config)},
-    ("GET", "scan"): lambda server, rest, _sent: picture_of(server.config, _number(rest)),
-    ("GET", "said"): lambda server, rest, _sent: _command(server, rest).said(),
-    ("GET", "result"): lambda server, _rest, _sent: server.result(),
-    ("GET", "results"): lambda server, rest, _sent: server.result_file(rest),
-    ("POST", "find"): lambda server, _rest, _sent: find_places(server.config),
-    ("POST", "answers"): lambda server, _rest, sent: save_answers(server.config, sent),
-    ("POST", "file"): lambda server, _rest, sent: save_file(
+# What is asked for by the first part of a path, and how it is answered: the server, and what was
+# sent or else the rest of the path. Bytes are a picture, a path is a file, all else is JSON.
+_Answers = dict[str, Callable[["PlaceServer", Any], Any]]
+_GET: _Answers = {
+    "state": lambda server, _: state_of(server.config),
+    "stone": lambda server, _: stone_of(server.config),
+    "stage": lambda server, _: {"all": has_stage(server.config)},
+    "scan": lambda server, rest: picture_of(server.config, _number(rest)),
+    "said": lambda server, rest: _command(server, rest).report(),
+    "result": lambda server, _: server.result(),
+    "results": lambda server, rest: server.result_file(rest),
+}
+_POST: _Answers = {
+    "find": lambda server, _: find_places(server.config),
+    "answers": lambda server, sent: save_answers(server.config, sent),
+    "file": lambda server, sent: save_file(
         server.config, sent["patch"], sent["column"], sent["name"]
     ),
-    ("POST", "places"): lambda server, _rest, sent: save_places(
-        server.config, sent["square"], sent["patches"]
-    ),
-    ("POST", "start"): lambda server, rest, _sent: _command(server, rest).start(),
-    ("POST", "stop"): lambda server, rest, _sent: _command(server, rest).stop(),
-    ("POST", "end"): lambda _server, _rest, _sent: None,
+    "places": lambda server, sent: save_places(server.config, sent["square"], sent["patches"]),
+    "start": lambda server, rest: _command(server, rest).start(),
+    "stop": lambda server, rest: _command(server, rest).stop(),
+    "end": lambda _server, _rest: None,
 }
 
 
@@ -354,16 +354,17 @@ class _Handler(BaseHTTPRequestHandler):
                 self._send_file(name or "place.html")
                 return
             first, _, rest = name.partition("/")
-            answer = _ROUTES.get((self.command, first))
-            if answer is None:
+            answers = _GET if self.command == "GET" else _POST
+            if first not in answers:
                 raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
             sent = self._sent(_SENT.get(first, {})) if self.command == "POST" else None
+            what = sent if first in _SENT else rest
             with self.server.lock:
                 if first in _CHANGES or name in _CHANGES:
                     self.server.check_digest(self.headers.get(_DIGEST))
-                content = answer(self.server, rest, sent)
+                content = answers[first](self.server, what)
             self._send_content(content)
-            if (self.command, first) == ("POST", "end"):  # its answer has been sent
+            if first == "end":  # its answer has been sent
                 self.server.shutdown()
         except _RefusedError as refused:
             self._send_error(str(refused), refused.status)
@@ -373,8 +374,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_error(str(error), HTTPStatus.UNPROCESSABLE_ENTITY)
         except Exception:  # a bug, or a config that no check has seen yet
             traceback.print_exc()
-            said = "unexpected error: the terminal has more"
-            self._send_error(said, HTTPStatus.INTERNAL_SERVER_ERROR)
+            why = "unexpected error: the terminal has more"
+            self._send_error(why, HTTPStatus.INTERNAL_SERVER_ERROR)
 
     do_GET = do_POST = _answer
 
@@ -385,10 +386,11 @@ class _Handler(BaseHTTPRequestHandler):
             raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for under a foreign name")
         if origin != f"http://{self.server.host}":
             raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for by a foreign page")
-        _, token, *rest = [*self.path.partition("?")[0].split("/", 2), ""][:3]
+        path = self.path.partition("?")[0].removeprefix("/")
+        token, _, rest = path.partition("/")
         if not secrets.compare_digest(token.encode(), self.server.token.encode()):
             raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for without the token")
-        name = unquote("".join(rest))
+        name = unquote(rest)
         if not name.isprintable():  # such as a NUL, which no path can have
             raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
         return name
@@ -465,5 +467,5 @@ def serve(config: Path, *, browser: bool) -> None:
             server.serve_forever()
         except KeyboardInterrupt:
             print()
-        if server.commands["study"].said()["running"]:
+        if server.commands["study"].report()["running"]:
             print("The study still runs; open the page again to see it, or to stop it.")

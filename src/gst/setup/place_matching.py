@@ -14,16 +14,16 @@ import xarray as xr
 
 from gst.check.matching import Match
 from gst.check.nearby import match_near
+from gst.check.sliding import sides_of, wrapped
 from gst.setup.finding import find_on_map, find_on_stone, view_of
 from gstlib.coupling.comparison import shows_waves
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import Frame
-from gstlib.surfaces.grid import spacing_of
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Found", "corners_of", "described", "located", "on_square", "seen_in", "snapped"]
+__all__ = ["Matches", "corners_of", "described", "located", "on_square", "seen_in", "snapped"]
 
 # The stage's zero is anywhere, and no file says which way its axes run.
 _DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
@@ -31,7 +31,7 @@ _DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 _AROUND = 1.5
 
 
-class Found(NamedTuple):
+class Matches(NamedTuple):
     """What was matched."""
 
     frame: Frame | None  # in which places are; None if nothing was found on the stone
@@ -42,12 +42,13 @@ class Found(NamedTuple):
     @property
     def placed(self) -> dict[str, Match]:
         """The scans that are found."""
-        return {name: match for name, match in self.scans.items() if match.found}
+        return {name: match for name, match in self.scans.items() if match.is_found}
 
     @property
     def error_um(self) -> float:
         """Root mean square of the errors of those that are found."""
-        return 1e3 * math.sqrt(np.mean([match.error_mm**2 for match in self.placed.values()]))
+        squares = [match.error_mm**2 for match in self.placed.values()]
+        return 1e3 * math.sqrt(np.mean(squares))
 
 
 def stage_readings(stages: Sequence[tuple[float, float]]) -> np.ndarray:
@@ -62,59 +63,61 @@ def located(
     *,
     overview: xr.DataArray | None,
     stages: Sequence[tuple[float, float]] | None,
-) -> Found:
+) -> Matches:
     """Find scans (y, x) on a stone (mm), with an overview or with places (x, y) from the stage."""
     readings = None if stages is None else stage_readings(stages)
     if overview is not None:
-        found = find_on_stone(mesh, [overview], np.zeros((1, 1, 2)))
+        lying = find_on_stone(mesh, [overview], np.zeros((1, 1, 2)))
     elif readings is not None:
-        found = find_on_stone(mesh, [*scans.values()], readings)
+        lying = find_on_stone(mesh, [*scans.values()], readings)
     else:
-        return Found(None, None, {})
-    if found is None or not found.match.found:
-        return Found(None, found and found.match, {})
+        return Matches(None, None, {})
+    if lying is None or not lying.match.is_found:
+        return Matches(None, lying and lying.match, {})
     if overview is None:
         assert readings is not None
-        tied = found.match.each(readings[found.reading])
-        return Found(found.frame, found.match, dict(zip(scans, tied, strict=True)))
+        tied = lying.match.each(readings[lying.reading])
+        return Matches(lying.frame, lying.match, dict(zip(scans, tied, strict=True)))
     middle = [float(overview[axis].mean()) for axis in ("y", "x")]
     try:
         inner = find_on_map(overview, scans, readings)
     except ValueError:  # its points are too far apart for them
         inner = {}
-    each = {name: found.match.carrying(match, middle) for name, match in inner.items()}
-    return Found(found.frame, found.match, _laid_alike(each))
+    each = {name: lying.match.carrying(match, middle) for name, match in inner.items()}
+    return Matches(lying.frame, lying.match, _laid_alike(each))
 
 
 def _laid_alike(matches: dict[str, Match]) -> dict[str, Match]:
     """Scans that are mirrored or inverted otherwise than most cannot be right."""
-    laid = [(each.mirrored, each.inverted) for each in matches.values() if each.found]
-    usual = max(laid, key=laid.count, default=None)
+    laid = {name: (each.mirrored, each.inverted) for name, each in matches.items()}
+    right = [laid[name] for name, each in matches.items() if each.is_found]
+    usual = max(right, key=right.count, default=None)
     return {
-        name: replace(each, found=each.found and (each.mirrored, each.inverted) == usual)
+        name: replace(each, is_found=each.is_found and laid[name] == usual)
         for name, each in matches.items()
     }
 
 
 def on_square(
-    found: Found, *, side_mm: float, least_mm: float
+    matches: Matches, *, side_mm: float, least_mm: float
 ) -> tuple[Frame, float, dict[str, PatchPosition]]:
     """A square around the scans that are found: its frame, its side, and their places on it.
 
     Its side is `least_mm`, or more if the scans, with a side of `side_mm`, need it.
     """
-    assert found.frame is not None
-    at = np.array([match.place[:2] for match in found.placed.values()])
+    assert matches.frame is not None
+    at = np.array([match.place[:2] for match in matches.placed.values()])
     span = float(np.ptp(at, axis=0).max()) + math.sqrt(2) * side_mm
     size_mm = max(least_mm, math.ceil(2 * span) / 2)  # in halves of a millimetre
-    y, x = (at.min(axis=0) + at.max(axis=0)) / 2 - size_mm / 2
-    x_axis, y_axis, _ = found.frame.axes
-    origin = np.asarray(found.frame.origin) + x * x_axis + y * y_axis
-    places = {
-        name: match.place._replace(y_mm=match.place.y_mm - y, x_mm=match.place.x_mm - x)
-        for name, match in found.placed.items()
-    }
-    return replace(found.frame, origin=origin), size_mm, places
+    middle = (at.min(axis=0) + at.max(axis=0)) / 2
+    y, x = middle - size_mm / 2
+    x_axis, y_axis, _ = matches.frame.axes
+    origin = np.asarray(matches.frame.origin) + x * x_axis + y * y_axis
+    places = {}
+    for name, match in matches.placed.items():
+        y_mm, x_mm, turn = match.place
+        places[name] = PatchPosition(y_mm - y, x_mm - x, turn)
+    return replace(matches.frame, origin=origin), size_mm, places
 
 
 def snapped(
@@ -129,26 +132,30 @@ def snapped(
     Raises a `ValueError` if the mesh is too coarse.
     """
     view = view_of(mesh, frame, size_mm=size_mm, around_mm=_AROUND)
-    side = min(min(np.multiply(scan.shape, spacing_of(scan))) for scan in scans.values())
+    side = min(min(sides_of(scan)) for scan in scans.values())
     if not shows_waves(view, side):
         edge = view.attrs["mesh_edge_mm"]
         raise ValueError(f"edges of {edge:.2g} mm show no waves in scans of {side:.2g} mm")
     names = [name for name in scans if name in places]
-    found = match_near(view, [scans[name] for name in names], [places[name] for name in names])
-    return dict(zip(names, found, strict=True))
+    matches = match_near(
+        view, [scans[name] for name in names], [places[name] for name in names]
+    )
+    return dict(zip(names, matches, strict=True))
 
 
-def seen_in(frame: Frame, found: Found) -> dict[str, PatchPosition]:
+def seen_in(frame: Frame, matches: Matches) -> dict[str, PatchPosition]:
     """Where the scans that are found lie on another square."""
-    assert found.frame is not None
-    x_axis, y_axis, _ = found.frame.axes
+    assert matches.frame is not None
+    x_axis, y_axis, _ = matches.frame.axes
     along = frame.axes[:2] @ x_axis
     turn = math.degrees(math.atan2(along[1], along[0]))
     places = {}
-    for name, match in found.placed.items():
+    for name, match in matches.placed.items():
         y, x, own = match.place
-        ((u, v, _),) = frame.to_frame(np.array([found.frame.origin + x * x_axis + y * y_axis]))
-        places[name] = PatchPosition(float(v), float(u), (own + turn + 180) % 360 - 180)
+        ((u, v, _),) = frame.to_frame(
+            np.array([matches.frame.origin + x * x_axis + y * y_axis])
+        )
+        places[name] = PatchPosition(float(v), float(u), wrapped(own + turn))
     return places
 
 
@@ -163,7 +170,7 @@ def corners_of(frame: Frame, size_mm: float) -> list[list[float]]:
 def described(match: Match) -> str:
     """How well a scan fits where it was found, or that it is not certain, or fits nowhere."""
     fit = f"r {match.correlation:.2f}, lead {match.lead:.2f} over the next best"
-    if match.found:
+    if match.is_found:
         return f"{fit}, ± {max(1, round(1e3 * match.error_mm))} µm"
     if match.is_uncertain:
         error = f"± {math.ceil(1e3 * match.error_mm)} µm"

@@ -12,10 +12,11 @@ import numpy as np
 import xarray as xr
 
 from gst.check.matching import Match
+from gst.check.sliding import sides_of, wrapped
 from gst.config.reading import read_unfinished
 from gst.config.todo import is_to_do
 from gst.setup.place_matching import (
-    Found,
+    Matches,
     corners_of,
     described,
     located,
@@ -58,27 +59,27 @@ def find_places(path: Path) -> dict[str, Any]:
     mesh, size_mm = mesh_of(path), config["square"]["size_mm"]
     laid = unless_to_do(config["square"]["points_mm"])
     overview = _overview_of(config, [*rows.t0, *rows.t1, *rows["repeat"]])
-    found = located(mesh, heights, overview=overview, stages=_stages([*scans.values()]))
-    matches, problem = found.scans, ""
-    if found.placed:
+    by_heights = located(mesh, heights, overview=overview, stages=_stages([*scans.values()]))
+    matches, problem = by_heights.scans, ""
+    if by_heights.placed:
         side_mm = config["scans"]["size_mm"]
-        frame, around_mm, places = on_square(found, side_mm=side_mm, least_mm=size_mm)
+        frame, around_mm, places = on_square(by_heights, side_mm=side_mm, least_mm=size_mm)
         if laid is None:
             laid, size_mm = corners_of(frame, around_mm), around_mm
         else:
-            places = seen_in(frame_from_points(laid), found)
+            places = seen_in(frame_from_points(laid), by_heights)
     else:
         hand = rows.dropna(subset=["x_mm", "y_mm"])
         if laid is None or hand.empty:
             raise ConfigError(
-                path, _nothing_found(found), "Lay the square, and the scans on it."
+                path, _nothing_found(by_heights), "Lay the square, and the scans on it."
             )
         frame = frame_from_points(laid)
         try:
             matches = snapped(mesh, frame, size_mm, heights, places_of(hand))
         except ValueError as error:
             matches, problem = {}, f"the mesh is too coarse: {error}"
-        places = {patch: match.place for patch, match in matches.items() if match.found}
+        places = {patch: match.place for patch, match in matches.items() if match.is_found}
     answers, turn = _of_matches(config, matches, places)
     return {
         "square": {"points_mm": laid, "size_mm": size_mm},
@@ -90,8 +91,7 @@ def find_places(path: Path) -> dict[str, Any]:
 
 
 def _shown(place: PatchPosition, turn: float) -> dict[str, float]:
-    rotation_deg = (place.rotation_deg + turn + 180) % 360 - 180
-    turned = place._replace(rotation_deg=rotation_deg)
+    turned = place._replace(rotation_deg=wrapped(place.rotation_deg + turn))
     return {name: round(value, DECIMALS) for name, value in turned._asdict().items()}
 
 
@@ -113,11 +113,11 @@ def _how_many(places: int, scans: int, matches: Mapping[str, Match]) -> str:
     return f"{places} of {scans} are found; each says how well it fits.{rest}{doubt}"
 
 
-def _nothing_found(found: Found) -> str:
+def _nothing_found(matches: Matches) -> str:
     """Why no scan is found without places by hand."""
-    if found.on_stone is None:
+    if matches.on_stone is None:
         return "has neither an overview map nor the stage's places, nor places by hand"
-    return f"has scans that are not found on the stone: {described(found.on_stone)}"
+    return f"has scans that are not found on the stone: {described(matches.on_stone)}"
 
 
 def _of_matches(
@@ -138,8 +138,10 @@ def _of_matches(
     if not match.mirrored:
         return values, 0.0
     # a map that is reversed along y is that reversed along x, and turned by 180 degrees
-    flip, turn = {None: ("x", 0.0), "x": (None, 0.0), "y": (None, 180.0)}[mould["flip"]]
-    upright = np.cos(np.radians([place.rotation_deg + turn for place in places.values()])).sum()
+    former = mould["flip"]
+    flip, turn = None if former else "x", 180.0 if former == "y" else 0.0
+    turns = [place.rotation_deg + turn for place in places.values()]
+    upright = np.cos(np.radians(turns)).sum()
     if flip == "x" and upright < 0:  # as it was scanned rather than upside down
         flip, turn = "y", 180.0
     values["scans.mould.flip"] = flip
@@ -170,7 +172,7 @@ def _maps(config: Mapping, used: Sequence[str]) -> Iterator[xr.DataArray]:
 
 
 def _side_of(scan: xr.DataArray) -> float:
-    return float(min(np.multiply(scan.shape, spacing_of(scan))))
+    return min(sides_of(scan))
 
 
 class _Scan(NamedTuple):
@@ -194,18 +196,19 @@ def has_stage(path: Path) -> bool:
 
 def _stages(scans: Sequence[_Scan]) -> list[tuple[float, float]] | None:
     """The stage's places; None unless it has one for each of several scans, each another."""
-    found = [scan.stage_mm for scan in scans if scan.stage_mm is not None]
-    return found if 1 < len({*found}) == len(scans) else None
+    stages = [scan.stage_mm for scan in scans if scan.stage_mm is not None]
+    return stages if 1 < len({*stages}) == len(scans) else None
 
 
 def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
     config = read_unfinished(path)
     rows, _ = rows_of(config)
-    scans, found = config["scans"], []
-    given = (config["inputs"] or {}).get("scan_folder")
-    if given is None:
+    scan_folder = (config["inputs"] or {}).get("scan_folder")
+    if scan_folder is None:
         raise ConfigError(path, "names no scans", "Give inputs.scan_folder.")
-    folder = Path(given).resolve()
+    folder, settings = Path(scan_folder).resolve(), config["scans"]
+    grid = settings["size_mm"], settings["unit"], settings["spacing_um"]
+    scans = []
     for number in numbers:
         if number not in rows.index or not rows.t0[number]:
             raise InputError(path, f"there is no scan {number}", "Load the page again.")
@@ -213,14 +216,13 @@ def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
         if not file.is_relative_to(folder):
             raise InputError(file, f"lies outside {folder}", "Correct the patch table.")
         row = rows.loc[number]
-        mould = mould_of(scans["mould"], row.flip)
-        settings = (scans["size_mm"], scans["unit"], scans["spacing_um"])
-        if left := [value for value in (*settings, mould["invert"]) if is_to_do(value)]:
+        mould = mould_of(settings["mould"], row.flip)
+        if left := [value for value in (*grid, mould["invert"]) if is_to_do(value)]:
             raise ConfigError(path, f"has {left} in scans", "Give it first.")
         mirrored = bool(mould["invert"]), mould["flip"]
         with accepting(config["accept"]), concerning([row.patch]):
-            found.append(_scan(file, settings, mirrored, crop_of(row), version_of(file)))
-    return found
+            scans.append(_scan(file, grid, mirrored, crop_of(row), version_of(file)))
+    return scans
 
 
 @functools.lru_cache(maxsize=1000)

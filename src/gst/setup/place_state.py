@@ -203,12 +203,11 @@ def save_answers(path: Path, values: Mapping[str, Any]) -> dict[str, str | None]
     the file of which a part was removed. It raises a `ConfigError` if a value cannot be
     meant.
     """
-    given = dict(values)
+    values = dict(values)
     of_pressure = _value(read_unfinished(path), "load.pressure_MPa")
-    if "load.force_N" in given and of_pressure is not None:
-        given["load.pressure_MPa"] = None  # exactly one of them
-    kept = _save_config(path, given)
-    return {"digest": digest_of(path), "kept": kept}
+    if "load.force_N" in values and of_pressure is not None:
+        values["load.pressure_MPa"] = None  # exactly one of them
+    return _saved(path, _save_config(path, values))
 
 
 def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str | None]:
@@ -226,7 +225,7 @@ def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str |
     kept = _write_cells(
         Path(config["patches"]), lambda row: cells if row["patch"] == patch else {}
     )
-    return {"digest": digest_of(path), "kept": kept}
+    return _saved(path, kept)
 
 
 def save_places(
@@ -258,6 +257,10 @@ def save_places(
     kept = _write_table(config["patches"], table)
     if rows:
         kept = _save_config(path, changed) or kept
+    return _saved(path, kept)
+
+
+def _saved(path: Path, kept: str | None) -> dict[str, str | None]:
     return {"digest": digest_of(path), "kept": kept}
 
 

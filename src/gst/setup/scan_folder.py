@@ -4,6 +4,7 @@ Names decide (`gst.setup.file_names`), and heights confirm. Where the two disagr
 two readings, a cell of the patch table begins with `TODO` and the likely value follows.
 """
 
+import functools
 import logging
 import os
 from collections.abc import Iterable, Sequence
@@ -16,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from gst.check.sliding import sides_of
 from gst.config.reading import complete
 from gst.config.todo import TODO
 from gst.setup.file_names import Row, read_names
@@ -52,24 +54,18 @@ class Scan:
     name: str  # its path in the folder of all scans, with ``/``
     # Its unit if the file does not state it, or `TODO` if nothing tells it; None if it does.
     unit: str | None
-    shape: tuple[int, ...]  # (y, x)
+    size_mm: tuple[float, float]  # (y, x)
     spacing_mm: tuple[float, float]  # (y, x)
     stage_mm: tuple[float, float] | None  # (x, y)
     acquired: str  # when, if the file says so
     coarse: xr.DataArray  # its heights (y, x) on fewer points
-
-    @property
-    def size_mm(self) -> tuple[float, float]:
-        """Height and width."""
-        (ny, nx), (dy, dx) = self.shape, self.spacing_mm
-        return ny * dy, nx * dx
 
     def prepared(self, times: int = 1) -> xr.Dataset:
         """Clean and level, on elements so many times as long."""
         return prepare_scan(coarser(self.coarse, times), maximum_unmeasured=1.0)
 
 
-def scans_in(given: Iterable[Path]) -> tuple[Path, list[Path], list[Path]]:
+def scans_in(paths: Iterable[Path]) -> tuple[Path, list[Path], list[Path]]:
     """The folder of all scans, those in it, and other files there.
 
     Files that are named are scans, whatever their ending; in folders, it tells. Raises an
@@ -78,7 +74,7 @@ def scans_in(given: Iterable[Path]) -> tuple[Path, list[Path], list[Path]]:
     scans: set[Path] = set()
     others: set[Path] = set()
     roots = set()
-    for path in given:
+    for path in paths:
         if not path.exists():
             raise InputError(path, "no such file or folder", "Correct --scans.")
         is_folder, path = path.is_dir(), path.resolve()
@@ -109,16 +105,15 @@ def _read(root: Path, path: Path) -> Scan:
         surface = read_scan(path)
     except InputError as error:
         surface, unit = _in_likely_unit(path, error)
-    ny, nx = surface.shape
     return Scan(
         path=path,
         name=path.relative_to(root).as_posix(),
         unit=unit,
-        shape=(ny, nx),
+        size_mm=sides_of(surface),
         spacing_mm=spacing_of(surface),
         stage_mm=stage_of(surface),
         acquired=_iso(surface.attrs.get("acquired", "")),
-        coarse=coarser(surface, _halvings(min(ny, nx))),
+        coarse=coarser(surface, _halvings(min(surface.shape))),
     )
 
 
@@ -132,8 +127,7 @@ def _in_likely_unit(path: Path, error: InputError) -> tuple[xr.DataArray, str]:
                 surface = read_scan(path, unit=unit)
             except InputError:
                 continue
-            sides = (n * d for n, d in zip(surface.shape, spacing_of(surface), strict=True))
-            if all(_FIELDS[0] <= side <= _FIELDS[1] for side in sides):
+            if all(_FIELDS[0] <= side <= _FIELDS[1] for side in sides_of(surface)):
                 fitting.append((surface, unit))
         if len(fitting) == 1:
             return fitting[0]
@@ -175,7 +169,7 @@ class Pairs(NamedTuple):
 class _Compared(NamedTuple):
     """Whether a scan is found on another, and the shares of it that fell and rose."""
 
-    found: bool
+    is_found: bool
     loss: float = 0.0
     gain: float = 0.0
 
@@ -185,13 +179,8 @@ class _Comparisons:
 
     def __init__(self, scans: Iterable[Scan]):
         self.scans = {scan.name: scan for scan in scans}
-        self._compared: dict[tuple[str, str], _Compared] = {}
+        self.match = functools.cache(self._compare)
         self._shift_mm: float = complete({})["registration"]["maximum_shift_mm"]
-
-    def __call__(self, before: str, after: str) -> _Compared:
-        if (before, after) not in self._compared:
-            self._compared[before, after] = self._compare(before, after)
-        return self._compared[before, after]
 
     def _compare(self, before: str, after: str) -> _Compared:
         scans = self.scans[before], self.scans[after]
@@ -221,10 +210,12 @@ class _Comparisons:
 def pair_scans(scans: Sequence[Scan], pattern: str | None = None) -> Pairs:
     """Which scans belong together, and which was made first, by names that heights confirm."""
     overviews = _overviews(scans)
-    compare = _Comparisons(scan for scan in scans if scan not in overviews)
-    names = read_names(compare.scans, pattern)
-    confirmed = [_confirmed(row, names.rows, compare) for row in names.rows]
-    order = _Order.of([(row.t0, row.t1) for row in names.rows if row.t0 and row.t1], compare)
+    compared = _Comparisons(scan for scan in scans if scan not in overviews)
+    names = read_names(compared.scans, pattern)
+    confirmed = [_confirmed(row, names.rows, compared) for row in names.rows]
+    order = _Order.counted(
+        [(row.t0, row.t1) for row in names.rows if row.t0 and row.t1], compared
+    )
     earlier, questions = order.of_epochs(names.epochs)
     questions = [*names.questions, *questions]
     rows = [
@@ -254,22 +245,24 @@ def _overviews(scans: Sequence[Scan]) -> list[Scan]:
     return [scan for scan in sized if max(scan.size_mm) > OVERVIEW * usual]
 
 
-def _confirmed(row: Row, rows: Sequence[Row], compare: _Comparisons) -> tuple[Row, str, str]:
+def _confirmed(row: Row, rows: Sequence[Row], compared: _Comparisons) -> tuple[Row, str, str]:
     """A row with its doubtful cells, what its heights say of its names, and a question."""
     _, t0, t1, again = row
-    if again and not compare(t0, again).found:
+    if again and not compared.match(t0, again).is_found:
         text = f"{again} is named as a repeat of {t0}, and does not show its place"
         return row._replace(repeat=_doubtful(again)), "", text
     if not (t0 and t1):
         return row, " and heights" * bool(again), ""
-    if len({compare.scans[name].unit == TODO for name in (t0, t1)}) > 1:  # both may be alike
+    if len({compared.scans[name].unit == TODO for name in (t0, t1)}) > 1:  # both may be alike
         return row, _NO_SPACING, ""
-    if not compare.can(t0, t1):
+    if not compared.can(t0, t1):
         return row, OTHER_SPACING, ""
-    if compare(t0, t1).found:
+    if compared.match(t0, t1).is_found:
         return row, " and heights", ""
     others = (other.t0 for other in rows if other.t0 not in ("", t0))
-    other = next((o for o in islice(others, _MOST_OTHERS) if compare(o, t1).found), "")
+    other = next(
+        (o for o in islice(others, _MOST_OTHERS) if compared.match(o, t1).is_found), ""
+    )
     if not other:
         return row, _NOT_FOUND, ""
     text = f"{t1} shows the place of {other}, and is named like {t0}"
@@ -281,21 +274,21 @@ class _Order(NamedTuple):
 
     pairs: int
     compared: int  # pairs whose heights can be compared
-    found: int  # pairs of scans that are found on each other by their heights
+    matched: int  # pairs of scans that are found on each other by their heights
     fell: int  # pairs whose heights clearly fell from t0 to t1
     rose: int
     dated: int  # pairs whose files have two dates
     backwards: int  # of these, with the later one at t0
 
     @classmethod
-    def of(cls, pairs: Sequence[tuple[str, str]], compare: _Comparisons) -> "_Order":
-        matches = [each for pair in pairs if (each := compare(*pair)).found]
-        when = [[compare.scans[name].acquired for name in pair] for pair in pairs]
+    def counted(cls, pairs: Sequence[tuple[str, str]], compared: _Comparisons) -> "_Order":
+        matches = [each for pair in pairs if (each := compared.match(*pair)).is_found]
+        when = [[compared.scans[name].acquired for name in pair] for pair in pairs]
         dated = [pair for pair in when if all(pair) and pair[0] != pair[1]]
         return cls(
             pairs=len(pairs),
-            compared=sum(compare.can(*pair) for pair in pairs),
-            found=len(matches),
+            compared=sum(compared.can(*pair) for pair in pairs),
+            matched=len(matches),
             fell=sum(bool(is_more(each.loss, each.gain)) for each in matches),
             rose=sum(bool(is_more(each.gain, each.loss)) for each in matches),
             dated=len(dated),
@@ -312,7 +305,7 @@ class _Order(NamedTuple):
         why += ["by the dates in the files"] * self.agrees_with_dates
         why += [f"{self.fell} of {self.pairs} lost height"] * bool(self.fell)
         questions = []
-        if not self.found and self.compared > 1:
+        if not self.matched and self.compared > 1:
             questions.append("no scan after use is found by its heights on the one before use")
         if self.backwards:
             pairs = f"{self.backwards} of {self.pairs} pairs"

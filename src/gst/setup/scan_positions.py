@@ -9,7 +9,7 @@ import numpy as np
 
 from gst.config.reading import complete
 from gst.config.todo import TODO, is_to_do
-from gst.setup.place_matching import Found, corners_of, described, located, on_square
+from gst.setup.place_matching import Matches, corners_of, described, located, on_square
 from gst.setup.scan_folder import Scan
 from gstlib.surfaces.footprints import PatchPosition
 
@@ -90,7 +90,7 @@ def default_square_mm() -> float:
     return side
 
 
-def _by_heights(matches: Found, invert: bool | str, size_mm: float, by: str) -> Where:
+def _by_heights(matches: Matches, invert: bool | str, size_mm: float, by: str) -> Where:
     """The square around the scans that were found, how they are laid, and how sure that is."""
     frame, square_mm, places = on_square(matches, side_mm=size_mm, least_mm=default_square_mm())
     first = next(iter(matches.placed.values()))
@@ -105,7 +105,7 @@ def _by_heights(matches: Found, invert: bool | str, size_mm: float, by: str) -> 
     assert matches.on_stone is not None
     lines = [Line("Where", f"{by}, on the mesh: {described(matches.on_stone)}", OK)]
     for patch, match in matches.scans.items():
-        lines.append(Line("", f"{patch}: {described(match)}", OK if match.found else TO_DO))
+        lines.append(Line("", f"{patch}: {described(match)}", OK if match.is_found else TO_DO))
     laid = "mirrored" * first.mirrored, "inverted, as moulds" * inverted
     how = " and ".join(filter(None, laid)) or "as it was scanned"
     lines.append(Line("", f"the scanned surface fits the mesh {how}", OK))
@@ -147,10 +147,10 @@ def _by_stage(
     middle = (at.min(axis=0) + at.max(axis=0)) / 2
     span = float(np.ptp(at, axis=0).max()) + size_mm
     square_mm = max(default_square_mm(), math.ceil(2 * span) / 2)  # in halves of a millimetre
-    places = {
-        patch: PatchPosition(*np.round(place - middle + square_mm / 2, 4)[::-1].tolist())
-        for patch, place in zip(patches, at, strict=True)
-    }
+    places = {}
+    for patch, place in zip(patches, at, strict=True):
+        x, y = np.round(place - middle + square_mm / 2, 4).tolist()
+        places[patch] = PatchPosition(y, x)
     mirrored = ", mirrored in x as moulds are" * is_mould
     text = f"by the stage, over {span:.3g} mm{mirrored}; which way its axes run, no file says"
     return Where(places, {"square.size_mm": square_mm}, [Line("Where", text, DOUBT)])
