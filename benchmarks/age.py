@@ -48,7 +48,8 @@ def record(rows, *, adds=False):
     """Note that the program as it stands made these rows; or some of them, if it `adds`."""
     if rows.parent.resolve() != MADE.parent.resolve():
         return
-    made, now = read(), _program(rows.stem)
+    made = read()
+    now = _program(rows.stem)
     before = made.get(rows.stem, {}).get("program")
     program = SEVERAL if adds and before not in (None, now) else now
     made[rows.stem] = {"program": program, "rows": sha256(rows)[:16]}
@@ -65,7 +66,7 @@ def _program(name):
     return "".join(library_hash(HERE / script) for script in scripts) or program_hash()
 
 
-def said():
+def ages():
     """Which rows the program as it stands made, and which an earlier one: a line for each."""
     made = read()
     now = [name for name in SCRIPTS if made.get(name, {}).get("program") == _program(name)]
@@ -85,8 +86,8 @@ def main():
     text = EVIDENCE.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
-    write_whole(EVIDENCE, f"{before}{BEGIN}\n{said()}\n\n{END}{after}".encode())
-    print(said())
+    write_whole(EVIDENCE, f"{before}{BEGIN}\n{ages()}\n\n{END}{after}".encode())
+    print(ages())
 
 
 if __name__ == "__main__":

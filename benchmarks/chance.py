@@ -44,7 +44,8 @@ def highest(field, share):
 
 def waves(rng):
     """Two unrelated levelled maps for each patch."""
-    every, longest = np.ones((POINTS, POINTS), bool), float(rng.choice(LONGEST_WAVES))
+    every = np.ones((POINTS, POINTS), bool)
+    longest = float(rng.choice(LONGEST_WAVES))
     places = {}
     for patch in map(str, range(PATCHES)):
         masks = []

@@ -69,13 +69,13 @@ class Environment:
         """An interpreter of the version asked for, as uv or pyenv knows it."""
         if not self.python:
             return sys.executable
-        found = subprocess.run(
+        search = subprocess.run(
             [uv, "python", "find", "--no-python-downloads", self.python],
             capture_output=True,
             text=True,
         )
-        if found.returncode == 0:
-            return found.stdout.strip()
+        if search.returncode == 0:
+            return search.stdout.strip()
         if pyenv := shutil.which("pyenv"):
             versions = subprocess.run(
                 [pyenv, "versions", "--bare"], capture_output=True, text=True
@@ -102,12 +102,12 @@ class Environment:
 
 def _uv():
     beside = Path(sys.executable).parent / "uv"
-    found = str(beside) if beside.exists() else shutil.which("uv")
-    if not found:
+    command = str(beside) if beside.exists() else shutil.which("uv")
+    if not command:
         raise UnavailableError(
             "uv is not installed; it comes with the dev extra of this project"
         )
-    return found
+    return command
 
 
 def _run(*command, **settings):

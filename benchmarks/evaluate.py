@@ -40,7 +40,8 @@ def kernel(shape, spacing, modulus):
     total = np.zeros(shape)
     for side_y in (0.5, -0.5):
         for side_x in (0.5, -0.5):
-            b, a = y + side_y * spacing, x + side_x * spacing
+            b = y + side_y * spacing
+            a = x + side_x * spacing
             corner = a * np.arcsinh(b / np.abs(a)) + b * np.arcsinh(a / np.abs(b))
             total += np.sign(side_y * side_x) * corner
     return total / (np.pi * modulus)
@@ -62,7 +63,8 @@ def displacement(pressure, spacing, modulus):
 def periodic_displacement(pressure, spacing, modulus):
     """Displacement (mm) from its mean under a pressure (MPa) that repeats itself, both (ny, nx)."""
     ny, nx = pressure.shape
-    along_y, along_x = scipy.fft.fftfreq(ny, spacing), scipy.fft.rfftfreq(nx, spacing)
+    along_y = scipy.fft.fftfreq(ny, spacing)
+    along_x = scipy.fft.rfftfreq(nx, spacing)
     wave_number = 2 * np.pi * np.hypot(along_y[:, None], along_x)
     wave_number[0, 0] = np.inf
     spectrum = scipy.fft.rfft2(pressure) * (2 / (modulus * wave_number))

@@ -152,9 +152,11 @@ def patch_rows(study, truth):
 def stone_rows(seed):
     """The rows of one stone."""
     logging.disable()
-    start, config = time.process_time(), config_of(seed)
+    start = time.process_time()
+    config = config_of(seed)
     parameters = SpecimenParameters(**config["specimen"])
-    patches, size_mm = worn_patches(specimen_config()), config["square"]["size_mm"]
+    patches = worn_patches(specimen_config())
+    size_mm = config["square"]["size_mm"]
     specimen = make_specimen(
         patches, parameters, square_mm=size_mm, grid=config["macroscale"]["grid"]
     )
@@ -194,7 +196,8 @@ def summary(rows):
     for points, group in rows.groupby("scan_points"):
         stops = group[STAGES].notna().any(axis=1)
         patches = group[group.patch != ALL]
-        is_found, is_wrong = patches.found == 1, patches.error_um > WRONG_UM
+        is_found = patches.found == 1
+        is_wrong = patches.error_um > WRONG_UM
         is_covered = patches.overlap > COVERED
         summaries[points] = {
             "studies": group.seed.nunique(),

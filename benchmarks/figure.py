@@ -59,7 +59,8 @@ def _labels(tables):
 
 def _text(row, own):
     """The time of a code, and its ratio to ours or its error."""
-    text, ratio = f"{row['cpu_median']:.2g} s", row["cpu_median"] / (own or 1)
+    text = f"{row['cpu_median']:.2g} s"
+    ratio = row["cpu_median"] / (own or 1)
     if row["reached"] != "yes":
         return f"{text} (error {row['gap_error']:.0e})"
     if not own or row["code"].startswith("gstlib"):
@@ -71,7 +72,8 @@ def _times(axis, rows, title, labels, named):
     axis.set_title(title, fontsize=10, loc="left")
     own = next((row["cpu_median"] for row in rows if row["code"] == OWN), None)
     for row in rows:
-        height, colour = labels.index(row["code"]), _colour(row["code"])
+        height = labels.index(row["code"])
+        colour = _colour(row["code"])
         at = row["cpu_median"], height
         face = colour if row["reached"] == "yes" else "white"
         axis.axhline(height, color="0.92", linewidth=0.8, zorder=0)

@@ -53,12 +53,12 @@ class Specimen:
     """A specimen before use: its mesh, and scans of any size anywhere."""
 
     def __init__(self, parameters):
-        self.parameters, self.stone = parameters, Stone(parameters, SQUARE)
+        self.parameters = parameters
+        self.stone = Stone(parameters, SQUARE)
         whole = trimesh.Trimesh(*self.stone.mesh(), process=False)
         frame = frame_from_points(CONFIG["square"]["points_mm"])
         self.view = view_of(whole, frame, size_mm=SQUARE, around_mm=AROUND)
-        along = self.stone.grid
-        self.heights = (self.stone.macroscale(along, along) + self.stone.detail).astype("f4")
+        self.heights = self.stone.heights().astype("f4")
 
     def scan(self, name, place, mirrored, sides=(PATCH, PATCH)):
         """A prepared scan of a mould, or of the stone itself if it is not mirrored."""
@@ -74,7 +74,8 @@ class Specimen:
 
 
 def scattered(rng, turn):
-    places, margin = [], 0.75 * PATCH
+    places = []
+    margin = 0.75 * PATCH
     while len(places) < PATCHES:
         at = rng.uniform(margin, SQUARE - margin, 2)
         if all(np.hypot(*(at - other[:2])) > APART for other in places):
@@ -84,17 +85,18 @@ def scattered(rng, turn):
 
 def of_stone(seed):
     """Rows of a specimen with its own scans, with those of another, smooth, and with one wrong."""
-    rows, rng = [], np.random.default_rng(seed)
-    mirrored, turn = bool(rng.integers(2)), rng.uniform(-180, 180)
-    whole, places = (
-        PatchPosition(*rng.uniform(1.7, SQUARE - 1.7, 2), turn),
-        scattered(rng, turn),
-    )
+    rows = []
+    rng = np.random.default_rng(seed)
+    mirrored = bool(rng.integers(2))
+    turn = rng.uniform(-180, 180)
+    whole = PatchPosition(*rng.uniform(1.7, SQUARE - 1.7, 2), turn)
+    places = scattered(rng, turn)
     at = np.array([place[:2] for place in places])
     v, u = PatchPosition(*at.mean(axis=0), turn).seen(*at.T)
     offsets = np.transpose([v, -u if mirrored else u])
     readings = np.array([offsets * signs for signs in product((1, -1), (1, -1))])
-    hand, turned = at + rng.uniform(-OFF, OFF, at.shape), turn + rng.uniform(-TURNED, TURNED)
+    hand = at + rng.uniform(-OFF, OFF, at.shape)
+    turned = turn + rng.uniform(-TURNED, TURNED)
     by_hand = [PatchPosition(*place, turned) for place in hand]
     own = replace(PARAMETERS, seed=seed)
     stones = {
@@ -132,10 +134,10 @@ def tied(surface, scans, readings):
     return match.each(readings[reading])
 
 
-def timed(how, seed, name, places, work, *of):
+def timed(how, seed, name, places, work, *arguments):
     """A row for each scan: whether it is found, how far off, and the CPU time of all."""
     start = time.process_time()
-    matches = work(*of)
+    matches = work(*arguments)
     cpu_s = time.process_time() - start
     for place, match in zip(places, matches, strict=True):
         off_y, off_x = 1e3 * np.subtract(match.place[:2], place[:2])
@@ -187,7 +189,8 @@ def summary_of(group, way, name):
         "cpu_s": group.cpu_s.median(),
     }
     if name == "own" and len(placed):
-        off, stated = placed[["off_x_um", "off_y_um"]].to_numpy(), placed.stated_um.to_numpy()
+        off = placed[["off_x_um", "off_y_um"]].to_numpy()
+        stated = placed.stated_um.to_numpy()
         held = abs(off) <= 1.96 * stated[:, None]
         errors = placed.off_um.median(), placed.off_um.quantile(0.95), *map(rms, (stated, off))
         row |= dict(zip(_ERRORS, (*errors, held.mean()), strict=True))

@@ -72,7 +72,8 @@ def as_stated(study, **changes):
 
 def against_two_radii(stated):
     """A row for each direction of a tool of two radii in place of the round one."""
-    radius, middle = study_radius(stated.config), stated.config["square"]["size_mm"] / 2
+    radius = study_radius(stated.config)
+    middle = stated.config["square"]["size_mm"] / 2
     radii = radius * ASPECT**0.5, radius / ASPECT**0.5
     for angle in ANGLES_DEG:
         over = rounded_counterface(stated.composite.height, radii, (middle, middle), angle)
@@ -84,11 +85,14 @@ def against_two_radii(stated):
 
 def on_wider_faces(stated):
     """A row for each radius of the tool, with more of the stone around the square pressed."""
-    radius, face_mm = study_radius(stated.config), stated.config["macroscale"]["face_mm"]
+    radius = study_radius(stated.config)
+    face_mm = stated.config["macroscale"]["face_mm"]
     wider = {"macroscale": {"face_mm": WIDER * face_mm}}
     for times in (1, 2):
         tool = {"counterface": {"radius_mm": times * radius}}
-        forces = [as_stated(stated, **of).pressures.force_N for of in (tool, tool | wider)]
+        forces = [
+            as_stated(stated, **changes).pressures.force_N for changes in (tool, tool | wider)
+        ]
         name = f"wider face, {times} x radius"
         yield {"patch": "all", "changed": name, "force_moved": moved(*forces)}
 
@@ -101,8 +105,10 @@ def tilting(stated):
 
 def worn(stated, *, is_held):
     """What each patch loses while the face wears with the tilt that it has before use, or not."""
-    contact, steps = stated.contact, stated.config["wear_steps"]
-    pressure, size_mm = contact.load.mean_pressure, stated.config["scans"]["size_mm"]
+    contact = stated.contact
+    steps = stated.config["wear_steps"]
+    pressure = contact.load.mean_pressure
+    size_mm = stated.config["scans"]["size_mm"]
     of_patches = patch_means(contact.pressure, stated.patches, size_mm=size_mm)
     lost = np.zeros(contact.pressure.shape)
     for _ in range(steps):

@@ -37,15 +37,15 @@ def describe(environments):
 def _processor():
     """Name, family and model: a virtual machine's name alone may say little."""
     wanted = {"model name": "", "cpu family": "family ", "model": "model "}
-    found = {}
+    parts = {}
     with open("/proc/cpuinfo", encoding="ascii", errors="replace") as file:
         for line in file:
             key, _, value = (part.strip() for part in line.partition(":"))
-            if key in wanted and key not in found:
-                found[key] = wanted[key] + value
+            if key in wanted and key not in parts:
+                parts[key] = wanted[key] + value
     cache = _first_line("getconf", "LEVEL3_CACHE_SIZE")
     level3 = [f"L3 {int(cache) / 2**20:.0f} MiB"] if cache.isdigit() and int(cache) else []
-    return ", ".join([*(found[key] for key in wanted if key in found), *level3])
+    return ", ".join([*(parts[key] for key in wanted if key in parts), *level3])
 
 
 def _first_line(*command):

@@ -39,8 +39,8 @@ RUNS = {"2 cores": 2, "1 core": 1, "older processor": 1}
 
 def older_processor():
     """Environment in which NumPy and OpenBLAS use what every processor of the kind has."""
-    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
-    return {"NPY_DISABLE_CPU_FEATURES": " ".join(found), "OPENBLAS_CORETYPE": "Prescott"}
+    extensions = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    return {"NPY_DISABLE_CPU_FEATURES": " ".join(extensions), "OPENBLAS_CORETYPE": "Prescott"}
 
 
 def last_unit(value, digits):
@@ -52,12 +52,15 @@ def margins(before, after):
     """A row for each table of two result folders."""
     changes = compare_results(before, after)
     for file in sorted((before / "tables").glob("*.csv")):
-        of_table, columns = changes[changes.table == file.name], TABLES[file.stem].columns
+        of_table = changes[changes.table == file.name]
+        columns = TABLES[file.stem].columns
         numbers = of_table.dropna(subset="relative")
-        moved, changed = [], len(of_table) - len(numbers)
+        moved = []
+        changed = len(of_table) - len(numbers)
         for change in numbers.itertuples():
             digits = columns[change.column].digits
-            one, other = float(change.before), float(change.after)
+            one = float(change.before)
+            other = float(change.after)
             moved.append(abs(other - one) / last_unit(max(one, other, key=abs), digits))
             changed += printed(one, digits) != printed(other, digits)
         yield {

@@ -55,7 +55,8 @@ class Run:
 
 def run(code, surface, levels, tolerance):
     """Solve once in a process of its own, and evaluate what it returns."""
-    python, problem = ENVIRONMENTS[code.environment].interpreter(), surface.stored()
+    python = ENVIRONMENTS[code.environment].interpreter()
+    problem = surface.stored()
     with tempfile.TemporaryDirectory(dir=SCRATCH) as folder:
         task = {
             "problem": str(problem),
@@ -86,10 +87,12 @@ def run(code, surface, levels, tolerance):
         with np.load(task["fields"]) as stored:
             pressure = stored["pressure"]
     heights = surface.heights()
-    control, wanted = code.control, levels[code.control]
+    control = code.control
+    wanted = levels[code.control]
     if code.environment == "gstlib" and len(wanted) > 1:
         # Our own path chooses its displacements itself: they are part of what it returns.
-        control, wanted = "displacement", record["displacement"]
+        control = "displacement"
+        wanted = record["displacement"]
     accuracies = [
         evaluate(
             field,
@@ -140,20 +143,21 @@ class Calibration:
 
     def __init__(self, path, again):
         self.path, self.again = path, again
-        self.known = {}
+        self.tolerances = {}
         if path.exists():
             for line in path.read_text(encoding="utf-8").splitlines()[1:]:
                 case, label, tolerance = line.rsplit(";", 2)
-                self.known[case, label] = float(tolerance)
+                self.tolerances[case, label] = float(tolerance)
 
     def find(self, case, code, attempt):
         """Tolerance and its run; ``attempt(tolerance)`` makes one."""
-        stored = self.known.get((case, code.label))
+        stored = self.tolerances.get((case, code.label))
         tolerance = stored or code.start
         best = attempt(tolerance)
         if best.reached and (stored is None or self.again or code.environment == "gstlib"):
             while (looser := attempt(tolerance * RUNG)).reached:
-                tolerance, best = tolerance * RUNG, looser
+                tolerance = tolerance * RUNG
+                best = looser
         else:
             tried = [(tolerance, best)]
             while not best.reached and len(tried) <= MOST_RUNGS:
@@ -163,13 +167,14 @@ class Calibration:
                 if stuck and not best.reached:
                     tolerance, best = tried[-3]
                     break
-        self.known[case, code.label] = tolerance
+        self.tolerances[case, code.label] = tolerance
         self._write()
         return tolerance, best
 
     def _write(self):
         rows = [
-            f"{case};{label};{tol:.3g}" for (case, label), tol in sorted(self.known.items())
+            f"{case};{label};{tol:.3g}"
+            for (case, label), tol in sorted(self.tolerances.items())
         ]
         text = "\n".join(["case;code;tolerance", *rows]) + "\n"
         self.path.write_text(text, encoding="utf-8")
@@ -240,7 +245,7 @@ def measure_growth(case, runs, calibration, keep):
     reached = {}
     for label, sizes, seeds, cut_off in runs:
         code = CODES[label]
-        first = calibration.known.get(("rough-76", label), code.start)
+        first = calibration.tolerances.get(("rough-76", label), code.start)
         for size in sizes:
             for seed in seeds:
                 surface = Surface("rough", size, seed, cut_off)

@@ -127,7 +127,8 @@ def repeat_row(name):
     """What the study says of one pair of `REPEATS`."""
     file, *channels = REPEATS[name]
     first, second = (channel(file, number) for number in channels)
-    points, spacing = len(first.height), spacing_of(first.height)[0]
+    points = len(first.height)
+    spacing = spacing_of(first.height)[0]
     settings = SETTINGS | {"maximum_shift_mm": REACH * points * spacing}
     row = {"pair": name, "points": points, "spacing_um": MM_TO_UM * spacing}
     try:
@@ -147,7 +148,10 @@ def repeat_row(name):
         noise = np.random.default_rng(1).standard_normal(first.height.shape)
         noisy = first.height + noise * change.attrs["change_sigma_um"] / MM_TO_UM
         white = register_patch(first, first.assign(height=noisy), patch=name, **settings)
-        row |= {f"white_{of}": wear_summary(white)[f"{of}_fraction"] for of in ("loss", "gain")}
+        row |= {
+            f"white_{kind}": wear_summary(white)[f"{kind}_fraction"]
+            for kind in ("loss", "gain")
+        }
     return row
 
 
@@ -258,7 +262,8 @@ def summary(rows):
     ``wrong`` are those of the found ones that lie elsewhere than they should. Related pairs are
     counted by whether their turn is `NEAR`.
     """
-    is_related, is_found = rows.kind == "related", rows.found.astype(bool)
+    is_related = rows.kind == "related"
+    is_found = rows.found.astype(bool)
     is_far = is_related & (rows.turn_deg.abs() > NEAR)
     counted = pd.DataFrame({"pairs": 1, "found": is_found})
     counted["wrong"] = is_related & is_found & (rows.error_um > WRONG_UM)

@@ -58,7 +58,8 @@ class Mistaken(NamedTuple):
 def of_stone(seed):
     """Rows of a specimen: each stone, number of patches and mistake."""
     logging.disable()
-    rows, generator = [], np.random.default_rng(seed)
+    rows = []
+    generator = np.random.default_rng(seed)
     for stone, (changes, error_um) in STONES.items():
         config = specimen_config()
         patches = read_study(config, "config")
@@ -117,10 +118,11 @@ def undoing_table(mistake):
 def judged(study, made, error_um):
     """Whether a fault stops the study and names the mistake, or else which patches agree."""
     settings = study.settings["check_placement"] | {"placement_um": error_um}
-    faults, agrees = [], pd.Series(dtype=bool)
+    faults = []
+    agrees = pd.Series(dtype=bool)
     try:
-        found = check_placement(study.face.height, made.table, made.scans, **settings)
-        agrees = found.set_index("patch").status[:-1] == AGREES
+        placed = check_placement(study.face.height, made.table, made.scans, **settings)
+        agrees = placed.set_index("patch").status[:-1] == AGREES
     except InputsError as error:
         faults = error.args[0]
     is_wrong = agrees.index.isin(made.wrong)

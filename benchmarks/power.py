@@ -81,9 +81,11 @@ def p_values(study, *, seed):
     correlation of pressure and loss is also taken over so many patches ``drawn`` at random.
     """
     tables = asked(lambda study: study.scored(seed=seed, resamples=_RESAMPLES), study)
-    patches, summary = tables["patches"], tables["summary"]
+    patches = tables["patches"]
+    summary = tables["summary"]
     summary = summary.assign(statistic=statistic_names(summary))
-    rows, own = [], own_model(list(summary.model))
+    rows = []
+    own = own_model(list(summary.model))
     for row in summary[summary.model.isin(["", own])].itertuples():
         name = row.statistic
         if name.startswith(("gain", "relative")):
@@ -114,7 +116,8 @@ def rejection_rates(p_values):
     for these the number of trials is the effective one, by the spread between specimens (Korn and
     Graubard 1998, Surv. Methodol. 24:193).
     """
-    rows, kinds = [], ["test", "drawn", "wear"]
+    rows = []
+    kinds = ["test", "drawn", "wear"]
     trials = p_values.dropna(subset="p_value").groupby(kinds, sort=False, dropna=False)
     for kind, group in trials:
         counts = group.groupby("seed").size().to_numpy(float)
@@ -127,7 +130,8 @@ def rejection_rates(p_values):
 
 def rate_of(claims, counts):
     """The rate of claims (specimens,) among as many tests, with its interval."""
-    rate, trials = claims.sum() / counts.sum(), counts.sum()
+    rate = claims.sum() / counts.sum()
+    trials = counts.sum()
     row = {"claims": int(claims.sum()), "of": int(trials), "specimens": len(counts)}
     between = ((claims - rate * counts) ** 2).sum() / trials**2
     between *= len(counts) / max(len(counts) - 1, 1)

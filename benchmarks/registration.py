@@ -78,13 +78,13 @@ def level(heights):
 
 def gstlib_register(t0, t1):
     """The project's own."""
-    found = register(
+    match = register(
         make_surface(t0, SPACING),
         make_surface(t1, SPACING),
         maximum_shift_mm=0.3 * len(t0) * SPACING,
     )
-    shift = np.array([found.shift_y_mm, found.shift_x_mm]) / SPACING
-    return Pose(shift, math.radians(found.rotation_deg))
+    shift = np.array([match.shift_y_mm, match.shift_x_mm]) / SPACING
+    return Pose(shift, math.radians(match.rotation_deg))
 
 
 def detail(heights):
@@ -144,7 +144,8 @@ def from_matrix(matrix, centre):
 
 def to_matrix(pose, centre):
     """Matrix (x, y, 1) of T0's points to T1's."""
-    cosine, sine = math.cos(pose.turn), math.sin(pose.turn)
+    cosine = math.cos(pose.turn)
+    sine = math.sin(pose.turn)
     matrix = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     y, x = pose.shift
     matrix[:2, 2] = centre - matrix[:2, :2] @ [centre + x, centre + y]
@@ -159,8 +160,10 @@ def stackreg(t0, t1):
     side = min(size - abs(s) for size, s in zip(t0.shape, start, strict=True))
     part0, part1 = (part[:side, :side] for part in common(smooth(t0), smooth(t1), start))
     matrix = np.asarray(StackReg(StackReg.RIGID_BODY).register(part0, part1))
-    first0, first1 = np.maximum(start, 0), np.maximum(-start, 0)
-    of_t0, of_t1 = np.eye(3), np.eye(3)
+    first0 = np.maximum(start, 0)
+    first1 = np.maximum(-start, 0)
+    of_t0 = np.eye(3)
+    of_t1 = np.eye(3)
     of_t0[:2, 2], of_t1[:2, 2] = -first0[::-1], first1[::-1]
     return from_matrix(of_t1 @ matrix @ of_t0, (len(t1) - 1) / 2)
 
@@ -210,8 +213,11 @@ def ecc(t0, t1):
             # OpenCV's mask is one of the moving image
             mask = cv2.warpAffine(mask, warp, b.shape[::-1], flags=cv2.INTER_NEAREST)
         else:
-            a, b, mask = detail(t0) * 1e3, detail(t1) * 1e3, np.ones(t1.shape, dtype=np.uint8)
-        a, b = a.astype(np.float32), b.astype(np.float32)
+            a = detail(t0) * 1e3
+            b = detail(t1) * 1e3
+            mask = np.ones(t1.shape, dtype=np.uint8)
+        a = a.astype(np.float32)
+        b = b.astype(np.float32)
         _, warp = cv2.findTransformECC(a, b, warp, cv2.MOTION_EUCLIDEAN, stop, mask, smoothing)
         pose = from_matrix(np.vstack([warp, [0, 0, 1]]).astype(float), centre)
     return pose

@@ -70,7 +70,8 @@ def case_table(rows):
 
 def growth_table(rows):
     """Sizes down, codes across groups: iterations, convolutions, CPU, memory; mean over seeds."""
-    factors, groups = growth_factors(rows), {}
+    factors = growth_factors(rows)
+    groups = {}
     for row in rows:
         groups.setdefault(_key(row), []).append(row)
 

@@ -36,7 +36,8 @@ def main():
 
 
 def measure(case, chosen, available, calibration):
-    path, parts = RESULTS / f"{case.name}.csv", [part.lower() for part in chosen.codes]
+    path = RESULTS / f"{case.name}.csv"
+    parts = [part.lower() for part in chosen.codes]
 
     def wanted(label):
         is_chosen = any(part in label.lower() for part in parts)

@@ -44,7 +44,8 @@ def pooled(make, tasks, processes):
     `make` is called with the parts of a task, of which the first names it. Of a task that fails,
     the error is printed, and in the end the script stops with an exit code.
     """
-    tables, failed = {}, []
+    tables = {}
+    failed = []
     # not forked: the transforms' threads would not come along
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         jobs = {pool.submit(make, *task): number for number, task in enumerate(tasks)}

@@ -103,27 +103,29 @@ def enlarge_pebble(times):
     size = tuple(times * length for length in PEBBLE_MM)
     for module in (pebble, stone, generate):
         module.OUTER_SIZE_MM = size
-    pebble._HALF_X, pebble._HALF_Y = size[0] / 2, size[1] / 2
+    pebble._HALF_X = size[0] / 2
+    pebble._HALF_Y = size[1] / 2
 
 
 def snakemake(folder, *arguments):
-    """Run Snakemake there; how it went (wall and CPU s, peak MB), and what it said."""
+    """Run Snakemake there; how it went (wall and CPU s, peak MB), and its output."""
     command = snakemake_command(folder, CONFIG, *arguments)
-    start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    start = time.perf_counter()
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     process = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
     used = {}
     watcher = threading.Thread(target=_watch, args=(process.pid, used))
     watcher.start()
-    said, _ = process.communicate()
+    printed, _ = process.communicate()
     wall = time.perf_counter() - start
     watcher.join()
     if process.returncode:
-        raise SystemExit(said)
+        raise SystemExit(printed)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return {"wall_s": wall, "cpu_s": cpu} | used, said
+    return {"wall_s": wall, "cpu_s": cpu} | used, printed
 
 
 def _watch(pid, used):

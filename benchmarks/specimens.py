@@ -63,7 +63,8 @@ def worn_in_waves(stone):
     """Wear of one depth, that of summits, on ``wear_fraction`` in waves longer than a patch."""
     # ASSUME: wear that follows something other than heights, such as the hand's grip, varies over
     # lengths like the stone's. It has one depth, so it is detected wherever it lies.
-    p, depth = stone.parameters, stone.worn_by_rules()
+    p = stone.parameters
+    depth = stone.worn_by_rules()
     field = self_affine_field(
         stream(p.seed, "wear", "waves"),
         len(depth),

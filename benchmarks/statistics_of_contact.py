@@ -62,19 +62,19 @@ def summary(rows):
     """Means over the surfaces: area over load with its standard error, and what others found."""
     rows = rows.assign(kappa=rows.contact / rows.load, gamma=1 / rows.stiffness)
     groups = rows.groupby(["shortest", "load"])
-    found = groups[["nayak", "contact", "kappa", "gamma", "gap"]].mean()
-    found["error"] = groups.kappa.sem()
-    found["published"] = [PUBLISHED[wave].get(load, math.nan) for wave, load in found.index]
-    found["deviation_percent"] = 100 * (found.kappa / found.published - 1)
-    found["error_percent"] = 100 * found.error / found.kappa
-    found["persson"] = [persson_contact_fraction(load, 1.0, 1.0) for _, load in found.index]
-    return found.reset_index()
+    table = groups[["nayak", "contact", "kappa", "gamma", "gap"]].mean()
+    table["error"] = groups.kappa.sem()
+    table["published"] = [PUBLISHED[wave].get(load, math.nan) for wave, load in table.index]
+    table["deviation_percent"] = 100 * (table.kappa / table.published - 1)
+    table["error_percent"] = 100 * table.error / table.kappa
+    table["persson"] = [persson_contact_fraction(load, 1.0, 1.0) for _, load in table.index]
+    return table.reset_index()
 
 
 def main():
     chosen = options(__doc__, ROWS)
     if not chosen.tables:
-        rows = [row for of in product(PUBLISHED, range(SEEDS)) for row in measured(*of)]
+        rows = [row for case in product(PUBLISHED, range(SEEDS)) for row in measured(*case)]
         save(chosen.output, pd.DataFrame(rows).round(6))
     print(summary(read_table(chosen.output)).round(4).to_string(index=False))
 

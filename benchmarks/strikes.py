@@ -67,7 +67,8 @@ def agreement(worn, *ranked):
     """MCC of a mask with as many points, those of the largest first value, and then second one."""
     order = np.lexsort([values.ravel() for values in ranked[::-1]])
     count = int(worn.sum())
-    share, hit = count / worn.size, worn.ravel()[order[-count:]].mean()
+    share = count / worn.size
+    hit = worn.ravel()[order[-count:]].mean()
     return float((hit - share) / (1 - share))
 
 
@@ -95,7 +96,8 @@ def rows_of(seed):
 
 def struck(contact, patch, seed):
     """The rows of one patch."""
-    smooth, height = solved(contact), contact.interface.height.values
+    smooth = solved(contact)
+    height = contact.interface.height.values
     spacing = contact.interface.for_solver[1][1]
     for positions in POSITIONS:
         pieces = list(faces((patch,), seed, height.shape, spacing, positions))

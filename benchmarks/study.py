@@ -68,7 +68,8 @@ def noted_study(folder, config, cores):
     Returns its wall time (s), its results, and of each rule the CPU time (s) and the modules of
     its interpreters.
     """
-    notes, hook = folder / "notes", folder / "hook"
+    notes = folder / "notes"
+    hook = folder / "hook"
     notes.mkdir()
     hook.mkdir()
     (hook / "sitecustomize.py").write_text(NOTE_USE)
@@ -76,9 +77,11 @@ def noted_study(folder, config, cores):
     start = time.perf_counter()
     results = run_study(folder, config, cores, {"PYTHONPATH": path, "STUDY_NOTES": str(notes)})
     wall = time.perf_counter() - start
-    cpu_s, modules = defaultdict(float), defaultdict(list)
+    cpu_s = defaultdict(float)
+    modules = defaultdict(list)
     for file in sorted(notes.glob("*.json")):
-        note, rule = json.loads(file.read_text()), file.name.split(".")[0]
+        note = json.loads(file.read_text())
+        rule = file.name.split(".")[0]
         cpu_s[rule] += note["cpu_s"]
         modules[rule] = max(modules[rule], note["modules"], key=len)
     return wall, results, cpu_s, modules

@@ -50,8 +50,9 @@ def study_of(config, folder=Path()):
         scan_folder=folder / inputs["scan_folder"],
     )
     files = patches.rename(columns={"t0": "T0", "t1": "T1"}).set_index("patch")
-    known = {name: config["scans"][name] for name in ("unit", "spacing_um")}
-    face, second = (config["counterface"] or {}).get("scan"), counterface_mesh(config, made)
+    reading = {name: config["scans"][name] for name in ("unit", "spacing_um")}
+    face = (config["counterface"] or {}).get("scan")
+    second = counterface_mesh(config, made)
     if second:
         table = (config["gesture"] or {}).get("table")
         moved = {"gesture": {"table": str(folder / table)}} if table else {}
@@ -60,8 +61,10 @@ def study_of(config, folder=Path()):
         config,
         patches,
         read_mesh=lambda: read_mesh(folder / inputs["mesh"], unit=inputs["mesh_unit"]),
-        read_scan=lambda *of: read_scan(folder / inputs["scan_folder"] / files.at[of], **known),
-        read_face=(lambda: read_scan(folder / face, **known)) if face else None,
+        read_scan=lambda *scan: read_scan(
+            folder / inputs["scan_folder"] / files.at[scan], **reading
+        ),
+        read_face=(lambda: read_scan(folder / face, **reading)) if face else None,
         active_tool=ActiveTool.read(**second) if second else None,
     )
 

@@ -63,7 +63,8 @@ percent = functools.partial(values, factor=100)
 
 def assert_same(shown, value):
     """A cell shows these values, rounded; a cell without a number stands for a missing value."""
-    printed, exact = numbers(shown), values(value)
+    printed = numbers(shown)
+    exact = values(value)
     if not printed:
         assert not exact or pd.isna(exact[0]), (shown, value)
         return
@@ -168,8 +169,8 @@ def strengths():
 def claims_of_tests(name, wears):
     whole = rates(name)[rates(name).drawn.isna()].set_index(["test", "wear"])
     for test in SHOWN_TESTS:
-        found = (whole.loc[(test, wear)] for wear in wears)
-        yield [percent([row.rate, row.low, row.high]) for row in found]
+        tests = (whole.loc[(test, wear)] for wear in wears)
+        yield [percent([row.rate, row.low, row.high]) for row in tests]
 
 
 def rough_contact():
@@ -273,7 +274,8 @@ def uses_beyond_the_square():
         for at, by in ((middles, reach * reaches), (truths, 0.0))
     )
     is_beyond = named.any(axis=(0, 2))
-    outside, law = rows.case == "outside", rows.case == "law"
+    outside = rows.case == "outside"
+    law = rows.case == "law"
     counts = [count for case in (outside, law) for count in (is_beyond[case].sum(), case.sum())]
     right = (named & over).any(axis=(0, 2)) & outside
     return *counts, right.sum(), (is_beyond & outside).sum()
@@ -295,12 +297,13 @@ def scales_in_detail():
             ("equilibrium", "S-filter none"),
         )
     )
-    pairs = [part for of in (equilibrium, paper) for part in (percent(of.misplaced), of.f1)]
+    pairs = [part for row in (equilibrium, paper) for part in (percent(row.misplaced), row.f1)]
     return *pairs, highest.f1, unfiltered.f1
 
 
 def edges():
-    square, face = scale_of("paper"), scale_of("equilibrium", radius=1000)
+    square = scale_of("paper")
+    face = scale_of("equilibrium", radius=1000)
     shares = square.edge_of_square, scale_of("true face").edge_of_square, face.edge_of_face
     return map(percent, shares)
 
@@ -313,14 +316,16 @@ def by_patches():
 
 
 def chances():
-    found = chance.rates(rows_of("chance"))
-    claims, held = found["claim", "mean"], found["held", "mean"]
+    rates = chance.rates(rows_of("chance"))
+    claims = rates["claim", "mean"]
+    held = rates["held", "mean"]
     return {"waves": claims["waves"], "pairs": claims["neighbours"], "mean": held["mean of 6"]}
 
 
 def peers():
     cold, path = (pd.read_csv(RESULTS / f"{name}-76.csv") for name in ("rough", "path"))
-    own, reached = cold.cpu_median[0], cold[cold.reached == "yes"]
+    own = cold.cpu_median[0]
+    reached = cold[cold.reached == "yes"]
     fastest = reached.groupby(reached.code.str.split(",").str[0]).cpu_median.min()
     ratios = fastest[["aspher", "slippy", "ContactMechanics", "Tamaas"]] / own
     peer = path.cpu_median[~path.code.str.startswith("gstlib")].min()
@@ -448,7 +453,7 @@ def test_the_rows_are_those_that_their_program_made():
 
 def test_the_evidence_says_how_old_its_rows_are():
     shown = EVIDENCE.read_text().partition(age.BEGIN)[2].partition(age.END)[0]
-    assert shown.strip() == age.said(), "run benchmarks/age.py"
+    assert shown.strip() == age.ages(), "run benchmarks/age.py"
 
 
 def test_rows_are_of_the_program_until_a_module_changes(tmp_path, monkeypatch):
@@ -456,11 +461,11 @@ def test_rows_are_of_the_program_until_a_module_changes(tmp_path, monkeypatch):
     rows = tmp_path / "chance.csv"
     rows.write_text("case\n")
     age.record(rows)
-    now, earlier = age.said().splitlines()
+    now, earlier = age.ages().splitlines()
     assert "`chance.csv`" in now
     assert "`chance.csv`" not in earlier
     monkeypatch.setattr(age, "library_hash", lambda script: "another")
-    assert "`chance.csv`" in age.said().splitlines()[-1]
+    assert "`chance.csv`" in age.ages().splitlines()[-1]
     age.record(rows, adds=True)
     assert age.read()["chance"]["program"] == age.SEVERAL
     age.record(rows)
@@ -487,7 +492,7 @@ def test_repeats_say_which_serve():
     rows = rows_of("repeats")
     shown = [cells[4:6] for cells in table("**Repeats.**")]
     assert shown == [
-        [answers[of] for of in row] for row in rows[["above_noise", "serves"]].values
+        [answers[answer] for answer in row] for row in rows[["above_noise", "serves"]].values
     ]
 
 
@@ -527,14 +532,14 @@ def test_scans_are_found_on_their_own_stone_alone():
 def test_mistakes_in_the_places():
     """As the evidence has them in words."""
     keys = ["stone", "patches", "mistake"]
-    found = pd.read_csv(RESULTS / "placement.csv").set_index(keys).sort_index()
-    assert found.xs("none", level="mistake").stopped.eq(0).all()
-    every = found.loc["default", 25]
+    studies = pd.read_csv(RESULTS / "placement.csv").set_index(keys).sort_index()
+    assert studies.xs("none", level="mistake").stopped.eq(0).all()
+    every = studies.loc["default", 25]
     assert every.wrong_agree.eq(0).all()
     assert every.loc[[placement.EXCHANGED, *placement.MIRRORED], "stopped"].eq(1).all()
     turned = every.loc[placement.ORIENTED].mean()
-    half = found.xs(placement.SOME[1], level="mistake").stopped
-    agreeing = found.xs("none", level="mistake").right_agree
+    half = studies.xs(placement.SOME[1], level="mistake").stopped
+    agreeing = studies.xs("none", level="mistake").right_agree
     noisy, coarse = ((stone, 25) for stone in ("mesh noise 3 µm", "mesh edges 0.45 mm"))
     text = " ".join(EVIDENCE.read_text().partition("Mistakes in the places")[2].split())
     for share, sentence in (

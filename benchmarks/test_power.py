@@ -7,8 +7,6 @@ import pandas as pd
 import power
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from power import LEVELS, OF_BARE, OF_INTERLAYER, main, p_values, rejection_rates
 from runner import ROOT
 from scipy.stats import binomtest
@@ -60,45 +58,46 @@ def test_trials_that_repeat_each_other_count_once_and_independent_ones_each():
     )
 
 
-@settings(max_examples=25, deadline=None)
-@given(st.lists(st.lists(st.floats(0, 1), min_size=1, max_size=6), min_size=1, max_size=12))
-def test_rates_grow_with_the_level_and_lie_in_their_intervals(by_specimen):
-    rates = rates_of(by_specimen)
-    assert (rates.rate.diff().dropna() >= 0).all()
-    ordered = rates.assign(zero=0, one=1)[["zero", "low", "rate", "high", "one"]]
-    assert (np.diff(ordered.to_numpy(float), axis=1) >= -1e-12).all()
+def test_the_specimens_are_those_of_a_study_that_can_be_run():
+    config = specimen_config(power.CONFIG)
+    assert config_problems(config) == []
+    assert config["interlayer"]["young_MPa"] < config["material"]["young_1_MPa"]
 
 
 class Scored:
-    """A study with ten patches, nine of which are in it, and with these values and p-values."""
+    """A study with ten patches, nine of which are in it."""
 
-    def __init__(self, **values):
-        rows = [("archard", name, value, p, 9) for name, (value, p) in values.items()]
-        rows.append(("rigid", "mean(mcc)", 0.5, np.nan, 9))
-        rows.append(("", "spearman(pressure_MPa, loss_fraction)", 0.9, 0.001, 9))
-        names = ["model", "statistic", "value", "p_value", "n"]
-        summary = pd.DataFrame(rows, columns=names)
-        self.summary = separated(summary).reindex(columns=columns_of("validation_summary"))
-        number, rising = (
-            np.arange(10),
-            np.arange(10.0) % 5,
-        )  # also over the first four of the nine
-        lost = {"loss_fraction": rising, "mean_wear_depth_um": rising}
-        self.registration = self.table(**lost, above_noise=True, known_fraction=1.0)
-        places = {"x_mm": 1.0 * (number % 3), "y_mm": 1.0 * (number // 3)}
-        self.selected = self.table(**places, pressure_MPa=10.0 + number, in_study=number > 0)
-
-    def table(self, **columns):
-        return pd.DataFrame({"patch": [str(number) for number in range(10)]} | columns)
+    number = np.arange(10)
+    rising = number % 5.0  # also over the first four of the nine
+    patches = pd.DataFrame({"patch": number.astype(str)})
+    registration = patches.assign(
+        loss_fraction=rising, mean_wear_depth_um=rising, above_noise=True, known_fraction=1.0
+    )
+    selected = patches.assign(
+        x_mm=1.0 * (number % 3),
+        y_mm=1.0 * (number // 3),
+        pressure_MPa=10.0 + number,
+        in_study=number > 0,
+    )
 
     def scored(self, *, seed, resamples):
-        patches = self.table(contact_fraction=0.1, predicted_loss_um=0.1)
-        return {"patches": patches, "summary": self.summary}
+        rows = [
+            ("archard", "gain(mcc)", 0.1, 0.04),
+            ("archard", "relative(map_error)", 1.2, 0.02),
+            ("rigid", "mean(mcc)", 0.5, np.nan),
+            ("", "spearman(pressure_MPa, loss_fraction)", 0.9, 0.001),
+        ]
+        summary = separated(
+            pd.DataFrame(rows, columns=["model", "statistic", "value", "p_value"])
+        )
+        columns = columns_of("validation_summary")
+        patches = self.patches.assign(contact_fraction=0.1, predicted_loss_um=0.1)
+        return {"patches": patches, "summary": summary.reindex(columns=columns).assign(n=9)}
 
 
 def test_a_difference_is_claimed_on_the_side_where_it_lies():
-    study = Scored(**{"gain(mcc)": (0.1, 0.04), "relative(map_error)": (1.2, 0.02)})
-    table = p_values(study, seed=[1, 5])
+    table = p_values(Scored(), seed=[1, 5])
+    alone = table[table.drawn.isna()].set_index("test").p_value
     expected = {
         "better: gain(mcc)": 0.02,
         "worse: gain(mcc)": 0.98,
@@ -106,67 +105,37 @@ def test_a_difference_is_claimed_on_the_side_where_it_lies():
         "worse: relative(map_error)": 0.01,
         "spearman(pressure_MPa, loss_fraction)": 0.001,
     }  # means are not tested
-    alone = table[table.drawn.isna()].set_index("test").p_value
     assert alone.to_dict() == pytest.approx(expected)
     drawn = table.dropna(subset="drawn")
     assert set(drawn.drawn) == {4, 6, 8}  # never the one that is not in the study
     assert (drawn.patches == drawn.drawn).all()
-    of_four = [
-        p_values(study, seed=[1, seed]).query("drawn == 4").p_value.item() for seed in range(4)
-    ]
-    assert np.ptp(of_four) > 0.2  # other patches each time
 
 
-@pytest.mark.parametrize("inferred", [False, True])
-def test_the_later_studies_share_what_precedes_use_and_nothing_else(inferred):
+@pytest.mark.parametrize("is_inferred", [False, True])
+def test_the_later_studies_share_what_precedes_use_and_nothing_else(is_inferred):
     """The contact does not, where the wear says how the tool was used."""
-    config = CONFIG if inferred else merged(CONFIG, {"use": None})
+    config = CONFIG if is_inferred else merged(CONFIG, {"use": None})
     row = {"patch": ["a"], "x_mm": 2.5, "y_mm": 2.5, "rotation_deg": 0.0, "t0": "a", "t1": "b"}
     patches = pd.DataFrame(row | {"crop_x_mm": np.nan, "crop_y_mm": np.nan})
     stages = {}
     for wear, study in specimen_studies(config, patches, 3):
         assert "worn_square" not in vars(study)
         study.worn_square = wear  # as if it had been asked for
-        of_wear = {"change": study.changes["a"], "T0": study.prepared["a", "T0"]}
-        of_wear |= {"T1": study.prepared["a", "T1"], "contact": study.contacts["a"]}
-        of_wear |= {"square": study.contact, "places": study.pressures}
-        stages[wear] = of_wear | {"selected": study.selected}
+        stages[wear] = {
+            "change": study.changes["a"],
+            "T0": study.prepared["a", "T0"],
+            "T1": study.prepared["a", "T1"],
+            "contact": study.contacts["a"],
+            "square": study.contact,
+            "pressures": study.pressures,
+            "selected": study.selected,
+        }
     assert tuple(stages) == BY_RULE
-    summits = stages.pop("summits")
-    for other in stages.values():
-        shared = {stage for stage in summits if other[stage] is summits[stage]}
-        assert shared == {"T0"} | (set() if inferred else {"contact", "square", "places"})
-        assert not any(other[stage].equals(summits[stage]) for stage in ("change", "T1"))
-
-
-def test_the_specimens_are_those_of_a_study_that_can_be_run():
-    config = specimen_config(power.CONFIG)
-    assert config_problems(config) == []
-    assert config["interlayer"]["young_MPa"] < config["material"]["young_1_MPa"]
-
-
-@pytest.mark.parametrize(("interlayer", "wears"), [(False, OF_BARE), (True, OF_INTERLAYER)])
-def test_an_interlayer_is_asked_for_only_where_it_is_said(monkeypatch, interlayer, wears):
-    rows = pd.DataFrame({"drawn": [np.nan], "p_value": 0.5, "test": "mcc"})
-    asked = []
-
-    class Study:
-        use = None
-
-    def studies(config, patches, seed, wears):
-        asked.append(config["interlayer"])
-        return [(wear, Study) for wear in wears]
-
-    monkeypatch.setattr(power, "specimen_studies", studies)
-    monkeypatch.setattr(power, "p_values", lambda study, seed: rows)
-    config = {"seed": 1, "interlayer": "soft"}
-    table = power.specimen_p_values(config, rows, 2005, interlayer)
-    assert asked == ["soft" if interlayer else None]
-    assert list(table.wear) == list(wears)
-    assert set(table.test) == {"mcc, with an interlayer" if interlayer else "mcc"}
-    assert set(table.seed) == {2005}
-    some = power.specimen_p_values(config, rows, 2005, interlayer, wears=["summits"])
-    assert set(some.wear) == {"summits"}
+    of_use = set() if is_inferred else {"contact", "square", "pressures"}
+    first, *others = stages.values()
+    for other in others:
+        assert {stage for stage in first if other[stage] is first[stage]} == {"T0"} | of_use
+        assert not any(other[stage].equals(first[stage]) for stage in ("change", "T1"))
 
 
 def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights():
@@ -178,17 +147,16 @@ def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights():
         for placement, depth in depths.items():
             relation[placement].append(np.corrcoef(depth.ravel(), stone.detail.ravel())[0, 1])
         # the modulus of the spectrum is that of all shifts, and of hardly anything else
-        spectra = {
-            name: np.abs(np.fft.rfft2(depth - depth.mean())) for name, depth in depths.items()
-        }
-        atol = 1e-9 * spectra["summits"].max()
-        np.testing.assert_allclose(spectra["random"], spectra["summits"], atol=atol)
-        # up to four cycles over the square: waves longer than a patch
-        long = {name: (of[:5, :5] ** 2).sum() / (of**2).sum() for name, of in spectra.items()}
-        assert long["waves"] > 1.5 * long["summits"]
-        assert (depths["waves"] > 0).mean() == pytest.approx(parameters.wear_fraction, abs=1e-3)
+        summits, moved = (
+            np.abs(np.fft.rfft2(depths[name] - depths[name].mean()))
+            for name in ("summits", "random")
+        )
+        np.testing.assert_allclose(moved, summits, atol=1e-9 * summits.max())
+        worn = (depths["waves"] > 0).mean()
+        assert worn == pytest.approx(parameters.wear_fraction, abs=1e-3)
     for placement in ("random", "waves"):
-        mean, spread = np.mean(relation[placement]), np.std(relation[placement], ddof=1)
+        mean = np.mean(relation[placement])
+        spread = np.std(relation[placement], ddof=1)
         assert abs(mean) < 3 * spread / np.sqrt(6)  # on each, few and broad waves allow more
         assert min(relation["summits"]) > 3 * np.abs(relation[placement]).max()
 
@@ -196,18 +164,17 @@ def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights():
 @pytest.mark.slow
 def test_two_specimens_from_their_making_to_the_rates(tmp_path, capsys):
     """As small as that of the tiny study; one of them is studied with an interlayer, too."""
-    sections = {
-        name: TINY[name] for name in ("patches", "specimen", "macroscale", "microscale")
-    }
-    small, rows = tmp_path / "small.yaml", tmp_path / "power.csv"
-    small.write_text(yaml.safe_dump(sections | {"wear_steps": 2}))
+    sections = "patches", "specimen", "macroscale", "microscale"
+    changes = {name: TINY[name] for name in sections} | {"wear_steps": 2}
+    small = tmp_path / "small.yaml"
+    rows = tmp_path / "power.csv"
+    small.write_text(yaml.safe_dump(changes))
     config = ["--config", str(power.CONFIG), str(small), "--output", str(rows)]
     main([*config, "--specimens", "2", "--interlayers", "1"])
     table = read_table(rows)
     assert set(table.wear) == {*OF_BARE, *OF_INTERLAYER}
     assert table.groupby("test").seed.nunique()["tested_mean(mcc)"] == 2
     assert set(table.seed[table.test.str.endswith(power.WITH_INTERLAYER)]) == {2001}
-    assert table.p_value.dropna().between(0, 1).all()
     printed = capsys.readouterr().out
     main([*config, "--tables"])
     assert capsys.readouterr().out in printed

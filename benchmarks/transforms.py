@@ -22,8 +22,8 @@ ROWS = RESULTS / "transforms.csv"
 BY = {"SciPy": False, "ducc0": True}
 
 
-def main():
-    chosen = options(__doc__, ROWS, repeats=9)
+def measured(repeats):
+    """A row for each problem, library and repeat."""
     case = CASES["rough-76"]
     problem = case.surface.heights(), case.surface.spacing, MODULUS
     solve = {
@@ -32,21 +32,26 @@ def main():
     }
     rows = []
     for name, run in solve.items():
-        for repeat in range(-1, chosen.repeats):  # the first is not counted
+        for repeat in range(-1, repeats):  # the first is not counted
             for by, transforms.HAS_DUCC0 in BY.items():
                 start = time.process_time()
                 run()
                 if repeat >= 0:
                     rows.append((name, by, time.process_time() - start))
-    table = pd.DataFrame(rows, columns=["case", "transforms", "cpu_s"])
-    save(chosen.output, table)
-    print(ratios(table).round(3).to_string())
+    return pd.DataFrame(rows, columns=["case", "transforms", "cpu_s"])
 
 
 def ratios(table):
     """Medians of both, and by how much SciPy takes longer."""
     median = table.groupby(["case", "transforms"], sort=False).cpu_s.median().unstack()
     return median.assign(ratio=median.SciPy / median.ducc0)
+
+
+def main():
+    chosen = options(__doc__, ROWS, repeats=9)
+    if not chosen.tables:
+        save(chosen.output, measured(chosen.repeats))
+    print(ratios(pd.read_csv(chosen.output)).round(3).to_string())
 
 
 if __name__ == "__main__":

@@ -113,7 +113,8 @@ class Truth(NamedTuple):
 
 def scanned(stone, surface, patches, parameters):
     """Scans before use; their true places and slopes."""
-    scans, places = {}, []
+    scans = {}
+    places = []
     for row in patches.itertuples():
         nominal = PatchPosition(row.y_mm, row.x_mm, row.rotation_deg)
         place, _ = place_scans(
@@ -159,7 +160,8 @@ def truth_of(study, stone, surface, distance_mm):
 
     It is the contact of the same study, were its face the true one, and its load point known.
     """
-    config, size_mm = study.config, stone.square_mm
+    config = study.config
+    size_mm = stone.square_mm
     grid = config["macroscale"]["grid"]
     around = (study.face.sizes["x"] - grid) // 2
     height = study.face.height.copy(data=stone.face_means(grid, around))
@@ -243,7 +245,8 @@ def rows_of(predicted, truth):
     """How far each variant is from the truth."""
     study, places, contacts = predicted
     reference = predicted.reference(truth)
-    true, lost = reference.pressure.values, losses(truth, predicted)
+    true = reference.pressure.values
+    lost = losses(truth, predicted)
     rows = {}
     for variant, (pressures, field) in pressures_by_variant(predicted, truth).items():
         square = square_of(field, predicted.size_mm)
@@ -272,7 +275,8 @@ def losses(truth, predicted):
 
 def pressures_by_variant(predicted, truth):
     """The pressures of the patches, and the field that they are taken from."""
-    study, field = predicted.study, truth.contact.pressure
+    study = predicted.study
+    field = truth.contact.pressure
     pressures = study.pressures
     true = patch_pressures(field, predicted.places, size_mm=predicted.patch_mm)
     return {
@@ -314,7 +318,8 @@ def held_by_intervals(predicted, truth, error_mm):
 
     The study knows the load point up to `error_mm` along each axis.
     """
-    study, size_mm = predicted.study, predicted.size_mm
+    study = predicted.study
+    size_mm = predicted.size_mm
     errors = study.config["uncertainty"] | CAN_BE_KNOWN
     limits = pressure_intervals(
         Macroscale(study.face, study.composite, None),
@@ -340,8 +345,7 @@ def specimen(config, seed, cases, bounded):
     config = merged(config, {"specimen": {"seed": seed}})
     parameters = SpecimenParameters(**config["specimen"])
     stone = Stone(parameters, size_mm)
-    surface = stone.macroscale(stone.grid, stone.grid) + stone.detail
-    surface = surface.astype(np.float32)
+    surface = stone.heights().astype(np.float32)
     truths = {}
     for trial, of_trial in groupby(cases, lambda case: case.trial):
         study, places = study_of(merged(config, TRIALS[trial]), surface, patches)
@@ -381,7 +385,8 @@ def summary(rows):
     """By case and variant: means over specimens, scores pooled, with 95 % bootstrap intervals."""
     summaries = []
     for key, group in rows.groupby(OF_ROW, sort=False):
-        touching, true = group.contact_fraction, group.reference_contact_fraction
+        touching = group.contact_fraction
+        true = group.reference_contact_fraction
         hits = touching * group.precision.fillna(0)
         row = dict(zip(OF_ROW, key, strict=True)) | {"specimens": len(group)}
         row |= {name: interval(group[name], np.ones(len(group))) for name in MEANS}

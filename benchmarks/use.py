@@ -134,7 +134,8 @@ class Trial(NamedTuple):
 def drawn_use(config, seed):
     """A use from the prior of the study, as parameters of a specimen."""
     generator = np.random.default_rng([seed, 8])
-    errors, half = config["uncertainty"], config["square"]["size_mm"] / 2
+    errors = config["uncertainty"]
+    half = config["square"]["size_mm"] / 2
     off = errors["load_point_mm"] * generator.standard_normal(2)
     off = np.clip(off, EDGE_MM - half, half - EDGE_MM)
     log_radius = errors["radius_log_sd"] * generator.standard_normal()
@@ -144,7 +145,8 @@ def drawn_use(config, seed):
 
 def worn_stone(config, patches, seed, faces):
     """The stone of a seed, worn by the law, or as the folder `faces` keeps it."""
-    use, file = drawn_use(config, seed), faces and faces / f"{seed}.pkl"
+    use = drawn_use(config, seed)
+    file = faces and faces / f"{seed}.pkl"
     settings = Settings(**config).by_stage()["infer_use"]
     stated = StatedUse(**settings.pop("stated"))
     point = np.array([*stated.load_point, np.log(use["worn_radius_mm"])])
@@ -249,7 +251,8 @@ def outside(stone, generator):
 
 def two_radii(stone, generator, *, is_told):
     """A tool of two radii; the study is told a round one, or the true form."""
-    radius, angle = stone.stated.radius_mm, generator.uniform(0, 180)
+    radius = stone.stated.radius_mm
+    angle = generator.uniform(0, 180)
     middle = 2 * (float(stone.face.size_mm) / 2,)
     radii = radius * ASPECT**0.5, radius / ASPECT**0.5
     over = rounded_counterface(stone.face.height, radii, middle, angle)
@@ -286,11 +289,13 @@ def blob(stone, generator):
 
 def tilted(stone, generator):
     """What lies above a tilted plane."""
-    angle, tilt = generator.uniform(0, 2 * np.pi), 1e-3 * generator.uniform(*TILT_MRAD)
+    angle = generator.uniform(0, 2 * np.pi)
+    tilt = 1e-3 * generator.uniform(*TILT_MRAD)
     y, x = places(stone)
     height = np.nan_to_num(stone.face.height.values)
     height = height - tilt * (y * np.sin(angle) + x * np.cos(angle))
-    share, inside = generator.uniform(*ABOVE_PLANE), by_patch(stone, np.ones_like(y))
+    share = generator.uniform(*ABOVE_PLANE)
+    inside = by_patch(stone, np.ones_like(y))
     middle = by_patch(stone, height) / inside
     levels = np.linspace(middle.min(), middle.max(), 50)
     depths = [np.maximum(height - level, 0) for level in levels]
@@ -301,7 +306,8 @@ def tilted(stone, generator):
 
 def gradient(stone, generator):
     """A ramp in any direction, from a line through the inner half of the square."""
-    size, angle = float(stone.face.size_mm), generator.uniform(0, 2 * np.pi)
+    size = float(stone.face.size_mm)
+    angle = generator.uniform(0, 2 * np.pi)
     (y, x), middle = places(stone), generator.uniform(size / 4, 3 * size / 4, 2)
     along = (y - middle[0]) * np.sin(angle) + (x - middle[1]) * np.cos(angle)
     return np.maximum(along, 0)
@@ -413,7 +419,8 @@ def error_at(pressure, losses):
 
 def row_of(trial, case):
     """What the wear of one stone tells in one case."""
-    stone, evidence = trial.stone, trial.evidence
+    stone = trial.stone
+    evidence = trial.evidence
     settings = {key: value for key, value in stone.settings.items() if key != "wear_law"}
     sampling = Sampling(**settings.pop("sampling"))
     row = {"seed": stone.seed, "case": case, "patches": len(stone.patches)}
@@ -440,7 +447,8 @@ def row_of(trial, case):
 
 def inferred(use, true):
     """The inferred use, beside the truth."""
-    draws, weight = use.assign(log_radius=np.log(use.radius_mm)), use.weight.values
+    draws = use.assign(log_radius=np.log(use.radius_mm))
+    weight = use.weight.values
     row = {"log_score": float(use.log_score.sum())}
     row["least_draws"] = float(use.effective_sample_size_without.min())
     for name in _POINT + _STRIKES:
@@ -454,7 +462,8 @@ def inferred(use, true):
 
 def stone_rows(config, patches, faces, seed, cases):
     """The rows of one stone in some cases."""
-    stone, rows = worn_stone(config, patches, seed, faces), []
+    stone = worn_stone(config, patches, seed, faces)
+    rows = []
     for case in cases:
         generator = np.random.default_rng([seed, 9, list(CASES).index(case)])
         rows.append(row_of(CASES[case][1](stone, generator), case))

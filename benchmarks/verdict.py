@@ -55,9 +55,9 @@ def scored(study, strengths):
         seed=1,
         resamples=99,
     )
-    known = tables["patches"][["patch", "in_statistics"]]
-    known = known.merge(study.selected[["patch", "pressure_MPa"]], on="patch")
-    return tables["wear"].merge(known, on="patch")
+    counted = tables["patches"][["patch", "in_statistics"]]
+    counted = counted.merge(study.selected[["patch", "pressure_MPa"]], on="patch")
+    return tables["wear"].merge(counted, on="patch")
 
 
 def rows_of(seed, strengths):
@@ -119,7 +119,8 @@ def _shown(estimate):
 def main():
     chosen = options(__doc__, RESULT, seeds=list(SEEDS))
     if not chosen.tables:
-        first, there = chosen.seeds[:WITH_STRENGTHS], in_file(chosen.output)
+        first = chosen.seeds[:WITH_STRENGTHS]
+        there = in_file(chosen.output)
         tasks = [
             (seed, STRENGTHS if seed in first else ())
             for seed in chosen.seeds

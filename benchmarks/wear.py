@@ -36,7 +36,10 @@ def main():
     once = cpu_time(lambda: solve_contact(heights, *elastic, mean_pressure=PRESSURE))
     print(f"ten implicit steps take {cpu_time(worn) / once:.1f} times one cold contact")
 
-    path, sinking, pressure, convolutions = worn(), heights.copy(), None, 0
+    path = worn()
+    sinking = heights.copy()
+    pressure = None
+    convolutions = 0
     for _ in range(EXPLICIT):
         state = solve_contact(
             sinking, *elastic, mean_pressure=PRESSURE, initial_pressure=pressure

@@ -92,8 +92,8 @@ class _Stage(dict):
         self._compute = compute
 
     def __missing__(self, key: Hashable) -> Any:
-        self[key] = found = self._compute(key)
-        return found
+        self[key] = result = self._compute(key)
+        return result
 
 
 class Study:
@@ -117,6 +117,30 @@ class Study:
         which a repeat is one; and that of the active tool's own face, if it was scanned.
     active_tool : ActiveTool, optional
         By default the active tool is flat, or rounded as the config says.
+
+    Examples
+    --------
+    The upper side of a block, before anything is scanned, under a handstone of 100 mm:
+
+    >>> import gstlib, trimesh
+    >>> block = trimesh.creation.box((4, 4, 3))
+    >>> for _ in range(4):
+    ...     block = block.subdivide()
+    >>> points_mm = [[1.0, 1.0, 1.5], [-1.0, 1.0, 1.5], [1.0, -1.0, 1.5]]
+    >>> study = gstlib.Study(
+    ...     {
+    ...         "square": {"size_mm": 2.0, "points_mm": points_mm},
+    ...         "macroscale": {"grid": 16, "face_mm": 3.0},
+    ...         "load": {"force_N": 50.0},
+    ...         "counterface": {"radius_mm": 100.0},
+    ...     },
+    ...     pd.DataFrame({"patch": [], "t1": []}),
+    ...     read_mesh=lambda: block,
+    ...     read_scan=lambda patch, epoch: None,
+    ... )
+    >>> study.composite = study.face  # no scans are laid on it
+    >>> round(float(study.contact.pressure.max()), 1)  # MPa
+    46.7
     """
 
     def __init__(
@@ -131,11 +155,12 @@ class Study:
     ):
         if not isinstance(settings, Settings):
             settings = Settings(**settings)
-        self.config, self.settings = settings.model_dump(), settings.by_stage()
+        self.config = settings.model_dump()
+        self.settings = settings.by_stage()
         self.patches, self.active_tool = patches, active_tool
         self.read_mesh, self.read_scan, self.read_face = read_mesh, read_scan, read_face
         self.worn = patches.patch[patches.t1 != ""].tolist()
-        self.prepared = _Stage(lambda of: self.prepare(*of))
+        self.prepared = _Stage(lambda scan: self.prepare(*scan))
         self.changes = _Stage(self._register)
         self.contacts = _Stage(lambda patch: self.contact_in(settings.coupling, patch))
         self._before = _Stage(lambda patch: self.prepared[patch, "T0"])
@@ -153,8 +178,8 @@ class Study:
         """What is pressed: the scans laid on the face, from `compose_surface`, or it alone."""
         if self.config["coupling"] == PAPER:
             return self.face
-        given = self.face, self.patches, self._before
-        return compose_surface(*given, **self.settings["compose_surface"])
+        settings = self.settings["compose_surface"]
+        return compose_surface(self.face, self.patches, self._before, **settings)
 
     @cached_property
     def use(self) -> xr.Dataset | None:
@@ -162,8 +187,8 @@ class Study:
         config = self.config
         if config["use"] is None or config["coupling"] == PAPER or not self.worn:
             return None
-        given = self.composite, self.patches, self.registration
-        return use_of_study(*given, **self.settings["infer_use"])[0]
+        stages = self.composite, self.patches, self.registration
+        return use_of_study(*stages, **self.settings["infer_use"])[0]
 
     @cached_property
     def contact(self) -> Contact:
@@ -189,8 +214,8 @@ class Study:
     @cached_property
     def placement(self) -> pd.DataFrame:
         """Whether the patches lie where the patch table says, from `check_placement`."""
-        given = self.face.height, self.patches, self._before
-        return check_placement(*given, **self.settings["check_placement"])
+        settings = self.settings["check_placement"]
+        return check_placement(self.face.height, self.patches, self._before, **settings)
 
     @cached_property
     def counterface(self) -> xr.DataArray | None:
@@ -220,16 +245,16 @@ class Study:
     @cached_property
     def selected(self) -> pd.DataFrame:
         """Every patch with its pressures and whether it is in the study, from `select_patches`."""
-        given = self.pressures, self.contact.pressure, self.registration
-        pressures = covered_pressures(*given, **self.settings["couple_scales"])
+        stages = self.pressures, self.contact.pressure, self.registration
+        pressures = covered_pressures(*stages, **self.settings["couple_scales"])
         return select_patches(pressures, self.registration, self.config["selection"])
 
     @cached_property
     def worn_square(self) -> WornSquare | None:
         """The square as it wears, from `fit_wear`."""
-        given = self.contact, self.selected, self.registration
+        stages = self.contact, self.selected, self.registration
         maps = PatchMaps(self.contacts, self.changes)
-        return fit_wear(*given, maps, **self.settings["fit_wear"])
+        return fit_wear(*stages, maps, **self.settings["fit_wear"])
 
     def prepare(self, patch: str, epoch: str) -> xr.Dataset:
         """A clean scan, from `prepare_patch`."""
@@ -243,10 +268,16 @@ class Study:
 
     def contact_in(self, variant: str, patch: str) -> Contact:
         """Contact of a patch at its own pressure in a variant of the coupling."""
-        settings = Microscale(**self.settings["solve_patches"])
-        given = self.prepared[patch, "T0"], self.pressures, settings, patch, variant
-        stone: dict[str, Any] = {"composite": self.composite, "contact": self.contact}
-        return solve_patch(*given, **stone, counterface=self.counterface)
+        return solve_patch(
+            self.prepared[patch, "T0"],
+            self.pressures,
+            Microscale(**self.settings["solve_patches"]),
+            patch,
+            variant,
+            composite=self.composite,
+            contact=self.contact,
+            counterface=self.counterface,
+        )
 
     def scored(self, **drawn: Any) -> dict[str, pd.DataFrame]:
         """The tables of `score_wear`, of the losses from `predict_wear`.
@@ -256,9 +287,11 @@ class Study:
         contacts = {patch: self.contacts[patch] for patch in self.worn}
         changes = {patch: self.changes[patch] for patch in self.worn}
         depths = dict(predict_wear(contacts, self.worn_square, **self.settings["predict_wear"]))
-        given = contacts, changes, Prediction.of(depths, self.worn_square)
+        prediction = Prediction.of(depths, self.worn_square)
         settings = self.settings["score_wear"] | drawn
-        return score_wear(*given, self.selected, self.registration, **settings)
+        return score_wear(
+            contacts, changes, prediction, self.selected, self.registration, **settings
+        )
 
     def _register(self, patch: str) -> xr.Dataset:
         """Height change of a patch, from `register_patch`."""

@@ -12,19 +12,17 @@ TURN = trimesh.transformations.euler_matrix(0.7, -0.4, 1.9)
 
 def rough_stone(path):
     """A slab with a rough upper face: its heights on fine elements, and its mesh of 0.2 mm."""
-    rng = np.random.default_rng(8)
-    waves = sum(gaussian_filter(rng.normal(size=2 * (round(FACE / FINE),)), s) * s for s in (6, 25))
+    noise = np.random.default_rng(8)
+    points = round(FACE / FINE)
+    waves = sum(gaussian_filter(noise.normal(size=(points, points)), s) * s for s in (6, 25))
     heights = 0.03 * waves / waves.std()
-    y, x = np.mgrid[0:FACE:121j, 0:FACE:121j]
-    at = y / FINE - 0.5, x / FINE - 0.5
-    top = map_coordinates(gaussian_filter(heights, 5), at, mode="nearest")
-    n, count = 121, 121 * 121
-    corner = np.arange(count).reshape(n, n)[:-1, :-1].ravel()
-    faces = np.array([[0, 1, n + 1], [0, n + 1, n]])
-    up = (corner[:, None, None] + faces).reshape(-1, 3)
-    points = np.stack([x, y, top], axis=-1).reshape(-1, 3)
-    under = np.stack([x, y, np.full_like(x, -8)], axis=-1).reshape(-1, 3)
-    slab = trimesh.Trimesh(np.vstack([points, under]), np.vstack([up, up[:, ::-1] + count]))
+    n = 121
+    y, x = np.mgrid[0 : FACE : n * 1j, 0 : FACE : n * 1j]
+    top = sampled(gaussian_filter(heights, 5), y, x, order=3, mode="nearest")
+    corner = np.arange(n * n).reshape(n, n)[:-1, :-1].reshape(-1, 1, 1)
+    up = np.add(corner, [[0, 1, n + 1], [0, n + 1, n]]).reshape(-1, 3)
+    sides = [np.stack([x, y, z], axis=-1).reshape(-1, 3) for z in (top, np.full_like(x, -8))]
+    slab = trimesh.Trimesh(np.vstack(sides), np.vstack([up, up[:, ::-1] + n * n]))
     slab.apply_transform(TURN)
     slab.export(path)
     return heights
@@ -32,8 +30,12 @@ def rough_stone(path):
 
 def taken(heights, centre, turn, side, step, mirrored=False):
     """A scan of the stone with its centre at (y, x), mm."""
-    along = (np.arange(round(side / step)) - (round(side / step) - 1) / 2) * step
-    y, x = PatchPosition(*centre, turn).points(
-        along[:, None], (-along if mirrored else along)[None, :]
-    )
-    return map_coordinates(heights, [y / FINE - 0.5, x / FINE - 0.5], order=3)
+    count = round(side / step)
+    along = (np.arange(count) - (count - 1) / 2) * step
+    y, x = PatchPosition(*centre, turn).points(along[:, None], -along if mirrored else along)
+    return sampled(heights, y, x, order=3)
+
+
+def sampled(heights, y, x, **options):
+    """Heights of the stone at (y, x), mm."""
+    return map_coordinates(heights, [y / FINE - 0.5, x / FINE - 0.5], **options)

@@ -10,18 +10,12 @@ import pandas as pd
 import pytest
 
 
-def test_the_names_are_few_and_shown():
+def test_the_names_are_few_and_documented():
     assert 40 < len(gstlib.__all__) <= 60
-    assert set(gstlib.__all__) <= set(dir(gstlib))
-    with pytest.raises(AttributeError, match="no_such_name"):
-        _ = gstlib.no_such_name
-
-
-@pytest.mark.parametrize("name", gstlib.__all__)
-def test_a_name_is_found_and_has_a_summary(name):
-    summary = (getattr(gstlib, name).__doc__ or "").partition("\n")[0]
-    assert len(summary) > 10
-    assert not summary.startswith(f"{name}(")  # as dataclasses without a docstring have it
+    for name in gstlib.__all__:
+        summary = (getattr(gstlib, name).__doc__ or "").partition("\n")[0]
+        assert len(summary) > 10, name
+        assert not summary.startswith(f"{name}(")  # as dataclasses without a docstring have it
 
 
 def test_nothing_is_loaded_before_it_is_used():
@@ -31,20 +25,20 @@ import sys, gstlib
 def loaded(): return {name.partition(".")[0] for name in sys.modules} & {"numpy", "scipy", "xarray"}
 print(sorted(loaded()), gstlib.contact_modulus(1, 0, 1, 0), gstlib.bem.__name__, sorted(loaded()))
 """
-    result = subprocess.run(
-        [sys.executable, "-c", program], check=True, capture_output=True, text=True
-    )
-    assert result.stdout == "[] 0.5 gstlib.bem ['numpy', 'scipy']\n"
+    printed = subprocess.check_output([sys.executable, "-c", program], text=True)
+    assert printed == "[] 0.5 gstlib.bem ['numpy', 'scipy']\n"
 
 
 def test_a_study_opens_without_a_config_and_refuses_wrong_settings():
     empty = pd.DataFrame({"patch": [], "t1": []})
     readers = {"read_mesh": lambda: None, "read_scan": lambda *_: None}
-    for settings in (gstlib.Settings(), {}, {"seed": 1.0}):
+    for settings in (gstlib.Settings(), {"seed": 1.0}):
         assert gstlib.Study(settings, empty, **readers).config["load"]["force_N"] == 550
-    wrong = {"seed": "5", "colour": 1}, {"load": {}, "counterface": {"mesh": "a"}}
-    for settings, places in zip(wrong, (["seed", "colour"], ["pose", "load"]), strict=True):
-        with pytest.raises(ValueError, match=rf"(?s){places[0]}.*{places[1]}"):
+    for settings, problems in (
+        ({"seed": "5", "colour": 1}, "(?s)seed.*colour"),
+        ({"load": {}, "counterface": {"mesh": "a"}}, "(?s)pose.*load"),
+    ):
+        with pytest.raises(ValueError, match=problems):
             gstlib.Study(settings, empty, **readers)
 
 

@@ -133,7 +133,8 @@ def pose_frame(
         except ConfigError as error:  # it names the passive tool's points
             raise ConfigError(f"{_KEY}.points_mm", error.problem, error.remedy) from error
     matrix = np.asarray(pose["matrix"], float)
-    turn, shift = matrix[:3, :3], matrix[:3, 3]
+    turn = matrix[:3, :3]
+    shift = matrix[:3, 3]
     unit = np.allclose(turn @ turn.T, np.eye(3), atol=_RIGID) and np.linalg.det(turn) > 0
     if not (unit and np.allclose(matrix[3], [0, 0, 0, 1])):
         raise ConfigError(
@@ -169,6 +170,16 @@ def rounded_counterface(
 
     `radius_mm` and `angle_deg` are as in `RoundedTool`; `middle` (y, x), mm, is where its summit
     lies.
+
+    Examples
+    --------
+    A handstone with a radius of 200 mm along x and of 50 mm across it, 1 mm from its summit:
+
+    >>> import gstlib
+    >>> flat = gstlib.make_surface(np.zeros((3, 3)), 1.0)
+    >>> face = gstlib.rounded_counterface(flat, (200.0, 50.0), middle=(1.5, 1.5))
+    >>> [round(1e3 * float(face.sel(y=y, x=x)), 1) for y, x in ((1.5, 0.5), (0.5, 1.5))]  # um
+    [-2.5, -10.0]
     """
     y, x = (height[axis].values - at for axis, at in zip("yx", middle, strict=True))
     if isinstance(radius_mm, Sequence):
@@ -184,6 +195,15 @@ def as_round_as(counterface: xr.DataArray, radius_mm: float, other_mm: float) ->
     """The face of a rounded active tool of `radius_mm`, mm, with its radii in proportion.
 
     `other_mm` is the radius that takes the place of `radius_mm`; of two radii, the geometric mean.
+
+    Examples
+    --------
+    >>> from gstlib.surfaces.grid import make_surface
+    >>> flat = make_surface(np.zeros((3, 3)), 1.0)
+    >>> face = rounded_counterface(flat, (80.0, 20.0), (1.0, 1.2), 30.0)
+    >>> twice = rounded_counterface(flat, (160.0, 40.0), (1.0, 1.2), 30.0)
+    >>> np.allclose(as_round_as(face, 40.0, 80.0), twice)
+    True
     """
     return counterface.copy(data=counterface.values * (radius_mm / other_mm))
 
@@ -222,7 +242,9 @@ def grid_counterface(
         The active tool misses the square or looks away from it; the stones are apart, or in each
         other, by more than their relief; or as in `grid_mesh` and `pose_frame`.
     """
-    mesh, pose, source = stone.mesh, stone.pose, stone.source
+    mesh = stone.mesh
+    pose = stone.pose
+    source = stone.source
     dx = spacing_of(surface)[1]
     grid = round(size_mm / dx)
     own = pose_frame(pose, frame, mesh, size_mm=size_mm, source=source)
@@ -244,11 +266,12 @@ def grid_counterface(
     face = gridded.copy(data=gridded.values[:, ::-1]).assign_attrs(
         long_name="height of the counterface"
     )
-    over, below = (square_of(of, size_mm) for of in (face, surface))
+    over = square_of(face, size_mm)
+    below = square_of(surface, size_mm)
     _, plane = remove_plane(over)
     if "points_mm" not in pose:
         gap = -float((below.values + over.values).max())
-        relief = sum(float(np.ptp(of.values)) for of in (below, over))
+        relief = float(np.ptp(below.values)) + float(np.ptp(over.values))
         if abs(gap) > relief:
             where = "in" if gap < 0 else "away from"
             problem = (
@@ -293,7 +316,8 @@ def face_in_pose(
         spline = spline_of(field)
         return spline(at[0][:, 0], at[1][0]) if pose.rotation_deg == 0 else spline.ev(*at)
 
-    values, absent = over(face), np.isnan(face.values)
+    values = over(face)
+    absent = np.isnan(face.values)
     if absent.any():
         values[over(face.copy(data=absent.astype(float))) > 0.5] = np.nan
     return height.copy(data=values).assign_attrs(face.attrs)

@@ -108,13 +108,33 @@ def compose_surface(
         known better than by levelling: where it is not, the slopes are 0. ``scan`` (patch, v, u)
         mm, the scans on a coarse grid; ``density`` (frequency) mm⁴, the power spectral density of
         what they show beyond the mesh; ``patch_mm``.
+
+    Examples
+    --------
+    A scan with waves of 0.2 mm, which a flat mesh does not show; most of the detail has them:
+
+    >>> import gstlib
+    >>> flat = gstlib.make_surface(np.zeros((20, 20)), 0.1)
+    >>> face = xr.Dataset({"height": flat, "counterface": flat, "size_mm": 2.0})
+    >>> corners = {"vertex_y": [0, 0, 2, 2], "vertex_x": [0, 2, 0, 2], "left_out_error": 4 * [0]}
+    >>> face = face.assign({name: ("vertex", values) for name, values in corners.items()})
+    >>> waves = np.tile(1e-3 * np.cos(np.pi / 4 * np.arange(32)), (32, 1))
+    >>> scan = gstlib.make_surface(waves, 0.025).to_dataset(name="height")
+    >>> patches = pd.DataFrame({"patch": ["a"], "x_mm": 1.0, "y_mm": 1.0, "rotation_deg": 0.0})
+    >>> settings = {"patch_mm": 0.8, "s_filter_um": None, "placement_um": 10.0, "seed": 1}
+    >>> composite = gstlib.compose_surface(face, patches, {"a": scan}, **settings)
+    >>> round(float(composite.density.idxmax("frequency")), 6)  # 1/mm
+    5.0
     """
     from skimage.transform import resize_local_mean
 
-    places, spline = places_of(patches), spline_of(face.height)
+    places = places_of(patches)
+    spline = spline_of(face.height)
     element = max(spacing_of(face.height))
     points = int(np.ceil(patch_mm * _PER_ELEMENT / element))
-    coarse, densities, shape = [], [], None
+    coarse = []
+    densities = []
+    shape = None
     for patch, place in places.items():
         height = s_filtered(scans[patch].height, s_filter_um)
         shape = shape or height.shape  # of the first: densities need the same frequencies
@@ -134,10 +154,10 @@ def compose_surface(
     planes = [plane_under(spline, place, patch_mm) for place in places.values()]
     error = _plane_errors(face, places, spectrum, patch_mm, placement_um, generator)
     tilt = 1e3 * np.array([np.hypot(plane.slope_y, plane.slope_x) for plane in planes])
-    known = tilt > np.sqrt(2) * error
+    is_known = tilt > np.sqrt(2) * error
     planes = [
         plane if sure else Plane(plane.offset, 0.0, 0.0)
-        for plane, sure in zip(planes, known, strict=True)
+        for plane, sure in zip(planes, is_known, strict=True)
     ]
     laid = zip(places.values(), planes, coarse, strict=True)
     level = compose_grid(face.height, laid, patch_mm, spectrum, seed)
@@ -160,7 +180,7 @@ def compose_surface(
             for place, plane in zip(places.values(), planes, strict=True)
         ]
     )
-    table = table.assign(tilt_mrad=tilt, tilt_error_mrad=error, known=known)
+    table = table.assign(tilt_mrad=tilt, tilt_error_mrad=error, known=is_known)
     lying = xr.Dataset({name: ("patch", table[name]) for name in _LYING})
     return composite.assign(described(lying, _LYING).data_vars)
 
@@ -178,11 +198,13 @@ def compose(
     Inside an outline, the scan on its plane; elsewhere the surface of `spline` with random detail
     of the given `density`.
     """
-    y, x = grid.y.values, grid.x.values
+    y = grid.y.values
+    x = grid.x.values
     height = spline(y, x)
     generator = np.random.default_rng(seed)
     height += _random_field(density, height.shape, max(spacing_of(grid)), generator)
-    laid, count = np.zeros_like(height), np.zeros(height.shape, np.uint8)
+    laid = np.zeros_like(height)
+    count = np.zeros(height.shape, np.uint8)
     for place, plane, scan in scans:
         reach = float(half_extent(patch_mm, place.rotation_deg))
         rows, columns = (
@@ -283,7 +305,8 @@ def _plane_errors(
 
 def _density(heights: np.ndarray, side_mm: float) -> tuple[np.ndarray, np.ndarray]:
     """Power spectral density (mm⁴) of heights (n, n), over all directions, by frequency (1/mm)."""
-    count, step = len(heights), side_mm / len(heights)
+    count = len(heights)
+    step = side_mm / len(heights)
     taper = np.hanning(count + 2)[1:-1]
     window = taper[:, None] * taper / (taper**2).mean()
     waves = scipy.fft.rfft2((heights - heights.mean()) * window)
@@ -311,9 +334,9 @@ def _random_field(
     spectrum = scipy.fft.rfft2(generator.standard_normal(fast))
     at = radial_frequency(fast, spacing)
     at[0, 0] = np.inf  # no mean
-    known = density.frequency.values
+    frequency = density.frequency.values
     powers = np.maximum(density.values, np.finfo(float).tiny)
-    amplitude = np.interp(np.log(at), np.log(known), np.log(powers) / 2)
-    spectrum *= np.where(at <= known[-1], np.exp(amplitude), 0) / spacing
+    amplitude = np.interp(np.log(at), np.log(frequency), np.log(powers) / 2)
+    spectrum *= np.where(at <= frequency[-1], np.exp(amplitude), 0) / spacing
     field = scipy.fft.irfft2(spectrum, fast, overwrite_x=True)
     return field[: shape[0], : shape[1]]

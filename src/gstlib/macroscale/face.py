@@ -86,6 +86,19 @@ def grid_macroscale(
     ------
     InputError
         Most of the face has no stone, or as in `grid_mesh` and `grid_counterface`.
+
+    Examples
+    --------
+    A square of 2 mm in the middle of the upper side of a block:
+
+    >>> import gstlib, trimesh
+    >>> block = trimesh.creation.box((4, 4, 3))
+    >>> for _ in range(4):
+    ...     block = block.subdivide()
+    >>> points_mm = [[1, 1, 1.5], [-1, 1, 1.5], [1, -1, 1.5]]
+    >>> face, _ = gstlib.grid_macroscale(block, points_mm=points_mm, size_mm=2.0, grid=8)
+    >>> face.height.shape, face.height.attrs["thickness_mm"]
+    ((8, 8), 3.0)
     """
     frame = find_frame(points_mm, mesh, size_mm=size_mm, source=str(source))
     gridded = grid_mesh(
@@ -121,11 +134,26 @@ def without_curvature(face: xr.Dataset) -> xr.Dataset:
     """The face without the curvature of its square, that of its least-squares quadric.
 
     Use may have made it: a facet that is ground flat or hollow fits whatever ground it.
-    """
-    height, middle = face.height, float(face.size_mm) / 2
 
-    def powers(of: xr.DataArray) -> np.ndarray:
-        y, x = np.meshgrid(of.y.values - middle, of.x.values - middle, indexing="ij")
+    Examples
+    --------
+    >>> from gstlib.surfaces.grid import make_surface
+    >>> rough = make_surface(np.random.default_rng(1).normal(size=(9, 9)), 1.0)
+    >>> bend = rounded_counterface(rough, (-90.0, 300.0), (3.0, 4.0), 20.0)
+    >>> straight, bent = (
+    ...     without_curvature(xr.Dataset({"height": height, "size_mm": 5.0})).height
+    ...     for height in (rough, rough + bend)
+    ... )
+    >>> np.allclose(remove_plane(bent - straight)[0], 0)
+    True
+    """
+    height = face.height
+    middle = float(face.size_mm) / 2
+
+    def powers(surface: xr.DataArray) -> np.ndarray:
+        along_y = surface.y.values - middle
+        along_x = surface.x.values - middle
+        y, x = np.meshgrid(along_y, along_x, indexing="ij")
         return np.stack([y * y, y * x, x * x, y, x, np.ones_like(x)], axis=-1)
 
     square = square_of(height, float(face.size_mm))
@@ -166,6 +194,11 @@ def largest_face(thickness_mm: float) -> float:
     """The largest side (mm) of a face of which a stone is no thinner under its square.
 
     It is the thickness that is said of a stone, too, in tenths of a millimetre.
+
+    Examples
+    --------
+    >>> largest_face(14.67), largest_face(8.0), largest_face(math.nan)
+    (14.6, 8.0, inf)
     """
     return math.floor(10 * thickness_mm) / 10 if math.isfinite(thickness_mm) else math.inf
 

@@ -114,6 +114,12 @@ def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFram
         ``x_mm, y_mm`` (shift of the active tool along the square's axes), ``rotation_deg`` (its
         turn about the middle of the square, from x towards y), ``force_N``, ``sliding_mm`` and
         ``turning_deg`` (how far it slides and turns in the pose) and ``weight``.
+
+    Examples
+    --------
+    >>> poses = stroke_poses(stroke_mm=1.0, poses=5, force_N=80.0)
+    >>> poses.x_mm.tolist(), round(float(poses.sliding_mm.sum()), 9)
+    ([-0.5, -0.25, 0.0, 0.25, 0.5], 1.0)
     """
     table = pd.DataFrame(0.0, index=range(poses), columns=_COLUMNS)
     return table.assign(
@@ -174,6 +180,22 @@ def press_poses(
         ``touched_sum`` and ``exposure``, N/mm, sums with the poses' weights. By ``pose``:
         ``weight``, ``displacement`` mm, ``contact_fraction``, and by patch ``patch_pressure`` MPa
         and ``patch_exposure`` N/mm. ``pressure`` (shown, y, x), MPa, in the poses to be shown.
+
+    Examples
+    --------
+    A round tool, pressed on a flat in two places that are 2 mm apart, each in a patch:
+
+    >>> import gstlib
+    >>> from gstlib.macroscale.gesture import Gesture, stroke_poses
+    >>> flat = gstlib.make_surface(np.zeros((32, 32)), 0.125)
+    >>> tool = gstlib.rounded_counterface(flat, 50.0, middle=(2.0, 2.0))
+    >>> poses = stroke_poses(stroke_mm=2.0, poses=2, force_N=20.0)
+    >>> gesture = Gesture(tool, None, 4.0, (2.0, 2.0), poses)
+    >>> patches = pd.DataFrame({"patch": ["a", "b"], "x_mm": [1.0, 3.0], "y_mm": 2.0})
+    >>> solving = {"contact_modulus_MPa": 1e4, "tolerance": 1e-6, "patch_mm": 1.0}
+    >>> posed = gstlib.press_poses(flat, gesture, patches.assign(rotation_deg=0.0), **solving)
+    >>> posed.patch_pressure.round(1).values.tolist()
+    [[20.0, 0.0], [0.0, 20.0]]
     """
     poses = gesture.poses
     means = patch_means(height, patches, size_mm=patch_mm)
@@ -187,11 +209,15 @@ def press_poses(
     by_pose: list[tuple] = []
     kept: dict[int, np.ndarray] = {}
     for pose, contact in zip(poses.itertuples(), contacts, strict=True):
-        pressure = np.zeros(height.shape) if contact is None else contact.pressure.values
         if contact is None:
             _log.warning(
                 "pose %s: the stone does not rest in it, so it wears nothing", pose.Index
             )
+            pressure = np.zeros(height.shape)
+            state = np.nan, 0.0
+        else:
+            pressure = contact.pressure.values
+            state = contact.displacement, contact.contact_fraction
         sliding_mm = np.hypot(pose.sliding_mm, np.radians(pose.turning_deg) * from_middle)
         work = pressure * sliding_mm
         sums["pressure_sum"] += pose.weight * pressure
@@ -201,16 +227,11 @@ def press_poses(
             sums["highest_pressure"] = np.maximum(sums["highest_pressure"], pressure)
         if pose.Index in shown:
             kept[pose.Index] = pressure
-        state = (
-            (np.nan, 0.0)
-            if contact is None
-            else (contact.displacement, contact.contact_fraction)
-        )
         of_patches = means @ pressure.ravel(), pose.weight * (means @ work.ravel())
         by_pose.append((pose.weight, *state, *of_patches))
 
     shown_fields = np.array(list(kept.values())).reshape(-1, *height.shape)
-    variables: dict[str, tuple] = {name: (("y", "x"), of) for name, of in sums.items()}
+    variables: dict[str, tuple] = {name: (("y", "x"), total) for name, total in sums.items()}
     for name, values in zip(_BY_POSE, zip(*by_pose, strict=True), strict=True):
         rows = np.array(values)
         variables[name] = (("pose", "patch")[: rows.ndim], rows)
@@ -242,7 +263,7 @@ def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:
         "exposure": sum(part.exposure for part in parts),
     }
     exposed = of_poses.assign(
-        {name: (("y", "x"), np.asarray(of)) for name, of in fields.items()}
+        {name: (("y", "x"), np.asarray(field)) for name, field in fields.items()}
     )
     exposed = exposed.assign_coords(y=parts[0].y, x=parts[0].x)
     exposed["pressure"] = xr.concat([part.pressure for part in parts], "shown")
@@ -255,8 +276,27 @@ def exposure_table(exposed: xr.Dataset, pressures: pd.DataFrame) -> pd.DataFrame
     `exposed` is from `exposure`; `pressures` has ``patch, pressure_MPa``. The result has ``patch,
     pressure_MPa`` (in the single pose), ``mean_pressure_MPa, lowest_pressure_MPa,
     highest_pressure_MPa, touched`` (share of the poses), ``exposure_N_per_mm``.
+
+    Examples
+    --------
+    The last of three poses has no weight, so that it is neither the lowest nor the highest:
+
+    >>> by_pose = xr.Dataset(
+    ...     {
+    ...         "weight": ("pose", [1.0, 3.0, 0.0]),
+    ...         "patch_pressure": (("pose", "patch"), [[4.0, 0.0], [7.0, 3.0], [1.0, 9.0]]),
+    ...         "patch_exposure": (("pose", "patch"), [[2.0, 0.0], [3.0, 1.0], [0.0, 0.0]]),
+    ...     },
+    ...     {"patch": ["b", "a"]},
+    ... )
+    >>> single = pd.DataFrame({"patch": ["a", "b"], "pressure_MPa": [8.0, 5.0]})
+    >>> for row in exposure_table(by_pose, single).to_numpy():
+    ...     print(*row)
+    a 8.0 2.25 0.0 3.0 0.75 1.0
+    b 5.0 6.25 4.0 7.0 1.0 5.0
     """
-    weight, pressed = exposed.weight.values, exposed.patch_pressure.values
+    weight = exposed.weight.values
+    pressed = exposed.patch_pressure.values
     table = pd.DataFrame(
         {
             "patch": exposed.patch.values,

@@ -38,7 +38,8 @@ def plausibility_warnings(
 
     `size_mm` is the side of the square; `patch_mm` is that of a patch, if there are any.
     """
-    pressure, plane = contact.pressure.values, contact.interface.plane
+    pressure = contact.pressure.values
+    plane = contact.interface.plane
     side = spacing_of(contact.pressure)[0] * len(contact.pressure.y)
     if (total := pressure.sum()) > 0:
         share = float(pressure[_along_edge(contact)].sum() / total)
@@ -110,5 +111,6 @@ def _inside_outline(contact: Contact) -> float | None:
         hull = scipy.spatial.ConvexHull(touching)
     except (scipy.spatial.QhullError, ValueError):
         return math.nan
-    normals, offsets = hull.equations[:, :2], hull.equations[:, 2]
+    normals = hull.equations[:, :2]
+    offsets = hull.equations[:, 2]
     return float(-(normals @ place + offsets).max())

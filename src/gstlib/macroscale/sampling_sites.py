@@ -49,6 +49,18 @@ def propose_places(fields: xr.Dataset, *, size_mm: float, patch_mm: float) -> pd
         The table ``places.csv``: ``place, kind, x_mm, y_mm, exposure_N_per_mm`` (mean over the
         place) and ``touched`` (its highest value in the place). E1 is the most exposed; C1 lies
         farthest from what is touched.
+
+    Examples
+    --------
+    A square of 5 mm that is rubbed in one spot, 0.8 mm wide about x 2 mm, y 3 mm:
+
+    >>> import gstlib
+    >>> field = gstlib.make_surface(np.zeros((50, 50)), 0.1)
+    >>> spot = (abs(field.y - 3.0) < 0.4) & (abs(field.x - 2.0) < 0.4)
+    >>> fields = xr.Dataset({"exposure": field + 40.0 * spot, "touched": field + spot})
+    >>> places = gstlib.propose_places(fields, size_mm=5.0, patch_mm=0.8)
+    >>> print(*places.iloc[0][["place", "x_mm", "y_mm"]])
+    E1 2.0 3.0
     """
     candidates = _candidates(fields, size_mm, patch_mm)
     left = {EXPOSED: candidates.exposure.copy(), CONTROL: candidates.away.copy()}
@@ -119,7 +131,8 @@ def _candidates(fields: xr.Dataset, size_mm: float, patch_mm: float) -> _Candida
 
 def _centres(element: float, size_mm: float, patch_mm: float) -> np.ndarray:
     """Centres (mm), along either axis, of the places that fit in the square."""
-    first, last = patch_mm / 2 - _ROUNDING, size_mm - patch_mm / 2 + _ROUNDING
+    first = patch_mm / 2 - _ROUNDING
+    last = size_mm - patch_mm / 2 + _ROUNDING
     steps = np.arange(np.ceil(first / element), np.floor(last / element) + 1)
     whole = steps * element
     # of a patch as wide as the square there is one place only
@@ -138,8 +151,8 @@ def _shares(along: np.ndarray, step: float, centres: np.ndarray, patch_mm: float
 
 def _highest(values: np.ndarray, along_y: np.ndarray, along_x: np.ndarray) -> np.ndarray:
     """Highest of the values (ny, nx) in each place, from the elements in it along both axes."""
-    rows = np.stack([values[of].max(axis=0) for of in along_y])
-    return np.stack([rows[:, of].max(axis=1) for of in along_x], axis=1)
+    rows = np.stack([values[inside].max(axis=0) for inside in along_y])
+    return np.stack([rows[:, inside].max(axis=1) for inside in along_x], axis=1)
 
 
 def _warn_of_few(kind: str, there: int, asked: int) -> None:

@@ -131,8 +131,13 @@ class Settings(Section):
 
     def by_stage(self) -> dict[str, dict[str, Any]]:
         """The arguments that the settings give to the function of each stage, by its name."""
-        size_mm, patch_mm = self.square.size_mm, self.scans.size_mm
         modulus = study_modulus(self.material.model_dump())
+        return self._of_macroscale(modulus) | self._of_patches(modulus)
+
+    def _of_macroscale(self, modulus: float) -> dict[str, dict[str, Any]]:
+        """The arguments of the stages of the whole face."""
+        size_mm = self.square.size_mm
+        patch_mm = self.scans.size_mm
         load = self.load.model_dump()
         force_N = load_force(load, size_mm)
         tolerance = self.macroscale.tolerance
@@ -140,20 +145,17 @@ class Settings(Section):
         # The paper's square stays on its mean plane, and a flat presses it.
         load_point, face_mm = None, None
         if self.coupling == "equilibrium":
-            load_point, face_mm = resolved_load_point(load, size_mm), self.macroscale.face_mm
-        errors, use = self.uncertainty, {} if self.use is None else self.use.model_dump()
+            load_point = resolved_load_point(load, size_mm)
+            face_mm = self.macroscale.face_mm
+        errors = self.uncertainty
+        use = {} if self.use is None else self.use.model_dump()
         strikes = {name: use.pop(name) for name in ("scatter_mm", "stroke_mm") if use}
-        wear_law = self.wear_law.model_dump()
         return {
             "grid_macroscale": {
                 **self.square.model_dump(),
                 "grid": self.macroscale.grid,
                 "interpolation": self.macroscale.interpolation,
                 "face_mm": face_mm,
-            },
-            "prepare_scans": {
-                "scans": self.scans.model_dump(),
-                "preprocessing": self.preprocessing.model_dump(),
             },
             "compose_surface": {
                 "patch_mm": patch_mm,
@@ -173,14 +175,24 @@ class Settings(Section):
                 "modulus": modulus,
                 "patch_mm": patch_mm,
                 "sampling": use | {"seed": self.seed},
-                "wear_law": wear_law,
+                "wear_law": self.wear_law.model_dump(),
             },
             "solve_macroscale": at_load | {"load_point": load_point},
             "solve_square": at_load,
+        }
+
+    def _of_patches(self, modulus: float) -> dict[str, dict[str, Any]]:
+        """The arguments of the stages of the scanned patches."""
+        patch_mm = self.scans.size_mm
+        return {
+            "prepare_scans": {
+                "scans": self.scans.model_dump(),
+                "preprocessing": self.preprocessing.model_dump(),
+            },
             "couple_scales": {"patch_mm": patch_mm},
             "check_placement": {
                 "patch_mm": patch_mm,
-                "placement_um": errors.placement_um,
+                "placement_um": self.uncertainty.placement_um,
                 "accept": self.accept,
                 **self.scans.mould.model_dump(),
             },
@@ -194,7 +206,7 @@ class Settings(Section):
                 "patch_mm": patch_mm,
                 "steps": self.wear_steps,
                 "interlayer": self.interlayer and self.interlayer.model_dump(),
-                "wear_law": wear_law,
+                "wear_law": self.wear_law.model_dump(),
             },
             "predict_wear": {"pressure_cap": self.pressure_cap_MPa},
             "score_wear": {

@@ -62,13 +62,15 @@ def near(name: str, possible: Collection[str]) -> str:
 def _sources(settings: "Settings") -> Iterator[tuple[bool, str]]:
     """Whether a contradiction is there, and its text."""
     yield (settings.specimen is None) == (settings.inputs is None), _ONE_SOURCE
-    short, long = settings.texture.s_filter_um, settings.texture.l_filter_um
+    short = settings.texture.s_filter_um
+    long = settings.texture.l_filter_um
     yield (
         long is not None and long <= short,
         f"'texture.l_filter_um' is {long}, not above texture.s_filter_um, {short}: no wave passes "
         "both filters; raise it, or set it to null",
     )
-    layer, material = settings.interlayer, settings.material
+    layer = settings.interlayer
+    material = settings.material
     stones_MPa = min(material.young_1_MPa, material.young_2_MPa)
     if layer is not None:
         yield (
@@ -80,7 +82,8 @@ def _sources(settings: "Settings") -> Iterator[tuple[bool, str]]:
 
 
 def _counterface(settings: "Settings") -> Iterator[tuple[bool, str]]:
-    tool, is_paper = settings.counterface, settings.coupling == "paper"
+    tool = settings.counterface
+    is_paper = settings.coupling == "paper"
     specimen = settings.specimen
     has_mesh = tool is not None and tool.mesh is not None
     is_flat = tool is None or (tool.radius_mm is None and not has_mesh)
@@ -110,8 +113,10 @@ def _counterface(settings: "Settings") -> Iterator[tuple[bool, str]]:
 
 
 def _gesture(settings: "Settings") -> Iterator[tuple[bool, str]]:
-    gesture, law = settings.gesture, settings.wear_law
-    has_layer, moves = settings.interlayer is not None, gesture is not None
+    gesture = settings.gesture
+    law = settings.wear_law
+    has_layer = settings.interlayer is not None
+    moves = gesture is not None
     yield (
         moves and settings.coupling == "paper",
         "'gesture' needs a stone at rest, and coupling is paper: set coupling to equilibrium, or "
@@ -196,7 +201,8 @@ def _in_squares(settings: "Settings") -> Iterator[str]:
     tool = settings.counterface
     if tool is not None and tool.pose is not None and tool.pose.points_mm is not None:
         yield from _corner_problems("counterface.pose.points_mm", tool.pose.points_mm)
-    patch_mm, size_mm = settings.scans.size_mm, settings.square.size_mm
+    patch_mm = settings.scans.size_mm
+    size_mm = settings.square.size_mm
     if patch_mm > size_mm:
         yield (
             f"'scans.size_mm' is {patch_mm}, more than the square's {size_mm} mm: a patch must "
@@ -214,8 +220,10 @@ def _corner_problems(key: str, points: Sequence) -> Iterator[str]:
 
 def _in_load(settings: "Settings") -> Iterator[str]:
     """What is wrong with the load, and with what bears it."""
-    load, size_mm = settings.load.model_dump(), settings.square.size_mm
-    pressure, cap = load_force(load, size_mm) / size_mm**2, settings.pressure_cap_MPa
+    load = settings.load.model_dump()
+    size_mm = settings.square.size_mm
+    pressure = load_force(load, size_mm) / size_mm**2
+    cap = settings.pressure_cap_MPa
     if cap is not None and cap <= pressure:
         yield (
             f"'pressure_cap_MPa' is {cap} MPa, not above the mean pressure on the square, "
@@ -229,7 +237,8 @@ def _in_load(settings: "Settings") -> Iterator[str]:
             f"'macroscale.face_mm' is {face_mm:g}, less than the square's {size_mm:g} mm: the face "
             "contains the square; make it larger"
         )
-    low, high = (size_mm - face_mm) / 2, (size_mm + face_mm) / 2
+    low = (size_mm - face_mm) / 2
+    high = (size_mm + face_mm) / 2
     if not all(low < along < high for along in resolved_load_point(load, size_mm)):
         yield (
             f"'load.at_mm' is {load['at_mm']}, outside the face, which reaches from {low:g} to "
@@ -239,34 +248,28 @@ def _in_load(settings: "Settings") -> Iterator[str]:
 
 def _in_use(settings: "Settings") -> Iterator[str]:
     """What cannot be inferred from the wear, or goes beyond the face."""
-    use, errors = settings.use, settings.uncertainty
+    use = settings.use
+    errors = settings.uncertainty
     if use is None or settings.coupling != "equilibrium":
         return
     face_mm = settings.macroscale.face_mm
-    for key, value, reach_mm in (
-        ("scatter_mm", use.scatter_mm, 2 * use.scatter_mm),
-        ("stroke_mm", use.stroke_mm, use.stroke_mm),
+    gesture = settings.gesture
+    for key, times, other in (
+        ("scatter_mm", 2, "load_point_scatter_mm"),
+        ("stroke_mm", 1, "stroke_mm"),
     ):
-        if reach_mm > face_mm:
+        value = getattr(use, key)
+        if (reach_mm := times * value) > face_mm:
             yield (
                 f"'use.{key}' is {value:g}, and such strikes reach over {reach_mm:g} mm of a "
                 f"face of {face_mm:g} mm: lower it, or raise macroscale.face_mm"
             )
-    if (gesture := settings.gesture) is not None:
-        for key, value, other, moved in (
-            (
-                "scatter_mm",
-                use.scatter_mm,
-                "load_point_scatter_mm",
-                gesture.load_point_scatter_mm,
-            ),
-            ("stroke_mm", use.stroke_mm, "stroke_mm", gesture.stroke_mm),
-        ):
-            if value == 0 and moved:
-                yield (
-                    f"'use.{key}' is 0, and gesture.{other} is {moved:g}: the inference would "
-                    "exclude how the gesture moves; raise the former, or set the latter to 0"
-                )
+        moved = gesture and getattr(gesture, other)
+        if value == 0 and moved:
+            yield (
+                f"'use.{key}' is 0, and gesture.{other} is {moved:g}: the inference would "
+                "exclude how the gesture moves; raise the former, or set the latter to 0"
+            )
     is_round = settings.counterface is not None and settings.counterface.radius_mm is not None
     free = errors.load_point_mm, use.scatter_mm, use.stroke_mm
     if not any(free) and not (is_round and errors.radius_log_sd):

@@ -32,7 +32,7 @@ from gstlib.specimen.scanning import (
     sample,
     take_scan,
 )
-from gstlib.specimen.stone import MARGIN_MM, Stone
+from gstlib.specimen.stone import MARGIN_MM, Stone, surface_at
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import axis_coordinates, described, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -185,11 +185,11 @@ def make_specimens(
         )
     stone = Stone(p, square_mm)
     stl: Any = trimesh.Trimesh(*stone.mesh(), process=False).export(file_type="stl")
-    surface = (stone.macroscale(stone.grid, stone.grid) + stone.detail).astype(np.float32)
+    surface = stone.heights().astype(np.float32)
     depths = {name: lost(stone) for name, lost in wear.items()}
     poor = poor_overlaps(list(patches.patch), p.seed)
     scans: dict[str, dict] = {name: {} for name in depths}
-    known: dict[str, list] = {name: [] for name in depths}
+    truths: dict[str, list] = {name: [] for name in depths}
     for row in patches.itertuples():
         nominal = PatchPosition(row.y_mm, row.x_mm, row.rotation_deg)
         t0, t1 = place_scans(
@@ -213,8 +213,8 @@ def make_specimens(
                     scans[name][row.patch, epoch] = scan.assign_attrs(file=file)
             scans[name] |= again
             of_epochs = t0._asdict() | true_before, t1._asdict() | true_after
-            known[name].append(
-                {what: np.stack([of[what] for of in of_epochs]) for what in of_epochs[0]}
+            truths[name].append(
+                {key: np.stack([true[key] for true in of_epochs]) for key in of_epochs[0]}
                 | {
                     "nominal_x_mm": nominal.x_mm,
                     "nominal_y_mm": nominal.y_mm,
@@ -226,9 +226,9 @@ def make_specimens(
     square = within_square(surface, stone)
     return {
         name: Specimen(
-            stl, scans[name], _truth(patches, stone, p, (grid, around), truths), square
+            stl, scans[name], _truth(patches, stone, p, (grid, around), of_patches), square
         )
-        for name, truths in known.items()
+        for name, of_patches in truths.items()
     }
 
 
@@ -237,17 +237,29 @@ def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
     first = int(np.searchsorted(stone.grid, 0.0))
     count = int(stone.square_mm / stone.spacing)
     part = slice(first, first + count)
-    square = make_surface(
-        surface[part, part], stone.spacing, long_name="true height before use"
-    )
-    along = stone.grid[part]
-    return square.assign_coords({axis: square[axis].copy(data=along) for axis in "yx"})
+    name = "true height before use"
+    return surface_at(stone.grid[part], surface[part, part], stone.spacing, long_name=name)
 
 
 def make_specimen(
     patches: pd.DataFrame, parameters: SpecimenParameters, *, square_mm: float, **grids: int
 ) -> Specimen:
-    """The specimen that the parameters ask for; arguments and errors are as in `make_specimens`."""
+    """The specimen that the parameters ask for; arguments and errors are as in `make_specimens`.
+
+    Examples
+    --------
+    A coarse one with a single patch, which was scanned before and after use:
+
+    >>> import gstlib
+    >>> lengths = {"mesh_edge_mm": 3.0, "cut_off_wavelength_mm": 1.2, "unmeasured_size_um": 60.0}
+    >>> scanned = {"scan_points": 32, "scan_spacing_um": 25.0, "wear_placement": "summits"}
+    >>> parameters = gstlib.SpecimenParameters(7, None, **lengths, **scanned)
+    >>> patch = {"patch": "a", "x_mm": 1.0, "y_mm": 1.0, "rotation_deg": 0.0}
+    >>> patches = pd.DataFrame([patch | {"t0": "a_T0.plu", "t1": "a_T1.plu"}])
+    >>> specimen = gstlib.make_specimen(patches, parameters, square_mm=2.0, grid=20)
+    >>> sorted(specimen.scans), specimen.mesh.is_watertight, specimen.truth.wear_depth.shape
+    ([('a', 'T0'), ('a', 'T1')], True, (1, 32, 32))
+    """
     name = parameters.wear_placement
     wear = {name: partial(wear_depth, placement=name)}
     return make_specimens(patches, parameters, square_mm=square_mm, wear=wear, **grids)[name]
@@ -290,9 +302,9 @@ def _truth(
     stone: Stone,
     p: SpecimenParameters,
     grids: tuple[int, int],
-    known: list[dict],
+    of_patches: list[dict],
 ) -> xr.Dataset:
-    """The truth about a specimen, from what is `known` about each patch."""
+    """The truth about a specimen, from the truths `of_patches`."""
     grid, around = grids
     spacing = stone.square_mm / grid
     along_square = axis_coordinates(grid, spacing)
@@ -303,7 +315,9 @@ def _truth(
         "face_height": (("face_y", "face_x"), stone.face_means(grid, around)),
     }
     for name in _TRUTH.keys() - variables.keys():
-        values = np.stack([at.pop(name) for at in known])  # popped: the maps are large
+        values = np.stack(
+            [patch.pop(name) for patch in of_patches]
+        )  # popped: the maps are large
         variables[name] = (("patch", *_DIMS[values.ndim - 1]), values)
     of_axes = {"macroscale_": along_square, "face_": along_face, "": along_scan}
     coordinates = {

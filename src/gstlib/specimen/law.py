@@ -12,8 +12,8 @@ from gstlib.bem.layer import Layer
 from gstlib.bem.wear import ThirdBody, wear_path
 from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.macroscale.active_tool import rounded_counterface
-from gstlib.specimen.stone import Stone
-from gstlib.surfaces.grid import axis_coordinates, make_surface
+from gstlib.specimen.stone import Stone, surface_at
+from gstlib.surfaces.grid import axis_coordinates
 from gstlib.validation.single_scale import placed_whole
 
 __all__ = ["LAWS", "load_point_of", "wear_depth", "worn_by_law"]
@@ -63,9 +63,8 @@ def worn_by_law(stone: Stone, mean_loss: float, *, with_interlayer: bool) -> np.
     """
     size_mm = stone.square_mm
     spacing = size_mm / _ELEMENTS
-    face = make_surface(stone.face_means(_ELEMENTS, _AROUND), spacing)
     along = axis_coordinates(_ELEMENTS + 2 * _AROUND, spacing) - _AROUND * spacing
-    face = face.assign_coords({axis: face[axis].copy(data=along) for axis in "yx"})
+    face = surface_at(along, stone.face_means(_ELEMENTS, _AROUND), spacing)
     load_point = load_point_of(stone)
     force_N = _PRESSURE_MPA * size_mm**2
     p = stone.parameters
@@ -79,8 +78,7 @@ def worn_by_law(stone: Stone, mean_loss: float, *, with_interlayer: bool) -> np.
         source="specimen",
     )
 
-    whole = make_surface(stone.macroscale(stone.grid, stone.grid) + stone.detail, stone.spacing)
-    whole = whole.assign_coords({axis: whole[axis].copy(data=stone.grid) for axis in "yx"})
+    whole = surface_at(stone.grid, stone.heights(), stone.spacing)
     height, pressure_MPa = placed_whole(whole, contact)
     share = pressure_MPa * (len(stone.grid) * stone.spacing) ** 2 / force_N
     return wear_path(

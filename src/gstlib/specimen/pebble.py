@@ -67,7 +67,8 @@ def surface_points(colatitude: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
     colatitude, azimuth = np.broadcast_arrays(colatitude, azimuth)
     rho = np.sin(colatitude)
     u = rho * np.cos(azimuth)
-    v = rho * np.sin(azimuth) * (1 + _TAPER * u) / _WIDTH_SCALE
+    half_width = 1 + _TAPER * u
+    v = rho * np.sin(azimuth) * half_width / _WIDTH_SCALE
     crest = float(_above(np.linspace(0, 1, 10001)).max())
     upper = _above(rho**2)
     bowl = np.clip(1 - rho**2, 0, 1) ** _RIM_EXPONENT
@@ -136,10 +137,14 @@ def _on_sphere(colatitude: np.ndarray, azimuth: np.ndarray, nodes: np.ndarray) -
     outwards = np.diff(radius * np.sin(t))
     arc = np.hypot(outwards, np.diff(nodes[:, 0, 2]))
     middle = (t[1:] + t[:-1]) / 2
-    slope = (arc / np.diff(t) / radius - 1) / np.sin(middle)
+    stretch = arc / np.diff(t) / radius
+    slope = (stretch - 1) / np.sin(middle)
     integral = np.concatenate([[0.0], np.cumsum(slope * np.diff(t))])
     integral -= np.interp(np.pi / 2, t, integral)
-    tangent = np.tan(colatitude / 2) * np.exp(np.interp(colatitude, t, integral))
+    exponent = np.interp(colatitude, t, integral)
+    tangent = np.tan(colatitude / 2) * np.exp(exponent)
     cosine = (1 - tangent**2) / (1 + tangent**2)
     sine = 2 * tangent / (1 + tangent**2)
-    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1)
+    x = sine * np.cos(azimuth)
+    y = sine * np.sin(azimuth)
+    return np.stack([x, y, cosine], axis=-1)

@@ -69,6 +69,22 @@ class SpecimenParameters:
     ------
     ConfigError
         The scans cannot resolve waves as short as the cut-off.
+
+    Examples
+    --------
+    >>> import gstlib
+    >>> parameters = gstlib.SpecimenParameters(
+    ...     seed=7,
+    ...     counterface_seed=None,
+    ...     mesh_edge_mm=3.0,
+    ...     cut_off_wavelength_mm=1.2,
+    ...     scan_points=32,
+    ...     scan_spacing_um=25.0,
+    ...     unmeasured_size_um=60.0,
+    ...     wear_placement="summits",
+    ... )
+    >>> parameters.scan_size_mm, parameters.shortest_wavelength_mm
+    (0.8, 0.1)
     """
 
     seed: int
@@ -144,6 +160,14 @@ def self_affine_field(
     f_r = 1/roll_off and C = roll_off² below it. C does not depend on count and spacing: fields of
     different grids and bands add up to one spectrum. All lengths have the same, arbitrary unit; the
     heights (count, count), float32, have the unit in which the density at roll-off is roll_off².
+
+    Examples
+    --------
+    >>> import gstlib
+    >>> waves = {"hurst_exponent": 0.8, "roll_off": 0.2, "shortest": 0.04}  # lengths in mm
+    >>> field = gstlib.self_affine_field(np.random.default_rng(1), 64, 0.01, **waves)
+    >>> field.shape, bool(abs(field.mean()) < 1e-3 * field.std())
+    ((64, 64), True)
     """
     # white noise of unit variance has the density spacing²
     spectrum = scipy.fft.rfft2(_white_noise(generator, count))

@@ -80,7 +80,8 @@ def score_truth(
         at = truth.sel(patch=patch)
         add("preprocessing", patch, _preparation_scores(at.sel(epoch=epoch), epoch, prepared))
         if epoch == "T0":
-            true, height = _level(at.height), _level(prepared["height"])
+            true = _level(at.height)
+            height = _level(prepared["height"])
             add("microscale input", patch, _height_scores("T0 ", true, height))
     for patch, change in changes.items():
         at = truth.sel(patch=patch)
@@ -96,9 +97,9 @@ def score_truth(
         add("placement", "", [(f"shared shift_{axis}", "um", shift, recovered)])
     if two_scales is not None:
         of_patches = two_scales.drop_duplicates("patch").set_index("patch")
-        known = of_patches.reference_pressure_MPa
+        true_MPa = of_patches.reference_pressure_MPa
         for row in pressures.itertuples():
-            scores = [("pressure", "MPa", known[row.patch], row.pressure_MPa)]
+            scores = [("pressure", "MPa", true_MPa[row.patch], row.pressure_MPa)]
             add("coupling", row.patch, scores)
     add("use", "", _use_scores(truth.attrs, use))
     return pd.DataFrame(rows)
@@ -155,7 +156,8 @@ def _height_scores(epoch: str, true: np.ndarray, recovered: np.ndarray) -> Itera
 
 def _macroscale_scores(surface: xr.DataArray, recovered: xr.DataArray) -> Iterator[_Row]:
     """The gridded mesh against the true macroscale surface."""
-    true, heights = _level(surface), _level(recovered)
+    true = _level(surface)
+    heights = _level(recovered)
     yield from _height_scores("", true, heights)
     flat = heights.std() == 0 or true.std() == 0
     correlation = math.nan if flat else np.corrcoef(true.ravel(), heights.ravel())[0, 1]
@@ -164,7 +166,8 @@ def _macroscale_scores(surface: xr.DataArray, recovered: xr.DataArray) -> Iterat
 
 def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterator[_Row]:
     """A prepared scan: the tilt removed, the points filled, the outliers found."""
-    outlier, unmeasured = at.outlier.values, at.unmeasured.values
+    outlier = at.outlier.values
+    unmeasured = at.unmeasured.values
     recovered = scan["outlier"].values.astype(bool)
     yield f"{epoch} tilt_x", "mrad", at.plane_x_mrad, scan.attrs["tilt_x_mrad"]
     yield f"{epoch} tilt_y", "mrad", at.plane_y_mrad, scan.attrs["tilt_y_mrad"]
@@ -175,7 +178,8 @@ def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterato
     if math.isnan(scale_um):  # the window rule has no scale of the surroundings
         return
     # missed spikes that stand above the well-measured points around them, and so touch first
-    heights, high = scan["measured"].values, np.zeros_like(outlier)
+    heights = scan["measured"].values
+    high = np.zeros_like(outlier)
     least = _STANDS_OUT * scale_um / MM_TO_UM
     is_good = ~(outlier | unmeasured)
     for row, column in np.argwhere(outlier & ~recovered):
@@ -216,12 +220,14 @@ def _wear_scores(at: xr.Dataset, registered: xr.Dataset) -> Iterator[_Row]:
     threshold_um = at.attrs["wear_threshold_um"]
     change = registered["change"].values * MM_TO_UM
     depth = at.wear_depth.values * MM_TO_UM
-    known = np.isfinite(change)
-    if not known.any():
+    is_measured = np.isfinite(change)
+    if not is_measured.any():
         return
-    change, depth = change[known], depth[known]
-    loss = registered["loss"].values.astype(bool)[known]
-    worn, deep = depth > 0, depth > threshold_um
+    change = change[is_measured]
+    depth = depth[is_measured]
+    loss = registered["loss"].values.astype(bool)[is_measured]
+    worn = depth > 0
+    deep = depth > threshold_um
     error = change + depth
     yield "change_bias_unworn", "um", 0, _mean(error[~worn])
     yield "change_bias_worn", "um", 0, _mean(error[deep])

@@ -12,6 +12,7 @@ material anywhere, in valleys as on summits. Where these overlap, the deepest co
 
 import numpy as np
 import scipy
+import xarray as xr
 
 from gstlib.specimen.pebble import (
     OUTER_SIZE_MM,
@@ -29,7 +30,7 @@ from gstlib.specimen.randomness import (
 from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["MARGIN_MM", "Stone"]
+__all__ = ["MARGIN_MM", "Stone", "surface_at"]
 
 # How far the detail reaches beyond the square: for misplaced scans at its edge.
 MARGIN_MM = 0.25
@@ -90,7 +91,8 @@ class Stone:
     def __init__(self, parameters: SpecimenParameters, square_mm: float):
         # ASSUME: an isotropic Gaussian self-affine surface; a real stone also has grains and pits.
         p = self.parameters = parameters
-        self.square_mm, self.spacing = square_mm, p.scan_spacing_mm
+        self.square_mm = square_mm
+        self.spacing = p.scan_spacing_mm
         self._spectrum = {"hurst_exponent": p.hurst_exponent, "roll_off": ROLL_OFF_MM}
 
         self.waviness_spacing = p.cut_off_wavelength_mm / _POINTS_PER_WAVE
@@ -129,6 +131,10 @@ class Stone:
         self.detail *= np.float32(factor)
         self._factor = factor
 
+    def heights(self) -> np.ndarray:
+        """The whole true surface before use (n, n), mm, on the grid of `detail`."""
+        return self.macroscale(self.grid, self.grid) + self.detail
+
     def waves(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Waves above the cut-off (mm) at any places (y, x) in mm, without the pebble's shape."""
         places = [
@@ -145,7 +151,8 @@ class Stone:
         nodes = []
         for positions in (y, x):
             first, last = (positions[[0, -1]] - self.square_mm / 2) / self.waviness_spacing
-            low, high = np.floor(first) - _SPLINE_PAD, np.ceil(last) + _SPLINE_PAD
+            low = np.floor(first) - _SPLINE_PAD
+            high = np.ceil(last) + _SPLINE_PAD
             nodes.append(np.arange(low, high + 1))
         elements = ((along.astype(int) + count // 2) % count for along in nodes)
         nodes_y, nodes_x = (
@@ -229,7 +236,8 @@ class Stone:
 
     def worn_by_rules(self) -> np.ndarray:
         """Depth of the material lost between T0 and T1, mm, float32, on the grid of `detail`."""
-        p, points = self.parameters, len(self.grid)
+        p = self.parameters
+        points = len(self.grid)
         step = max(1, int(_CHANCE_LENGTH_UM / _POINTS_PER_LENGTH / p.scan_spacing_um))
         spacing = step * self.spacing
         steps = np.arange(-(-(points - 1) // step) + 1)
@@ -243,7 +251,8 @@ class Stone:
         decides = height + chance * _CHANCE_UM * 1e-3
         threshold = np.quantile(decides, 1 - p.wear_fraction)
         softness = _SOFTNESS * decides.std()
-        severity = 1 / (1 + np.exp(-(decides - threshold) / softness))
+        excess = (decides - threshold) / softness
+        severity = 1 / (1 + np.exp(-excess))
 
         # a summit stands out of the smoothed stone; the more severe the wear, the deeper the cut
         smoothing = _REFERENCE_LENGTH_UM * 1e-3 / spacing
@@ -287,6 +296,14 @@ class Stone:
             bowl = 1 - v[:, None] ** 2 - u[None, :] ** 2
             deepest = _CHIP_DEPTH_FRACTION * radius * self.spacing
             np.maximum(window, (deepest * bowl).astype(np.float32), out=window)
+
+
+def surface_at(
+    along: np.ndarray, heights: np.ndarray, spacing: float, **attrs: str
+) -> xr.DataArray:
+    """A surface (y, x), mm, at the positions `along` both axes, mm."""
+    surface = make_surface(heights, spacing, **attrs)
+    return surface.assign_coords({axis: surface[axis].copy(data=along) for axis in "yx"})
 
 
 def _bilinear(coarse: np.ndarray, places: np.ndarray) -> np.ndarray:
