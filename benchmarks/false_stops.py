@@ -123,7 +123,7 @@ def check_files(config, specimen):
 
 def registered(change, at):
     """What the attributes of a height change state of a patch, against the truth `at` it."""
-    t0, t1 = (PatchPosition.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
+    t0, t1 = (PatchPosition.from_dataset(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     true_um = MM_TO_UM * np.array(relocation(t0, t1))
     shift_um = change["shift_y_um"], change["shift_x_um"]
     return {

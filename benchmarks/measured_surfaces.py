@@ -238,7 +238,7 @@ def breech_rows(first, second, *, is_related):
             continue
         off_mm = match.shift_y_mm - v * spacing, match.shift_x_mm - u * spacing
         yield row | {
-            "found": match.found,
+            "found": match.is_reliable,
             "error_um": MM_TO_UM * np.hypot(*off_mm),
             "turn_error_deg": abs(match.rotation_deg - turn),
             "correlation": match.detail_correlation,

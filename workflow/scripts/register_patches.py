@@ -22,7 +22,7 @@ def main(
 ) -> None:
     """`settings` are those of `register_patch`."""
     first, second = files_of(t0, patches), files_of(t1, patches)
-    measured = Detection.of(read_attributes(detection)) if detection else None
+    measured = Detection.from_attrs(read_attributes(detection)) if detection else None
     for patch in patches:
         scans = [read_dataset(files[patch], SCAN_FIELDS) for files in (first, second)]
         logging.getLogger("gst").info("%s", patch)

@@ -261,7 +261,7 @@ def _registered(
         match = register(before, after, maximum_shift_mm=maximum_shift_mm)
     except InputError:  # of other spacings
         return None
-    return match if match.found else None
+    return match if match.is_reliable else None
 
 
 def _shifts(study: Study, registered: pd.DataFrame) -> str:

@@ -196,7 +196,7 @@ class _Comparisons:
             )
         except InputError:  # another spacing, or other heights
             return _Compared(False)
-        if not registration.found:
+        if not registration.is_reliable:
             return _Compared(False)
         changed = wear_summary(change)
         return _Compared(True, changed["loss_fraction"], changed["gain_fraction"])

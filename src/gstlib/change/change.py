@@ -90,6 +90,18 @@ def estimate_detection_limit(
     Detection or None
         None if no pair serves. A pair that does not is left out, with a warning: where the second
         scan is not found on the first, or where the surface changed between them.
+
+    Examples
+    --------
+    >>> import gstlib, numpy as np
+    >>> rng = np.random.default_rng(1)
+    >>> stone = gstlib.self_affine_field(rng, 96, 0.01, hurst_exponent=0.8, roll_off=0.1)
+    >>> noisy = 0.02 * stone + 1e-4 * rng.normal(size=(2, 96, 96))
+    >>> once, again = (gstlib.prepare_scan(gstlib.make_surface(h, 0.01)) for h in noisy)
+    >>> search = {"maximum_shift_mm": 0.1, "minimum_cluster_points": 8}
+    >>> detection = gstlib.estimate_detection_limit({"7": once}, {"7": again}, **search)
+    >>> round(1e3 * detection.level_mm2**0.5, 2)  # µm, of the difference
+    0.14
     """
     changes, slopes, alike = [], [], []
     for patch in again:
@@ -112,9 +124,11 @@ def estimate_detection_limit(
                 fault,
             )
             continue
-        known = np.isfinite(change["change"].values)
-        changes.append(change["change"].values[known])
-        slopes.append(np.sum(noise.squared_slopes(first.height), axis=0)[known])
+        heights = change["change"].values
+        compared = np.isfinite(heights)
+        changes.append(heights[compared])
+        steepness = np.sum(noise.squared_slopes(first.height), axis=0)
+        slopes.append(steepness[compared])
         alike.append(change.attrs["alike_um2"] * 1e-6)
     if not changes:
         return None
@@ -141,7 +155,7 @@ def estimate_detection_limit(
 
 def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
     """Why a second scan does not show the error of the first, if it does not."""
-    if not registration.found:
+    if not registration.is_reliable:
         return "it was not found on t0"
     if not change.attrs["known_fraction"]:
         return "hardly any point has a height of its own in both scans"
@@ -178,12 +192,12 @@ def measured_change(
     )
     t0, t1 = before.height, after.height
     on_t0, replaced = apply_registration(t1, replaced1, registration, like=t0)
-    known = ~(replaced0 | replaced) & registration.found
+    measured = ~(replaced0 | replaced) & registration.is_reliable
     errors_mm = registration.shift_y_error_mm, registration.shift_x_error_mm
     change = height_change(
         t0,
         on_t0,
-        known,
+        measured,
         minimum_cluster_points=minimum_cluster_points,
         detection=detection,
         shift_errors_mm=tuple(np.nan_to_num(errors_mm)),
@@ -205,6 +219,19 @@ def register_patch(
     Parameters are those of `measured_change`, and the result is that of `height_change`. Its
     attributes have the registration, too, and the place of T1 on T0: ``t1_x_um, t1_y_um``, its
     centre from that of T0, and ``t1_size_x_um, t1_size_y_um``.
+
+    Examples
+    --------
+    >>> import gstlib, numpy as np
+    >>> rng = np.random.default_rng(1)
+    >>> stone = gstlib.self_affine_field(rng, 96, 0.01, hurst_exponent=0.8, roll_off=0.1)
+    >>> worn = np.minimum(stone, np.quantile(stone, 0.9))
+    >>> heights = 0.02 * stone, 0.02 * np.roll(worn, 3, axis=1)
+    >>> t0, t1 = (gstlib.prepare_scan(gstlib.make_surface(h, 0.01)) for h in heights)
+    >>> search = {"maximum_shift_mm": 0.1, "minimum_cluster_points": 8}
+    >>> change = gstlib.register_patch(t0, t1, patch="7", **search)
+    >>> round(change.attrs["shift_x_um"]), round(float(change.loss.mean()), 2)
+    (-30, 0.09)
     """
     try:
         registration, change = measured_change(
@@ -216,7 +243,7 @@ def register_patch(
         )
     except InputError as error:  # it names the epoch, but not the patch
         raise error.about(f"patch {patch}, {error.source}", error.problem) from error
-    if registration.found:
+    if registration.is_reliable:
         _report(patch, registration, before, after, change)
     if detection is not None and change.attrs["known_fraction"]:
         _warn_of_scatter(patch, change, detection)
@@ -286,7 +313,7 @@ def _warn_of_scatter(patch: str, change: xr.Dataset, detection: Detection) -> No
 def height_change(
     t0: xr.DataArray,
     t1_on_t0: xr.DataArray,
-    known: np.ndarray | None = None,
+    measured: np.ndarray | None = None,
     *,
     minimum_cluster_points: int = 1,
     detection: Detection | None = None,
@@ -298,7 +325,7 @@ def height_change(
     ----------
     t0, t1_on_t0 : (y, x) xarray.DataArray
         Heights before and after use on one grid, mm; after use NaN outside the overlap.
-    known : (y, x) ndarray of bool, optional
+    measured : (y, x) ndarray of bool, optional
         Where both heights were measured; everywhere by default.
     minimum_cluster_points : int
         Fewest adjacent points (corners count) that make a loss or a gain. If the errors of
@@ -326,8 +353,8 @@ def height_change(
     before, after = t0.values, t1_on_t0.values
     difference = after - before
     inside = np.isfinite(difference)
-    if known is not None:
-        inside &= known
+    if measured is not None:
+        inside &= measured
     if inside.sum() < LEAST_POINTS:
         inside[:] = False
     datum, limit = np.full((2, *t0.shape), np.nan)

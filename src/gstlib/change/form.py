@@ -24,24 +24,28 @@ _SAME_TEXTURE = 0.5
 def form_height(height: xr.DataArray) -> tuple[float, float]:
     """R.m.s. heights (mm) of the polynomial of degree 4 without its plane, and of what remains."""
     every = max(1, min(height.shape) // _POINTS)
-    heights = height.values[::every, ::every]
-    along = [np.linspace(-1, 1, count) for count in heights.shape]
+    thinned = height.values[::every, ::every]
+    along = [np.linspace(-1, 1, count) for count in thinned.shape]
     y, x = np.meshgrid(*along, indexing="ij")
     degrees = np.arange(_DEGREE + 1)
     degree = np.add.outer(degrees, degrees).ravel()
+    is_used = degree <= _DEGREE
     every_power = legvander2d(y.ravel(), x.ravel(), [_DEGREE, _DEGREE])
-    powers = every_power[:, degree <= _DEGREE]
-    is_form = degree[degree <= _DEGREE] > 1
-    factors, *_ = np.linalg.lstsq(powers, heights.ravel(), rcond=None)
+    powers = every_power[:, is_used]
+    is_form = degree[is_used] > 1
+    heights = thinned.ravel()
+    factors, *_ = np.linalg.lstsq(powers, heights, rcond=None)
     form = powers[:, is_form] @ factors[is_form]
-    texture = heights.ravel() - powers @ factors
+    texture = heights - powers @ factors
     return float(form.std()), float(texture.std())
 
 
 def form_warning(t0: xr.DataArray, t1: xr.DataArray) -> str | None:
     """A sentence if the form of one of two level scans (mm) is missing in the other."""
     forms, textures = zip(*map(form_height, (t0, t1)), strict=True)
-    if min(textures) < _SAME_TEXTURE * max(textures) or min(forms) >= _MISSING * max(forms):
+    is_alike = min(textures) >= _SAME_TEXTURE * max(textures)
+    is_missing = min(forms) < _MISSING * max(forms)
+    if not (is_alike and is_missing):
         return None
     lower, higher = ("T1", "T0") if forms[1] < forms[0] else ("T0", "T1")
     return (

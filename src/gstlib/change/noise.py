@@ -11,7 +11,7 @@ it is larger than noise makes it (the cluster extent of neuroimaging: Forman et 
 Resonance in Medicine 33:636).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -22,8 +22,17 @@ import xarray as xr
 from gstlib.surfaces.fitting import MAD_TO_SIGMA, least_squares, robust_sigma
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["CLUSTER", "LEVEL_OF_DETECTION", "RESOLUTION", "Detection", "own_detection", "spots"]
-__all__ += ["squared_slopes", "unchanged_plane", "variance_by_slope"]
+__all__ = [
+    "CLUSTER",
+    "LEVEL_OF_DETECTION",
+    "RESOLUTION",
+    "Detection",
+    "own_detection",
+    "spots",
+    "squared_slopes",
+    "unchanged_plane",
+    "variance_by_slope",
+]
 
 # ASSUME: LoD95 = 1.96 standard deviations of the height difference on the unchanged part at the
 # slope of the point. It includes the noise of both scans and the residue of the registration; about
@@ -80,7 +89,7 @@ class Detection(NamedTuple):
     limit: float
 
     @classmethod
-    def of(cls, attrs: Mapping) -> Self | None:
+    def from_attrs(cls, attrs: Mapping) -> Self | None:
         """From the attributes of a file; None if they lack it, because no repeat served."""
         if not attrs.keys() >= set(cls._fields):
             return None
@@ -113,13 +122,18 @@ def _alike_points(error: np.ndarray) -> float:
         scipy.fft.next_fast_len(count + far, real=True)
         for count, far in zip(error.shape, reach, strict=True)
     ]
-    products, pairs = (
-        scipy.fft.irfft2(np.abs(scipy.fft.rfft2(field, size)) ** 2, size)
-        for field in (centred, kept.astype(float))
-    )
+    products = _correlated(centred, size)
+    pairs = _correlated(kept.astype(float), size)
     lags = np.ix_(*(np.arange(-far, far + 1) for far in reach))
     covariance = products[lags] / np.maximum(pairs[lags], 1.0)
-    return float(np.sum(covariance > _ALIKE * covariance[*reach]) - 1)
+    variance = covariance[*reach]
+    return float(np.sum(covariance > _ALIKE * variance) - 1)
+
+
+def _correlated(field: np.ndarray, size: Sequence[int]) -> np.ndarray:
+    """Sums of products of a field and itself, by the lag between them."""
+    spectrum = scipy.fft.rfft2(field, size)
+    return scipy.fft.irfft2(np.abs(spectrum) ** 2, size)
 
 
 def squared_slopes(surface: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
@@ -138,29 +152,34 @@ def variance_by_slope(
 
     The arrays (n,) are those of the known points; `kept` marks the unchanged ones, to begin with.
     """
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(change[kept])))
+    size = np.abs(change)
+    spread = MAD_TO_SIGMA * float(np.median(size[kept]))
     level, lateral = spread**2, 0.0
     count = max(1, min(_SLOPE_GROUPS, change.size // _GROUP_SIZE))
-    edges = np.quantile(steepness, np.linspace(0, 1, count + 1)[1:-1])
+    shares = np.linspace(0, 1, count + 1)[1:-1]
+    edges = np.quantile(steepness, shares)
     group = np.searchsorted(edges, steepness)
     for _ in range(_SLOPE_ROUNDS):
-        points = pd.DataFrame({"slope": steepness[kept], "change": np.abs(change[kept])})
+        points = pd.DataFrame({"slope": steepness[kept], "change": size[kept]})
         groups = points.groupby(group[kept])
         is_large = groups.size() >= _GROUP_SIZE / 2
         typical = groups.agg({"slope": "mean", "change": "median"})[is_large]
         slopes = typical.slope.values
-        variances = (MAD_TO_SIGMA * typical.change.values) ** 2
+        sigmas = MAD_TO_SIGMA * typical.change.values
+        variances = sigmas**2
         if len(typical) < _LEAST_GROUPS or not variances.any():
             break
         scale = float(slopes.max()) or 1.0
         # the error of a variance is proportional to it; the fitted variance is used, because the
         # measured one would favour groups that came out small
-        weight = 1 / np.maximum(level + lateral * slopes, _SMALLEST * variances.max())
+        smallest = _SMALLEST * variances.max()
+        weight = 1 / np.maximum(level + lateral * slopes, smallest)
         design = np.stack([weight, weight * slopes / scale], axis=1)
         (level, lateral), _ = scipy.optimize.nnls(design, weight * variances)
         lateral /= scale
         # steep points may be off by more than the fit of the plane allows
-        kept = np.abs(change) <= _TRIM * np.sqrt(level + lateral * steepness)
+        sigma = np.sqrt(level + lateral * steepness)
+        kept = size <= _TRIM * sigma
     return float(level), float(lateral)
 
 
@@ -175,8 +194,8 @@ def unchanged_plane(
     before = kept = np.zeros(values.size, dtype=bool)
     for _ in range(_ROUNDS):
         left = values - np.einsum("i,ij->j", plane, design)
-        ordered = np.sort(left)
-        lengths = ordered[left.size // 2 :] - ordered[: left.size - left.size // 2]
+        ordered, half = np.sort(left), left.size // 2
+        lengths = ordered[half:] - ordered[: left.size - half]
         start = int(np.argmin(lengths))
         centre = ordered[start] + lengths[start] / 2
         # half of a normal population is within 0.6745 sigma of its mean
@@ -192,7 +211,8 @@ def unchanged_plane(
         left = values - np.einsum("i,ij->j", plane, design)
         sigma = robust_sigma(left[kept])
         now = np.abs(left) <= _TRIM * sigma
-        if (now == kept).all() or now.sum() < 3:
+        is_settled = (now == kept).all()
+        if is_settled or now.sum() < 3:
             break
         kept = now
         plane = least_squares(design[:, kept], values[kept])

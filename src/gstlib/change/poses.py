@@ -36,9 +36,9 @@ def sample(
         coefficients, [rows, columns], order=order, mode="mirror", prefilter=False
     )
     # elements extend half a spacing beyond their centres
-    bottom, right = coefficients.shape[0] - 0.5, coefficients.shape[1] - 0.5
-    inside_y = (rows >= -0.5) & (rows <= bottom)
-    inside_x = (columns >= -0.5) & (columns <= right)
+    height, width = coefficients.shape
+    inside_y = (rows >= -0.5) & (rows <= height - 0.5)
+    inside_x = (columns >= -0.5) & (columns <= width - 0.5)
     return np.where(inside_y & inside_x, values, np.nan)
 
 
@@ -46,11 +46,14 @@ def on_moving(
     pose: np.ndarray, y: np.ndarray, x: np.ndarray, shape: tuple[int, ...], aspect: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns on the moving surface, of that shape, of elements of the reference."""
+    shift_y, shift_x, turn = pose
     centre_y, centre_x = ((count - 1) / 2 for count in shape)
-    dy, dx = y - pose[0] - centre_y, x - pose[1] - centre_x
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    dy = y - shift_y - centre_y
+    dx = x - shift_x - centre_x
+    cosine, sine = math.cos(turn), math.sin(turn)
     rows = cosine * dy - sine / aspect * dx + centre_y
-    return rows, sine * aspect * dy + cosine * dx + centre_x
+    columns = sine * aspect * dy + cosine * dx + centre_x
+    return rows, columns
 
 
 def turn_back(turn: float, aspect: float) -> np.ndarray:

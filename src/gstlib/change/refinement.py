@@ -50,27 +50,26 @@ def refine(
     scale = np.array([factor, factor, 1.0])
     best, plane = start, None
     for smoothing, stride in _LEVELS:
-        level = _Level.of(h0, h1, details.aspect, smoothing, stride)
+        level = _Level.smoothed(h0, h1, details.aspect, smoothing, stride)
         pose, level_plane = level.refined(best.pose * scale, plane)
         refined = details.match(pose / scale)
-        is_near = _moved(start.pose, refined.pose, details) <= details.longest
-        if is_near and refined.correlation >= best.correlation - _LOWERED:
+        moved = _moved(start.pose, refined.pose, details)
+        is_as_good = refined.correlation >= best.correlation - _LOWERED
+        if moved <= details.longest and is_as_good:
             best, plane = refined, level_plane
     return best, level.errors(best.pose * scale)
 
 
 def _moved(one: np.ndarray, other: np.ndarray, details: Details) -> float:
     """How far (elements) the middle of the overlap at one pose is from that at another."""
-    y, x = (
-        np.array((max(0.0, at) + min(n0, at + n1) - 1) / 2)
-        for at, n0, n1 in zip(
-            one[:2], details.reference.shape, details.moving.shape, strict=True
-        )
-    )
     shape, aspect = details.moving.shape, details.aspect
-    (row, column), (other_row, other_column) = (
-        on_moving(pose, y, x, shape, aspect) for pose in (one, other)
-    )
+    middle = []
+    for at, count0, count1 in zip(one[:2], details.reference.shape, shape, strict=True):
+        first, end = max(0.0, at), min(count0, at + count1)
+        middle.append(np.array((first + end - 1) / 2))
+    y, x = middle
+    row, column = on_moving(one, y, x, shape, aspect)
+    other_row, other_column = on_moving(other, y, x, shape, aspect)
     return float(np.hypot(other_row - row, other_column - column))
 
 
@@ -85,11 +84,12 @@ class _Level(NamedTuple):
     stride: int
 
     @classmethod
-    def of(
+    def smoothed(
         cls, h0: np.ndarray, h1: np.ndarray, aspect: float, smoothing: float, stride: int
     ) -> Self:
         smooth0, smooth1 = (scipy.ndimage.gaussian_filter(h, smoothing) for h in (h0, h1))
-        slopes = np.stack([g[::stride, ::stride] for g in np.gradient(smooth0)])
+        gradient = np.gradient(smooth0)
+        slopes = np.stack([slope[::stride, ::stride] for slope in gradient])
         coarse = smooth0[::stride, ::stride]
         return cls(coarse, spline(smooth1), slopes, h0.shape, aspect, stride)
 
@@ -98,20 +98,20 @@ class _Level(NamedTuple):
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """A better pose, and the plane of the difference there, from those of the last level."""
         pose, half = pose.copy(), max(self.shape) / 2
-        y, x = np.meshgrid(
-            *(self.stride * np.arange(n) for n in self.reference.shape), indexing="ij"
-        )
+        along = [self.stride * np.arange(count) for count in self.reference.shape]
+        y, x = np.meshgrid(*along, indexing="ij")
+        middle_y, middle_x = ((count - 1) / 2 for count in self.moving.shape)
         for _ in range(_STEPS_PER_LEVEL):
-            moved = sample(self.moving, pose, self.shape, self.aspect, stride=self.stride)
+            moved = self._moved(pose)
             inside = np.isfinite(moved)
             if inside.sum() < LEAST_POINTS:
                 break  # the next level takes more points of the same overlap
             residual = (moved - self.reference)[inside]
-            dy = (y[inside] - pose[0] - (self.moving.shape[0] - 1) / 2) / half
-            dx = (x[inside] - pose[1] - (self.moving.shape[1] - 1) / 2) / half
-            gy, gx = self.slopes[:, inside]
-            turn = gy * dx / self.aspect - gx * dy * self.aspect
-            design = np.stack([np.ones_like(dy), dy, dx, gy, gx, turn])
+            dy = (y[inside] - pose[0] - middle_y) / half
+            dx = (x[inside] - pose[1] - middle_x) / half
+            slope_y, slope_x = self.slopes[:, inside]
+            turn = slope_y * dx / self.aspect - slope_x * dy * self.aspect
+            design = np.stack([np.ones_like(dy), dy, dx, slope_y, slope_x, turn])
             if plane is None:
                 # the start of the robust fit: a plane by reweighted least squares
                 plane = least_squares(design[:3], residual)
@@ -124,20 +124,27 @@ class _Level(NamedTuple):
                 break
         return pose, plane
 
+    def _moved(self, pose: np.ndarray) -> np.ndarray:
+        """The moving surface on the elements of this level; NaN outside."""
+        return sample(self.moving, pose, self.shape, self.aspect, stride=self.stride)
+
     def errors(self, pose: np.ndarray) -> np.ndarray:
         """Standard errors (y, x) of the shift, elements; NaN if shared slopes do not determine it.
 
         The pull of the residuals on the shift scatters between blocks of the overlap, however far
         the errors of neighbouring points correlate within a block.
         """
-        moved = sample(self.moving, pose, self.shape, self.aspect, stride=self.stride)
-        slopes = np.stack([np.gradient(self.reference), np.gradient(moved)]) / self.stride
+        moved = self._moved(pose)
+        gradients = np.stack([np.gradient(self.reference), np.gradient(moved)])
+        slopes = gradients / self.stride
         inside = np.isfinite(slopes).all(axis=(0, 1))
         if inside.sum() < LEAST_POINTS:
             return np.full(2, math.nan)
         first, second = slopes[:, :, inside]
+        mean = (first + second) / 2
         y, x = np.nonzero(inside)
-        design = np.stack([np.ones(y.size), y / inside.shape[0], x / inside.shape[1]])
+        ny, nx = inside.shape
+        design = np.stack([np.ones(y.size), y / ny, x / nx])
         residual = (moved - self.reference)[inside]
         plane = least_squares(design, residual)
         for _ in range(_ERROR_STEPS):
@@ -148,9 +155,11 @@ class _Level(NamedTuple):
         shared = (shared + shared.T) / 2
         if not np.linalg.eigvalsh(shared)[0] > 0:
             return np.full(2, math.nan)
-        block = _BLOCKS * (_BLOCKS * y // inside.shape[0]) + _BLOCKS * x // inside.shape[1]
-        pulls = [np.bincount(block, weight * left * slope) for slope in (first + second) / 2]
-        return np.sqrt(np.sum(np.linalg.solve(shared, pulls) ** 2, axis=1))
+        block = _BLOCKS * (_BLOCKS * y // ny) + _BLOCKS * x // nx
+        pull = weight * left
+        pulls = [np.bincount(block, pull * slope) for slope in mean]
+        shifts = np.linalg.solve(shared, pulls)
+        return np.sqrt(np.sum(shifts**2, axis=1))
 
 
 def _robust_fit(design: np.ndarray, values: np.ndarray, plane: np.ndarray) -> np.ndarray:
@@ -163,4 +172,6 @@ def _robust_fit(design: np.ndarray, values: np.ndarray, plane: np.ndarray) -> np
 def _biweights(left: np.ndarray) -> np.ndarray | float:
     """Tukey's weights of residuals."""
     bound = _BIWEIGHT * robust_sigma(left)
-    return np.clip(1 - (left / bound) ** 2, 0, None) ** 2 if bound > 0 else 1.0
+    if not bound > 0:
+        return 1.0
+    return np.clip(1 - (left / bound) ** 2, 0, None) ** 2

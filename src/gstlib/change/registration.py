@@ -65,12 +65,13 @@ class Registration:
     residual_mm: float  # robust standard deviation of the levelled height difference
     shift_x_error_mm: float  # standard errors in the middle of the overlap
     shift_y_error_mm: float  # NaN if no slopes that both surfaces share determine the shift
-    found: bool  # whether the details correlate well enough, in every direction, to believe it
+    # whether the details correlate well enough, in every direction, to believe it
+    is_reliable: bool
 
     def as_attrs(self) -> dict[str, float]:
-        """Attributes for a file: lengths in µm, `found` as 1 or 0."""
+        """Attributes for a file: lengths in µm, ``registration_found`` as 1 or 0."""
         attrs = asdict(self)
-        attrs["registration_found"] = int(attrs.pop("found"))
+        attrs["registration_found"] = int(attrs.pop("is_reliable"))
         return {
             name.replace("_mm", "_um"): value * 1e3 if name.endswith("_mm") else value
             for name, value in attrs.items()
@@ -86,9 +87,9 @@ def register(
     differ: `moving` may be a larger map around the reference. It takes 90 to 250 bytes of memory a
     point of the larger one: 350 MB for 2048 × 2048 points. Shifts are found up to
     `maximum_shift_mm` along each axis, if at least a quarter of the field overlaps, and rotations
-    up to a few degrees. The result is the best registration; its `found` says whether to believe
-    it. Surfaces whose heights differ by a factor of two (`OTHER_HEIGHTS`) are registered to an
-    element only: the refinement compares heights.
+    up to a few degrees. The result is the best registration; its `is_reliable` says whether to
+    believe it. Surfaces whose heights differ by a factor of two (`OTHER_HEIGHTS`) are registered
+    to an element only: the refinement compares heights.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def register(
         math.ceil(max(h.shape) / size) for h, size in zip((h0, h1), _SEARCH_SIZES, strict=True)
     )
     aspect = float(spacing[0] / spacing[1])
-    details = Details.of(h0, h1, aspect, factor)
+    details = Details.between(h0, h1, aspect, factor)
     left = 1 - maximum_shift_mm / spacing / h0.shape
     match = details.search(max(LEAST_OVERLAP, float(np.prod(np.maximum(left, 0)))))
     errors, dale_depth_ratio = np.full(2, math.nan), details.dale_depth_ratio(match.pose)
@@ -135,7 +136,7 @@ def register(
         residual_mm=robust_sigma(flat1 - flat0),
         shift_x_error_mm=float(error_x),
         shift_y_error_mm=float(error_y),
-        found=match.is_beyond_chance and slope_correlation >= LEAST_ALONG,
+        is_reliable=match.is_beyond_chance and slope_correlation >= LEAST_ALONG,
     )
 
 

@@ -18,8 +18,16 @@ import scipy
 from gstlib.change.poses import sample, turn_back
 from gstlib.surfaces.fitting import robust_sigma
 
-__all__ = ["LEAST_ALONG", "LEAST_CORRELATION", "LEAST_OVERLAP", "LEAST_POINTS", "ROUNDING"]
-__all__ += ["Details", "Match", "pearson"]
+__all__ = [
+    "LEAST_ALONG",
+    "LEAST_CORRELATION",
+    "LEAST_OVERLAP",
+    "LEAST_POINTS",
+    "ROUNDING",
+    "Details",
+    "Match",
+    "pearson",
+]
 
 # The smaller the overlap, the more chance matches: smaller overlaps than this are not searched. If
 # the best match is one that chance may give, larger overlaps are searched alone.
@@ -60,9 +68,10 @@ def _slopes(heights: np.ndarray) -> np.ndarray:
     Finite differences, clipped components and mirrored edges would all show slopes along striae
     that run between the axes.
     """
-    slopes = np.stack(
-        [scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=axis) for axis in _AXES]
-    )
+    rises = [
+        scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=axis) for axis in _AXES
+    ]
+    slopes = np.stack(rises)
     steepness = np.hypot(*slopes)
     bound = 3 * np.median(steepness)
     slopes *= np.minimum(1.0, bound / np.maximum(steepness, _TINY))
@@ -97,14 +106,16 @@ class Details(NamedTuple):
     longest: float  # longest wave that they contain, elements
 
     @classmethod
-    def of(cls, h0: np.ndarray, h1: np.ndarray, aspect: float, factor: int) -> Self:
+    def between(cls, h0: np.ndarray, h1: np.ndarray, aspect: float, factor: int) -> Self:
         longest = math.ceil(max(h0.shape) / factor) * _LONGEST_FRACTION
-        smooth = (
-            scipy.ndimage.gaussian_filter(h, max(_NOISE_ELEMENTS, factor / 2)) for h in (h0, h1)
-        )
-        thinned = [h[::factor, ::factor] for h in smooth]
-        a, b = (_detail(h, longest) for h in thinned)
-        return cls(a, b, [_slopes(h) for h in thinned], aspect, longest)
+        shortest = max(_NOISE_ELEMENTS, factor / 2)
+        thinned = []
+        for heights in (h0, h1):
+            smooth = scipy.ndimage.gaussian_filter(heights, shortest)
+            thinned.append(smooth[::factor, ::factor])
+        reference, moving = (_detail(heights, longest) for heights in thinned)
+        slopes = [_slopes(heights) for heights in thinned]
+        return cls(reference, moving, slopes, aspect, longest)
 
     def common(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The heights of both over their overlap."""
@@ -122,24 +133,30 @@ class Details(NamedTuple):
         one, other = self.common(pose)
         if not one.size:
             return math.nan
-        low = one <= np.median(one)
-        first, second = (
-            float(np.mean((heights[low] - np.median(heights)) ** 2)) for heights in (one, other)
-        )
+        is_low = one <= np.median(one)
+        squares = []
+        for heights in (one, other):
+            depth = heights[is_low] - np.median(heights)
+            squares.append(float(np.mean(depth**2)))
+        first, second = squares
         return math.sqrt(second / first) if first > 0 else math.nan
 
     def search(self, least_overlap: float) -> Match:
         """The best match: the peak of the masked correlation, and the best of a few rotations."""
         matches = []
         for overlap in sorted({least_overlap, max(least_overlap, _LARGE_OVERLAP)}):
-            matches.append(self._turned(self._peak(self.reference, self.moving, overlap)))
-            if self.determine(matches[-1]):
-                return matches[-1]
+            shift = self._peak(self.reference, self.moving, overlap)
+            match = self._turned(shift)
+            if self.determine(match):
+                return match
+            matches.append(match)
         best = max(matches, key=lambda match: match.strength)
         if best.is_beyond_chance:  # striae that match: finer details show where along them
             _, direction = self.compare_slopes(best.pose)
-            a, b = (np.nan_to_num(np.einsum("i,i...->...", direction, g)) for g in self.slopes)
-            match = self._turned(self._peak(a, b, least_overlap))
+            along = [np.einsum("i,i...->...", direction, slopes) for slopes in self.slopes]
+            a, b = map(np.nan_to_num, along)
+            shift = self._peak(a, b, least_overlap)
+            match = self._turned(shift)
             if self.determine(match):
                 return match
         return best
@@ -151,22 +168,24 @@ class Details(NamedTuple):
     def compare_slopes(self, pose: np.ndarray) -> tuple[float, np.ndarray]:
         """The least correlation of slopes along any direction, and this direction (y, x)."""
         first, second = self.slopes
-        moved = np.stack(
-            [sample(g, pose, first.shape[1:], self.aspect, order=1) for g in second]
-        )
+        shape = self.reference.shape
+        moved = np.stack([sample(slope, pose, shape, self.aspect, order=1) for slope in second])
         inside = np.isfinite(first[0] + moved[0])
-        one, other = first[:, inside], turn_back(pose[2], self.aspect) @ moved[:, inside]
+        one = first[:, inside]
+        other = turn_back(pose[2], self.aspect) @ moved[:, inside]
         if one.shape[1] < LEAST_POINTS:
             return 0.0, np.ones(2)
-        one, other = (g - g.mean(axis=1, keepdims=True) for g in (one, other))
-        products = [np.einsum("ik,jk->ij", g, g) for g in (one, other)]
-        for product in products:
-            flattest = np.linalg.eigh(product)[1][:, 0]
-            if not flattest @ product @ flattest > ROUNDING**2 * np.trace(product):
-                return 0.0, flattest  # what is left along this direction is rounding
-        own = sum(product / np.trace(product) for product in products) / 2
+        one, other = (slopes - slopes.mean(axis=1, keepdims=True) for slopes in (one, other))
+        products = [np.einsum("ik,jk->ij", slopes, slopes) for slopes in (one, other)]
+        traces = [np.trace(product) for product in products]
+        for product, trace in zip(products, traces, strict=True):
+            _, directions = np.linalg.eigh(product)
+            flattest = directions[:, 0]
+            if not flattest @ product @ flattest > ROUNDING**2 * trace:
+                return 0.0, flattest  # the rest along this direction is rounding
+        own = sum(product / trace for product, trace in zip(products, traces, strict=True)) / 2
         shared = np.einsum("ik,jk->ij", one, other)
-        shared /= math.sqrt(math.prod(np.trace(product) for product in products))
+        shared /= math.sqrt(math.prod(traces))
         correlations, directions = scipy.linalg.eigh((shared + shared.T) / 2, own)
         return float(correlations[0]), directions[:, 0]
 
@@ -195,15 +214,17 @@ class Details(NamedTuple):
         y, x = arm
         for turn in np.radians(_TURNS):
             sine, cosine = math.sin(turn), math.cos(turn)
-            turned = cosine * y + sine * x / self.aspect, cosine * x - sine * y * self.aspect
-            matches.append(self.match(np.array([*(shift + arm - turned), turn])))
+            turned_y = cosine * y + sine * x / self.aspect
+            turned_x = cosine * x - sine * y * self.aspect
+            at = shift + arm - (turned_y, turned_x)
+            matches.append(self.match(np.array([*at, turn])))
         return max(matches, key=lambda match: match.correlation)
 
 
 def pearson(a: np.ndarray, b: np.ndarray) -> float:
     if a.size < 3:
         return 0.0
-    a, b = a - a.mean(), b - b.mean()
-    squares = float(np.sum(a * a)), float(np.sum(b * b))
-    scale = math.sqrt(squares[0] * squares[1])
+    a = a - a.mean()
+    b = b - b.mean()
+    scale = math.sqrt(float(np.sum(a * a)) * float(np.sum(b * b)))
     return float(np.sum(a * b)) / scale if scale > 0 else 0.0

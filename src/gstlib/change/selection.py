@@ -12,19 +12,48 @@ from gstlib.change.registration import is_one_way, is_other
 from gstlib.coupling.pressures import unseen
 from gstlib.errors import FaultError
 
-__all__ = ["exchanged_epochs", "is_more", "other_heights", "registration_table"]
-__all__ += ["rise_warnings", "select_patches"]
+__all__ = [
+    "exchanged_epochs",
+    "is_more",
+    "other_heights",
+    "registration_table",
+    "rise_warnings",
+    "select_patches",
+]
 
 # Of each patch, in the order of the table, before it is said whether that excludes the patch.
-_REGISTRATION = ["patch", "found", "shift_x_um", "shift_y_um", "shift_x_error_um"]
-_REGISTRATION += ["shift_y_error_um", "rotation_deg", "t1_x_um", "t1_y_um", "t1_size_x_um"]
-_REGISTRATION += ["t1_size_y_um", "overlap", "correlation"]
-_REGISTRATION += ["detail_correlation", "slope_correlation", "dale_depth_ratio", "residual_um"]
-_REGISTRATION += ["change_sigma_um", "lateral_sigma_um", "level_of_detection_um"]
-_REGISTRATION += ["cluster_points", "detection"]
-_REGISTRATION += ["known_fraction", "loss_fraction", "gain_fraction", "loss_volume_um3"]
-_REGISTRATION += ["mean_depth_where_worn_um", "mean_wear_depth_um", "gain_to_loss_ratio"]
-_REGISTRATION += ["above_noise"]
+_REGISTRATION = [
+    "patch",
+    "found",
+    "shift_x_um",
+    "shift_y_um",
+    "shift_x_error_um",
+    "shift_y_error_um",
+    "rotation_deg",
+    "t1_x_um",
+    "t1_y_um",
+    "t1_size_x_um",
+    "t1_size_y_um",
+    "overlap",
+    "correlation",
+    "detail_correlation",
+    "slope_correlation",
+    "dale_depth_ratio",
+    "residual_um",
+    "change_sigma_um",
+    "lateral_sigma_um",
+    "level_of_detection_um",
+    "cluster_points",
+    "detection",
+    "known_fraction",
+    "loss_fraction",
+    "gain_fraction",
+    "loss_volume_um3",
+    "mean_depth_where_worn_um",
+    "mean_wear_depth_um",
+    "gain_to_loss_ratio",
+    "above_noise",
+]
 # Wear takes height. Of synthetic specimens, whose T0 and T1 are right, no patch gained on a larger
 # share of its points than it lost on; exchanged, four of five gain by these on more.
 _GAIN_OVER_LOSS = 1.2
@@ -154,6 +183,17 @@ def select_patches(
     that a patch does not enter because it wore. Patches that `registration` (from
     `registration_table`) lacks have no T1: their pressure alone decides. The result is `pressures`
     with ``in_study`` and ``reason``, empty where a patch is in.
+
+    Examples
+    --------
+    >>> import gstlib, pandas as pd
+    >>> pressures = pd.DataFrame({"patch": ["1", "2"], "pressure_MPa": [0.4, 20.0]})
+    >>> row = {"patch": "2", "found": True, "overlap": 0.9, "detail_correlation": 0.8}
+    >>> rules = {"minimum_overlap": 0.7, "minimum_correlation": 0.5}
+    >>> rules["minimum_pressure_MPa"] = 1.0
+    >>> table = gstlib.select_patches(pressures, pd.DataFrame([row]), rules)
+    >>> table.in_study.tolist(), table.reason[0]
+    ([False, True], 'pressure 0.4 below 1 MPa')
     """
     matches = registration.set_index("patch").to_dict("index")
     least_MPa = selection["minimum_pressure_MPa"]

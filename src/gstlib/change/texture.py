@@ -56,6 +56,15 @@ def measure_texture(
 
     `scans` are those at T0, `changes` those of the patches with a T1. The filters are their
     nesting indices; without an L-filter, None. The rows are those of `texture_rows`.
+
+    Examples
+    --------
+    >>> import gstlib, numpy as np
+    >>> wave = np.cos(2 * np.pi * (np.arange(64) + 0.5) / 16) * np.ones((64, 1))
+    >>> scan = gstlib.make_surface(1e-3 * wave, spacing=1e-3).to_dataset(name="height")
+    >>> table = gstlib.measure_texture({"7": scan}, {}, s_filter_um=0.1, l_filter_um=None)
+    >>> table[["epoch", "Sq_um"]].round(3).values.tolist()
+    [['T0', 0.707]]
     """
     rows = []
     for patch in scans:
@@ -163,13 +172,14 @@ def _material_ratio(heights: np.ndarray) -> dict[str, float]:
     ratio = np.linspace(0, 100, _CLASSES)
     curve = np.quantile(heights, 1 - ratio / 100)
     starts = ratio[ratio <= 100 - _LINE_WIDTH]
+    ends = starts + _LINE_WIDTH
     # the secant of the smallest gradient; the curve falls
-    rise = np.interp(starts + _LINE_WIDTH, ratio, curve) - curve[: starts.size]
+    rise = np.interp(ends, ratio, curve) - curve[: starts.size]
     first = int(np.argmax(rise))
-    last = np.searchsorted(ratio, starts[first] + _LINE_WIDTH, side="right")
+    last = np.searchsorted(ratio, ends[first], side="right")
     slope, top = np.polyfit(ratio[first:last], curve[first:last], 1)
-    ends = [top, top + 100 * slope]
-    smr1, smr2 = np.interp(ends, curve[::-1], ratio[::-1])
+    line = [top, top + 100 * slope]
+    smr1, smr2 = np.interp(line, curve[::-1], ratio[::-1])
     levels = np.interp([smr1, smr2, _PEAKS, _DALES], ratio, curve)
     peaks, _, material, core = (np.maximum(heights - level, 0).mean() for level in levels)
     _, dales, void, deep = (np.maximum(level - heights, 0).mean() for level in levels)

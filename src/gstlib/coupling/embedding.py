@@ -91,7 +91,7 @@ def place_patch(
     slopes = float(at.slope_y), float(at.slope_x)
     size_mm = float(composite.patch_mm)
     return placed_faces(
-        height, face, contact, PatchPosition.of(at), size_mm=size_mm, slopes=slopes
+        height, face, contact, PatchPosition.from_dataset(at), size_mm=size_mm, slopes=slopes
     )
 
 

@@ -93,10 +93,22 @@ def solve_patches(
     contact : ContactPath or Contact
         Of the first variant with the path to it and the stiffness of the interface, if there are
         steps.
+
+    Examples
+    --------
+    >>> import gstlib, numpy as np, pandas as pd
+    >>> from gstlib.microscale.patches import Microscale
+    >>> heights = 1e-3 * np.random.default_rng(1).normal(size=(16, 16))
+    >>> scans = {"7": gstlib.make_surface(heights, 0.05).to_dataset(name="height")}
+    >>> pressures = pd.DataFrame({"patch": ["7"], "square_pressure_MPa": [6.0]})
+    >>> settings = Microscale(1e4, 1e-8, None, None, 50.0)
+    >>> solved = gstlib.solve_patches(scans, pressures, settings, variants=["levelled"])
+    >>> [(patch, round(float(contact.pressure.mean()), 6)) for patch, _, contact in solved]
+    [('7', 6.0)]
     """
     if EQUILIBRIUM in variants and (composite is None or contact is None):
         raise ValueError("to be placed, patches need the composite surface and its contact")
-    of = pressures.set_index("patch")
+    targets = pressures.set_index("patch")
     for patch in scans:
         source = f"patch {patch}"
         height, pressed = prepare_faces(
@@ -108,7 +120,7 @@ def solve_patches(
             else:
                 over = xr.zeros_like(height) if pressed is None else pressed
                 interface = Interface(height, over)
-            loaded = interface, Load(float(of[_PRESSURES[variant]][patch]))
+            loaded = interface, Load(float(targets[_PRESSURES[variant]][patch]))
             solved: dict[str, Any] = {
                 "modulus": settings.contact_modulus_MPa,
                 "tolerance": settings.tolerance,

@@ -107,6 +107,17 @@ def solve_slip(
     ----------
     M. Ciavarella, Int. J. Solids Struct. 35 (1998) 2349; J. Jäger, Arch. Appl. Mech. 68 (1998) 247.
     The tangential over the normal compliance: K. L. Johnson, *Contact Mechanics* (1985), §7.2.
+
+    Examples
+    --------
+    >>> import gstlib, numpy as np
+    >>> y, x = np.mgrid[-1:1:40j, -1:1:40j]
+    >>> sphere = gstlib.Interface.on_flat(gstlib.make_surface(-(x**2 + y**2) / 2, 2 / 39))
+    >>> press = {"modulus": 1e3, "tolerance": 1e-8}
+    >>> contact = gstlib.contact.contact_at_pressure(sphere, gstlib.Load(5.0), **press)
+    >>> slip = gstlib.solve_slip(contact, friction=0.4, tangential_ratio=0.5, poisson=0.3)
+    >>> round(float(slip.traction.mean()), 6), int(slip.stick.sum()), int(slip.slip.sum())
+    (1.0, 52, 28)
     """
     pressure, remaining = contact.pressure.values, 1 - tangential_ratio
     reduced = solve_again(
@@ -143,6 +154,17 @@ def solve_capped(
         ``pressure`` (y, x) MPa; ``gap`` (y, x) mm, where the pressure is at the cap minus the
         depth of the yield; ``displacement`` mm, ``capped_fraction`` (of the contact), ``residual``
         and ``pressure_cap`` MPa.
+
+    Examples
+    --------
+    >>> import gstlib, numpy as np
+    >>> y, x = np.mgrid[-1:1:40j, -1:1:40j]
+    >>> sphere = gstlib.Interface.on_flat(gstlib.make_surface(-(x**2 + y**2) / 2, 2 / 39))
+    >>> press = {"modulus": 1e3, "tolerance": 1e-8}
+    >>> contact = gstlib.contact.contact_at_pressure(sphere, gstlib.Load(5.0), **press)
+    >>> limited = gstlib.solve_capped(contact, pressure_cap=100.0)
+    >>> float(limited.pressure.max()), round(float(limited.pressure.mean()), 6)
+    (100.0, 5.0)
     """
     mean_pressure = contact.load.mean_pressure
     state = solve_again(contact, source, mean_pressure=mean_pressure, pressure_cap=pressure_cap)

@@ -33,11 +33,14 @@ def interpolate(
     element = along[1] - along[0]
     wide = edge / _POINTS_PER_EDGE
     if interpolation != "cubic" or wide <= element:
-        return _predicted(interpolation, cloud, _places(along))
-    count = int(np.ceil((along[-1] - along[0]) / wide)) + 1
-    nodes = np.linspace(along[0], along[-1], max(count, 4))
+        places = _places(along)
+        return _predicted(interpolation, cloud, places)
+    first, last = along[0], along[-1]
+    count = int(np.ceil((last - first) / wide)) + 1
+    nodes = np.linspace(first, last, max(count, 4))
     coarse = _predicted(interpolation, cloud, _places(nodes))
-    return scipy.interpolate.RectBivariateSpline(nodes, nodes, coarse)(along, along)
+    spline = scipy.interpolate.RectBivariateSpline(nodes, nodes, coarse)
+    return spline(along, along)
 
 
 class Comparison(NamedTuple):
@@ -62,7 +65,8 @@ def compare(interpolation: str, cloud: np.ndarray, bounds: tuple[float, float]) 
     inside = ((places >= low) & (places <= high)).all(axis=1)
     vertex, errors = _left_out(cloud, np.flatnonzero(inside), tried)
     rms = np.sqrt((errors**2).mean(axis=1))
-    best = int(np.argmax(rms <= (1 + _TIE) * rms.min()))
+    is_good = rms <= (1 + _TIE) * rms.min()
+    best = int(np.argmax(is_good))
     return Comparison(tried, rms, tried[best], cloud[vertex], errors[best])
 
 
@@ -71,16 +75,18 @@ def _left_out(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices (n,) of vertices left out, and errors (k, n) on them of those tried, mm."""
     inside = inside[:: 1 + len(inside) // _MOST_LEFT_OUT]
-    group = np.random.default_rng(_SEED).permutation(len(inside)) % _GROUPS
+    order = np.random.default_rng(_SEED).permutation(len(inside))
+    group = order % _GROUPS
     errors = np.empty((len(tried), len(inside)))
     for number in range(_GROUPS):
         out = group == number
         left = cloud[inside[out]]
         others = np.delete(cloud, inside[out], axis=0)
+        places, heights = left[:, :2], left[:, 2]
         for row, kind in zip(errors, tried, strict=True):
-            row[out] = left[:, 2] - _predicted(kind, others, left[:, :2])
-    known = ~np.isnan(errors).any(axis=0)
-    return inside[known], errors[:, known]
+            row[out] = heights - _predicted(kind, others, places)
+    predicted = ~np.isnan(errors).any(axis=0)
+    return inside[predicted], errors[:, predicted]
 
 
 def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -90,9 +96,11 @@ def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.
     """
     points, heights = cloud[:, :2], cloud[:, 2]
     if interpolation == "linear":
-        return scipy.interpolate.LinearNDInterpolator(points, heights)(places)
+        linear = scipy.interpolate.LinearNDInterpolator(points, heights)
+        return linear(places)
     if interpolation == "clough-tocher":
-        return scipy.interpolate.CloughTocher2DInterpolator(points, heights)(places)
+        smooth = scipy.interpolate.CloughTocher2DInterpolator(points, heights)
+        return smooth(places)
     spline = scipy.interpolate.RBFInterpolator(
         points, heights, neighbors=min(_NEIGHBOURS, len(cloud)), kernel="cubic", degree=2
     )

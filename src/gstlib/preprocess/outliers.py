@@ -65,10 +65,13 @@ def window_outliers(
     )
     rms = np.sqrt(np.maximum(square - mean**2, 0.0))
     rough = measured & (rms > _ROUNDING * np.abs(heights).max())
-    ratio = np.where(rough, np.abs(heights - mean) / np.where(rough, rms, 1.0), 0.0)
+    off = np.abs(heights - mean)
+    ratio = np.where(rough, off / np.where(rough, rms, 1.0), 0.0)
     # The paper bisects for k. The threshold to which it converges is a ratio in the map itself.
     allowed = min(int(share * np.count_nonzero(measured)), ratio.size - 1)
-    k = float(np.partition(ratio, -1 - allowed, axis=None)[-1 - allowed])
+    place = -1 - allowed
+    ordered = np.partition(ratio, place, axis=None)
+    k = float(ordered[place])
     return ratio > k, k
 
 
@@ -98,7 +101,8 @@ def median_outliers(
     measured = np.isfinite(heights)
     # With half the unmeasured points above everything and half below, the median is the others'.
     above = np.indices(heights.shape).sum(axis=0) % 2 == 1
-    entered = np.where(measured, heights, np.where(above, np.inf, -np.inf))
+    unmeasured = np.where(above, np.inf, -np.inf)
+    entered = np.where(measured, heights, unmeasured)
     off = np.abs(heights - _medians(_windows(entered, half_width)))
     # ASSUME: S is no less than that of the whole map. Without this bound, a spot much smoother than
     # the rest would have its small unevenness marked as outliers.
@@ -108,11 +112,14 @@ def median_outliers(
     )
     # Because of that bound only these points can be outliers: few enough to gather their windows.
     at = np.nonzero(off > threshold * scale)
-    around = _windows(heights, half_width)[at].reshape(-1, (2 * half_width + 1) ** 2)
+    points = (2 * half_width + 1) ** 2
+    around = _windows(heights, half_width)[at].reshape(-1, points)
     median = np.nanmedian(around, axis=1)
-    local = MAD_TO_SIGMA * np.nanmedian(np.abs(around - median[:, None]), axis=1)
+    deviations = np.abs(around - median[:, None])
+    local = MAD_TO_SIGMA * np.nanmedian(deviations, axis=1)
+    limit = threshold * np.maximum(local, scale)
     outlier = np.zeros(heights.shape, dtype=bool)
-    outlier[at] = np.abs(heights[at] - median) > threshold * np.maximum(local, scale)
+    outlier[at] = np.abs(heights[at] - median) > limit
     return outlier, scale
 
 

@@ -15,8 +15,16 @@ from gstlib.preprocess.outliers import median_outliers, window_outliers
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["check_unmeasured", "crop_of", "cut_patch", "interpolate_holes", "mould_of"]
-__all__ += ["prepare_patch", "prepare_scan", "preprocessing_table"]
+__all__ = [
+    "check_unmeasured",
+    "crop_of",
+    "cut_patch",
+    "interpolate_holes",
+    "mould_of",
+    "prepare_patch",
+    "prepare_scan",
+    "preprocessing_table",
+]
 
 # ASSUME: r of the paper's windows, in points, is not published. At 5 a window of 121 points finds
 # spikes of up to 15 points.
@@ -25,8 +33,16 @@ _WINDOW_HALF_WIDTH = 5
 _MEDIAN_HALF_WIDTH = 3
 
 # What was done to a scan, in the order of the table.
-_DONE = ["unmeasured", "filled", "outliers", "outlier_k", "tilt_x_mrad", "tilt_y_mrad"]
-_DONE += ["Sq_before_um", "Sq_after_um"]
+_DONE = [
+    "unmeasured",
+    "filled",
+    "outliers",
+    "outlier_k",
+    "tilt_x_mrad",
+    "tilt_y_mrad",
+    "Sq_before_um",
+    "Sq_after_um",
+]
 
 # ASSUME: once a mould is undone, rows of a scan run along the square's +y and columns along its +x,
 # up to the patch's rotation. The paper says which axis is flipped, not how the instrument lies.
@@ -78,6 +94,15 @@ def prepare_scan(
         Too many points are unmeasured.
     ContactInputError
         The scan is no surface: see `gstlib.surfaces.grid.spacing_of`.
+
+    Examples
+    --------
+    >>> import gstlib, numpy as np
+    >>> heights = np.random.default_rng(1).normal(0, 1e-3, (40, 40))
+    >>> heights[10, 10], heights[20, 20:23] = 0.1, np.nan
+    >>> scan = gstlib.prepare_scan(gstlib.make_surface(heights, spacing=2e-3))
+    >>> scan.attrs["outliers"], scan.attrs["filled"]
+    (1, 3)
     """
     spacing_of(raw)  # refuses what is no surface
     check_unmeasured(raw, maximum_unmeasured)

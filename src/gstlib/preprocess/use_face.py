@@ -131,15 +131,18 @@ def find_use_face(
     lowest, highest, below = _heights_met(crop, hits, is_own, layout)
     folded, bare = highest - lowest > _SAME_HEIGHT, np.isnan(highest)
     _check_folds(folded, highest - lowest, layout, source)
-    own, through = crop.faces[is_own], (highest - below)[layout.in_square & ~np.isnan(below)]
+    own = crop.faces[is_own]
     triangles = crop.points[own]
     edges = triangles - np.roll(triangles, 1, axis=1)
+    has_underside = layout.in_square & ~np.isnan(below)
+    through = (highest - below)[has_underside]
+    thickness = float(np.percentile(through, _THIN_PERCENTILE)) if len(through) else np.nan
     return UseFace(
         cloud=crop.points[np.unique(own)],
         edge=float(np.linalg.norm(edges, axis=2).mean()),
         ends=(folded | bare) & ~layout.in_square,
         bare=bare & layout.in_square,
-        thickness=float(np.percentile(through, _THIN_PERCENTILE)) if len(through) else np.nan,
+        thickness=thickness,
     )
 
 
@@ -178,8 +181,10 @@ def _cropped(mesh: "trimesh.Trimesh", frame: Frame, layout: Layout) -> _Crop:
     points, faces = vertices[used], inverse.reshape(-1, 3)
     a, b, c = (points[faces[:, k], :2] for k in range(3))
     (bx, by), (cx, cy) = (b - a).T, (c - a).T
-    body = connected_component_labels(mesh.faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(vertices))
-    return _Crop(points, faces, 0.5 * (bx * cy - by * cx), body[mesh.faces[near, 0]])
+    areas = 0.5 * (bx * cy - by * cx)
+    edges = mesh.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    body = connected_component_labels(edges, len(vertices))
+    return _Crop(points, faces, areas, body[mesh.faces[near, 0]])
 
 
 def _hits(crop: _Crop, layout: Layout) -> _Hits:
@@ -190,8 +195,10 @@ def _hits(crop: _Crop, layout: Layout) -> _Hits:
     y, x = (centre.ravel() for centre in layout.centres)
     numbers = np.flatnonzero(np.abs(crop.areas) > _EDGE_ON)
     triangles = crop.points[crop.faces[numbers]]
-    tree = shapely.STRtree(shapely.polygons(triangles[:, [0, 1, 2, 0], :2]))
-    element, hit = tree.query(shapely.points(x, y), predicate="intersects")
+    rings = triangles[:, [0, 1, 2, 0], :2]
+    tree = shapely.STRtree(shapely.polygons(rings))
+    centres = shapely.points(x, y)
+    element, hit = tree.query(centres, predicate="intersects")
     a, b, c = (triangles[hit, k] for k in range(3))
     normal = np.cross(b - a, c - a)
     rise_x = normal[:, 0] * (x[element] - a[:, 0])
@@ -214,10 +221,10 @@ def _side_of_use(crop: _Crop, hits: _Hits, layout: Layout, source: str) -> np.nd
     candidates = np.flatnonzero(cover >= 0.5 * cover.max())
     heights = np.array([np.median(height[side_hit == one]) for one in candidates])
     nearest = np.argmin(np.abs(heights))
-    use_side, apart = candidates[nearest], np.abs(heights - heights[nearest])
-    is_double = (
-        (candidates % 2 == use_side % 2) & (candidates != use_side) & (apart < _DOUBLE_MM)
-    )
+    use_side = candidates[nearest]
+    apart = np.abs(heights - heights[nearest])
+    is_alike = (candidates % 2 == use_side % 2) & (candidates != use_side)
+    is_double = is_alike & (apart < _DOUBLE_MM)
     if is_double.any():
         _log.warning(
             "%s: the mesh has a second surface over the square, %.2g mm from that which is taken: "
@@ -250,9 +257,12 @@ def _heights_met(
     np.fmin.at(lowest, element[own], height[own])
     np.fmax.at(highest, element[own], height[own])
     looks_down = crop.areas[face] < 0
-    under = layout.in_square.ravel()[element] & looks_down & (height < highest[element])
+    in_square = layout.in_square.ravel()[element]
+    under = in_square & looks_down & (height < highest[element])
     same = under & np.isin(crop.bodies[face], crop.bodies[is_own])
-    under = same if len(np.unique(element[same])) > _JOINED * layout.grid**2 else under
+    covered = len(np.unique(element[same]))
+    if covered > _JOINED * layout.grid**2:
+        under = same
     np.fmax.at(below, element[under], height[under])
     shape = layout.in_square.shape
     return lowest.reshape(shape), highest.reshape(shape), below.reshape(shape)

@@ -203,7 +203,7 @@ def _use_scores(truth: Mapping[str, float], use: pd.DataFrame | None) -> Iterato
 
 def _registration_scores(at: xr.Dataset, recovered: dict) -> Iterator[_Row]:
     """The position found for T1, along the axes of the T0 scan."""
-    t0, t1 = (PatchPosition.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
+    t0, t1 = (PatchPosition.from_dataset(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     shift_y, shift_x = relocation(t0, t1)
     for axis, shift in (("x", shift_x), ("y", shift_y)):
         yield f"shift_{axis}", "um", shift * MM_TO_UM, recovered[f"shift_{axis}_um"]

@@ -12,7 +12,16 @@ __all__ = ["low_pass", "radial_frequency", "s_filtered"]
 
 
 def s_filtered(height: xr.DataArray, nesting_um: float | None) -> xr.DataArray:
-    """Heights (y, x) without waves shorter than the nesting index; unchanged if that is None."""
+    """Heights (y, x) without waves shorter than the nesting index; unchanged if that is None.
+
+    Examples
+    --------
+    >>> import gstlib, numpy as np
+    >>> wave = np.cos(2 * np.pi * np.arange(200) / 20) * np.ones((50, 1))
+    >>> smooth = gstlib.s_filtered(gstlib.make_surface(wave, spacing=1e-3), nesting_um=20.0)
+    >>> round(float(smooth[25, 100]), 3)
+    0.5
+    """
     spacing = spacing_of(height)
     if nesting_um is None:
         return height
@@ -49,19 +58,21 @@ def low_pass(heights: np.ndarray, spacing: Sequence[float], nesting: float) -> n
         # The line between both ends is long-wave; what is left is zero there, odd about both
         # ends, and so a sum of sines, of which each has its exact weight.
         first, last = heights[0], heights[-1]
-        low = first + np.linspace(0, 1, count)[:, None] * (last - first)
-        waves = scipy.fft.dst((heights - low)[1:-1], type=1, axis=0)
-        ratio = nesting * np.arange(1, count - 1) / (2 * (count - 1) * step)
+        along = np.linspace(0, 1, count)[:, None]
+        low = first + along * (last - first)
+        inner = (heights - low)[1:-1]
+        waves = scipy.fft.dst(inner, type=1, axis=0)
+        number = np.arange(1, count - 1)
+        ratio = nesting * number / (2 * (count - 1) * step)
         weight = np.exp2(-(ratio**2))
-        low[1:-1] += scipy.fft.idst(weight[:, None] * waves, type=1, axis=0)
+        passed = weight[:, None] * waves
+        low[1:-1] += scipy.fft.idst(passed, type=1, axis=0)
         heights = np.moveaxis(low, 0, axis)
     return heights
 
 
 def radial_frequency(shape: Sequence[int], spacing: float) -> np.ndarray:
     """Spatial frequency (ny, nx // 2 + 1) of every term of a real two-dimensional transform."""
-    along_y, along_x = (
-        scipy.fft.fftfreq(shape[0], spacing),
-        scipy.fft.rfftfreq(shape[1], spacing),
-    )
+    along_y = scipy.fft.fftfreq(shape[0], spacing)
+    along_x = scipy.fft.rfftfreq(shape[1], spacing)
     return np.hypot(along_y[:, None], along_x)

@@ -24,7 +24,8 @@ def planes_over(y: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 def residuals(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Values (n,) less the combination of `columns` (n, m) that is nearest to them."""
-    rest: np.ndarray = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+    coefficients, *_ = np.linalg.lstsq(columns, values, rcond=None)
+    rest: np.ndarray = values - columns @ coefficients
     return rest
 
 
@@ -47,7 +48,8 @@ def least_squares(
 
 def robust_sigma(values: np.ndarray) -> float:
     """Standard deviation of values, by their median absolute deviation."""
-    return MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))
+    deviations = np.abs(values - np.median(values))
+    return MAD_TO_SIGMA * float(np.median(deviations))
 
 
 def vertex(values: Sequence[float] | np.ndarray, step: float) -> float:

@@ -39,8 +39,11 @@ _T1 = ["t1_y_um", "t1_x_um", "t1_rotation_deg", "t1_size_y_um", "t1_size_x_um"]
 def rotated(v: Any, u: Any, rotation_deg: float) -> tuple[Any, Any]:
     """Offsets along y and x of what lies (v, u) along axes that are turned from x towards y."""
     turn = np.radians(rotation_deg)
-    cosine, sine = np.cos(turn), np.sin(turn)
-    return cosine * v + sine * u, cosine * u - sine * v
+    cosine = np.cos(turn)
+    sine = np.sin(turn)
+    dy = cosine * v + sine * u
+    dx = cosine * u - sine * v
+    return dy, dx
 
 
 class PatchPosition(NamedTuple):
@@ -51,7 +54,7 @@ class PatchPosition(NamedTuple):
     rotation_deg: float = 0.0
 
     @classmethod
-    def of(cls, at: xr.Dataset) -> "PatchPosition":
+    def from_dataset(cls, at: xr.Dataset) -> "PatchPosition":
         """The place of one patch, from its ``y_mm, x_mm, rotation_deg``."""
         return cls(*(float(at[name]) for name in cls._fields))
 
@@ -67,8 +70,11 @@ class PatchPosition(NamedTuple):
 
 def places_of(patches: pd.DataFrame) -> dict[str, PatchPosition]:
     """Place of each patch, from ``patch, x_mm, y_mm, rotation_deg``."""
-    rows = patches[["patch", "y_mm", "x_mm", "rotation_deg"]].itertuples(index=False)
-    return {patch: PatchPosition(*map(float, place)) for patch, *place in rows}
+    table = patches[["patch", "y_mm", "x_mm", "rotation_deg"]]
+    places = {}
+    for patch, *place in table.itertuples(index=False):
+        places[patch] = PatchPosition(*map(float, place))
+    return places
 
 
 def spline_of(field: xr.DataArray) -> "scipy.interpolate.RectBivariateSpline":
@@ -107,7 +113,8 @@ def on_patch(
     size_mm: float,
 ) -> np.ndarray:
     """A field of the square at the points, of this `shape`, of the scan that lies at a place."""
-    v, u = (axis_coordinates(count, size_mm / count) - size_mm / 2 for count in shape)
+    half = size_mm / 2
+    v, u = (axis_coordinates(count, size_mm / count) - half for count in shape)
     if place.rotation_deg == 0:  # many times as fast
         return spline(place.y_mm + v, place.x_mm + u)
     return spline.ev(*place.points(v[:, None], u))
@@ -119,7 +126,8 @@ def outline(place: PatchPosition, size_mm: float | tuple[float, float]) -> np.nd
     `size_mm` is its side, or its extents along its own y and x.
     """
     signs = np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]])
-    v, u = (signs * np.divide(size_mm, 2)).T
+    half = np.divide(size_mm, 2)
+    v, u = (signs * half).T
     y, x = place.points(v, u)
     return np.column_stack([x, y])
 
@@ -130,9 +138,11 @@ def with_t1(patches: pd.DataFrame, registration: pd.DataFrame) -> pd.DataFrame:
     `registration` is the table of this name.
     """
     # patches have a turn, too
-    of_t1 = registration.set_index("patch").rename(columns={"rotation_deg": "t1_rotation_deg"})
-    of_t1 = of_t1.reindex(columns=["found", *_T1]).dropna()
-    return patches.join(of_t1.loc[of_t1.found.astype(bool), _T1].astype(float), on="patch")
+    of_t1 = registration.rename(columns={"rotation_deg": "t1_rotation_deg"})
+    of_t1 = of_t1.set_index("patch").reindex(columns=["found", *_T1]).dropna()
+    is_found = of_t1.found.astype(bool)
+    places = of_t1.loc[is_found, _T1].astype(float)
+    return patches.join(places, on="patch")
 
 
 def covered_areas(patches: pd.DataFrame, size_mm: float) -> dict[str, "shapely.Polygon"]:
@@ -148,12 +158,14 @@ def covered_areas(patches: pd.DataFrame, size_mm: float) -> dict[str, "shapely.P
     import shapely
 
     places, covered = places_of(patches), {}
-    for patch, *of_t1 in patches[["patch", *_T1]].dropna().itertuples(index=False):
+    measured = patches[["patch", *_T1]].dropna()
+    for patch, *of_t1 in measured.itertuples(index=False):
         v, u, turn, height, width = np.multiply(of_t1, (1e-3, 1e-3, 1, 1e-3, 1e-3))
         before = places[patch]
         after = PatchPosition(*before.points(v, u), before.rotation_deg + turn)
-        t0, t1 = outline(before, size_mm), outline(after, (height, width))
-        covered[patch] = shapely.Polygon(t0).intersection(shapely.Polygon(t1))
+        t0 = shapely.Polygon(outline(before, size_mm))
+        t1 = shapely.Polygon(outline(after, (height, width)))
+        covered[patch] = t0.intersection(t1)
     return covered
 
 
@@ -168,12 +180,17 @@ def footprint_weights(grid: xr.DataArray, place: PatchPosition, size_mm: float) 
         return area_weights(grid, shapely.Polygon(outline(place, size_mm)))
     # as exact, and a hundred times as fast
     dy, dx = spacing_of(grid)
-    half, overlap = size_mm / 2, []
-    for at, step, centre in ((grid.y.values, dy, place.y_mm), (grid.x.values, dx, place.x_mm)):
-        low, high = at - step / 2, at + step / 2
-        inside = np.minimum(high, centre + half) - np.maximum(low, centre - half)
-        overlap.append(np.clip(inside, 0, None))
-    return np.outer(*overlap) / (dy * dx)
+    along_y = _overlap(grid.y.values, dy, place.y_mm, size_mm)
+    along_x = _overlap(grid.x.values, dx, place.x_mm, size_mm)
+    return np.outer(along_y, along_x) / (dy * dx)
+
+
+def _overlap(at: np.ndarray, step: float, centre: float, size_mm: float) -> np.ndarray:
+    """The length of each element that lies within a side of a footprint."""
+    half = size_mm / 2
+    low = np.maximum(at - step / 2, centre - half)
+    high = np.minimum(at + step / 2, centre + half)
+    return np.clip(high - low, 0, None)
 
 
 def area_weights(grid: xr.DataArray, area: "shapely.Polygon") -> np.ndarray:
@@ -182,20 +199,25 @@ def area_weights(grid: xr.DataArray, area: "shapely.Polygon") -> np.ndarray:
 
     dy, dx = spacing_of(grid)
     x_low, y_low, x_high, y_high = area.bounds
-    near_y = (grid.y.values > y_low - dy) & (grid.y.values < y_high + dy)
-    near_x = (grid.x.values > x_low - dx) & (grid.x.values < x_high + dx)
+    y, x = grid.y.values, grid.x.values
+    near_y = (y > y_low - dy) & (y < y_high + dy)
+    near_x = (x > x_low - dx) & (x < x_high + dx)
     near = np.ix_(near_y, near_x)
-    y, x = np.meshgrid(grid.y.values[near_y], grid.x.values[near_x], indexing="ij")
-    elements = shapely.box(x - dx / 2, y - dy / 2, x + dx / 2, y + dy / 2)
+    y, x = np.meshgrid(y[near_y], x[near_x], indexing="ij")
+    half_y, half_x = dy / 2, dx / 2
+    elements = shapely.box(x - half_x, y - half_y, x + half_x, y + half_y)
+    inside = shapely.intersection(elements, area)
     weights = np.zeros((grid.sizes["y"], grid.sizes["x"]))
-    weights[near] = shapely.area(shapely.intersection(elements, area)) / (dy * dx)
+    weights[near] = shapely.area(inside) / (dy * dx)
     return weights
 
 
 def half_extent(size_mm: float, rotation_deg: Any) -> Any:
     """How far a rotated footprint reaches from its centre along x and y, mm."""
     angle = np.radians(rotation_deg)
-    return size_mm / 2 * (abs(np.cos(angle)) + abs(np.sin(angle)))
+    cosine = abs(np.cos(angle))
+    sine = abs(np.sin(angle))
+    return size_mm / 2 * (cosine + sine)
 
 
 def moved(
@@ -210,10 +232,9 @@ def moved(
     """
     half = half_extent(size_mm, patches.rotation_deg.to_numpy())
     places = {}
-    for name, by, axis, step in zip(
-        ("y_mm", "x_mm"), shift_mm, "yx", spacing_of(face), strict=True
-    ):
-        along = face[axis].values
-        first, last = along[0] - step / 2 + half, along[-1] + step / 2 - half
-        places[name] = np.clip(patches[name].to_numpy() + by, first, last)
+    for axis, shift, step in zip("yx", shift_mm, spacing_of(face), strict=True):
+        name, along = f"{axis}_mm", face[axis].values
+        first = along[0] - step / 2 + half
+        last = along[-1] + step / 2 - half
+        places[name] = np.clip(patches[name].to_numpy() + shift, first, last)
     return patches.assign(**places)

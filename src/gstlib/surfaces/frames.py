@@ -62,13 +62,15 @@ class Frame:
 
         Points in the frame times these, plus the origin, are points of the mesh.
         """
-        x, normal = np.asarray(self.x_axis, float), np.asarray(self.normal, float)
-        x, normal = x / np.linalg.norm(x), normal / np.linalg.norm(normal)
+        x = np.asarray(self.x_axis, float)
+        normal = np.asarray(self.normal, float)
+        x, normal = (axis / np.linalg.norm(axis) for axis in (x, normal))
         return np.array([x, np.cross(normal, x), normal])
 
     def to_frame(self, points: np.ndarray) -> np.ndarray:
         """Coordinates (x, y, z) in the frame of (n, 3) points of the mesh, mm."""
-        return (np.asarray(points, dtype=float) - np.array(self.origin)) @ self.axes.T
+        from_corner = np.asarray(points, dtype=float) - np.array(self.origin)
+        return from_corner @ self.axes.T
 
 
 def frame_from_points(points: Sequence[Sequence[float]]) -> Frame:
@@ -112,10 +114,11 @@ def frame_variables(frame: Frame) -> dict[str, tuple]:
         "x_axis": ("1", frame.x_axis, "direction of the square's x on the mesh"),
         "normal": ("1", frame.normal, "direction out of the stone on the mesh"),
     }
-    return {
-        name: ("axis", np.asarray(values, dtype=float), {"units": units, "long_name": text})
-        for name, (units, values, text) in described.items()
-    }
+    variables = {}
+    for name, (units, values, long_name) in described.items():
+        attrs = {"units": units, "long_name": long_name}
+        variables[name] = ("axis", np.asarray(values, dtype=float), attrs)
+    return variables
 
 
 def stored_frame(square: xr.Dataset) -> Frame:
@@ -142,7 +145,8 @@ def find_frame(
     """
     vertices = np.asarray(mesh.vertices)
     for number, point in enumerate(points_mm, 1):
-        away = float(np.linalg.norm(vertices - np.asarray(point), axis=1).min())
+        distances = np.linalg.norm(vertices - np.asarray(point), axis=1)
+        away = float(distances.min())
         if away > size_mm:
             span = " to ".join(str(np.round(end, 4).tolist()) for end in mesh.bounds)
             raise ConfigError(
@@ -180,12 +184,13 @@ def over_face(
     low = np.array([face[axis].values[0] for axis in "xy"]) - half
     high = np.array([face[axis].values[-1] for axis in "xy"]) + half
     faces_out = mesh.vertex_normals @ np.array(frame.normal) > 0
-    x_and_y = places[:, :2]
-    is_over = ((x_and_y >= low - margin) & (x_and_y <= high + margin)).all(axis=1)
-    over = np.flatnonzero(is_over & faces_out)
+    x_and_y, z = places[:, :2], places[:, 2]
+    is_inside = (x_and_y >= low - margin) & (x_and_y <= high + margin)
+    is_over = is_inside.all(axis=1)
+    over = z[is_over & faces_out]
     # If an arm of the stone lies above or below, the face is on the side nearest to its plane.
-    nearest = places[over[np.argmin(np.abs(places[over, 2]))], 2]
-    near = np.abs(places[:, 2] - nearest) < (high - low).max()
+    nearest = over[np.argmin(np.abs(over))]
+    near = np.abs(z - nearest) < (high - low).max()
     return places, is_over & faces_out & near
 
 

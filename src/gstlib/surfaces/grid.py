@@ -12,8 +12,7 @@ import xarray as xr
 
 from gstlib.bem.fields import as_given, step_of
 
-__all__ = ["MM_TO_UM", "axis_coordinates", "coarser", "described", "make_surface"]
-__all__ += ["spacing_of"]
+__all__ = ["MM_TO_UM", "axis_coordinates", "coarser", "described", "make_surface", "spacing_of"]
 
 MM_TO_UM = 1e3
 
@@ -41,13 +40,21 @@ def make_surface(
         Element size in mm, which must be that of the coordinates of a `DataArray`.
     long_name : str
         Its description; further attributes may follow.
+
+    Examples
+    --------
+    >>> import gstlib
+    >>> surface = gstlib.make_surface([[0.0, 0.1, 0.2], [0.3, 0.4, 0.5]], spacing=(1.0, 0.25))
+    >>> surface.y.values, surface.x.values
+    (array([0.5, 1.5]), array([0.125, 0.375, 0.625]))
     """
     heights = np.asarray(as_given(heights, spacing)[0], dtype=float)
     if heights.ndim != 2:
         raise ValueError(f"a surface has 2 dimensions, not {heights.ndim}")
-    dy, dx = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
-    if not (np.isfinite([dy, dx]).all() and dy > 0 and dx > 0):
+    steps = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
+    if not (np.isfinite(steps).all() and (steps > 0).all()):
         raise ValueError(f"spacing must be positive and finite, not {spacing}")
+    dy, dx = steps
     ny, nx = heights.shape
     y_attrs, x_attrs = ({"units": "mm", "long_name": f"{axis} position"} for axis in "yx")
     return xr.DataArray(
@@ -71,13 +78,20 @@ def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
         The coordinates y or x are missing, uneven or falling, not in mm, or of a single element.
     ValueError
         A field has x before y among its dimensions.
+
+    Examples
+    --------
+    >>> import gstlib, numpy as np
+    >>> surface = gstlib.make_surface(np.zeros((6, 8)), spacing=(1.0, 0.25))
+    >>> gstlib.spacing_of(surface[:, ::2])
+    (1.0, 0.5)
     """
     fields = surface.data_vars.values() if isinstance(surface, xr.Dataset) else [surface]
-    for dims in (field.dims for field in fields if {"y", "x"} <= {*field.dims}):
-        if dims.index("x") < dims.index("y"):
-            raise ValueError(
-                f"the dimensions are {dims}: give y before x, by .transpose('y', 'x')"
-            )
+    for field in fields:
+        dims = field.dims
+        if "y" in dims and "x" in dims and dims.index("x") < dims.index("y"):
+            remedy = "give y before x, by .transpose('y', 'x')"
+            raise ValueError(f"the dimensions are {dims}: {remedy}")
     return step_of(surface, "y"), step_of(surface, "x")
 
 

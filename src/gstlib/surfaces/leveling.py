@@ -62,6 +62,14 @@ def remove_plane(surface: xr.DataArray) -> tuple[xr.DataArray, Plane]:
     ------
     InputError
         Fewer than three points are measured, or they are all on one line.
+
+    Examples
+    --------
+    >>> import gstlib, numpy as np
+    >>> slope = gstlib.make_surface(0.002 * np.indices((20, 30))[1], spacing=0.1)
+    >>> level, plane = gstlib.remove_plane(slope)
+    >>> round(plane.tilt_x_mrad, 2), bool(abs(level).max() < 1e-12)
+    (20.0, True)
     """
     spacing_of(surface)  # refuses what is no surface
     heights, (y, x) = surface.values, _centred(surface)
@@ -79,13 +87,16 @@ def fit_plane(heights: np.ndarray, y: np.ndarray, x: np.ndarray, *, source: str 
     count = int(used.sum())
     # Sums along rows and columns avoid a matrix of all the points. Centring on the fitted points
     # separates the two slopes from the offset, and keeps the sums free of cancellation.
-    per_row, per_column = used.sum(axis=1), used.sum(axis=0)
+    per_row = used.sum(axis=1)
+    per_column = used.sum(axis=0)
     y_mean = _dot(per_row, y) / max(count, 1)
     x_mean = _dot(per_column, x) / max(count, 1)
-    dy, dx = y - y_mean, x - x_mean
+    dy = y - y_mean
+    dx = x - x_mean
     z_mean = heights[used].mean() if count else math.nan
     z = np.where(used, heights - z_mean, 0.0)
-    yy, xx = _dot(per_row, dy**2), _dot(per_column, dx**2)
+    yy = _dot(per_row, dy**2)
+    xx = _dot(per_column, dx**2)
     dx_of_rows = np.where(used, dx, 0.0).sum(axis=1)
     xy = _dot(dy, dx_of_rows)
     determinant = yy * xx - xy**2

@@ -535,7 +535,7 @@ def _lowered(contact: Contact, at: xr.Dataset, interlayer: Interlayer) -> np.nda
         return 0.0
     under_interlayer = surroundings(
         interlayer.pressure,
-        PatchPosition.of(at),
+        PatchPosition.from_dataset(at),
         around.shape,
         size_mm=float(at.patch_mm),
         contact_modulus_MPa=contact.modulus,

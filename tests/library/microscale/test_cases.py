@@ -1,10 +1,9 @@
-"""Slip and a cap: closed forms, what they obey, and the rows of the table."""
+"""Slip and a cap: closed forms, conditions that hold, and the rows of the table."""
 
 import numpy as np
 import pytest
-from contacts import interface, rough
+from contacts import pressed, rough
 from gstlib.bem.closed_forms import Sphere
-from gstlib.contact import Load, contact_at_pressure
 from gstlib.microscale.slip_and_cap import (
     capped_numbers,
     case_table,
@@ -13,124 +12,84 @@ from gstlib.microscale.slip_and_cap import (
     solve_slip,
 )
 from gstlib.surfaces.grid import make_surface
+from numpy.testing import assert_allclose, assert_array_equal
 
-LOAD = Load(50.0)
-SOURCE = {"modulus": 12820.0, "tolerance": 1e-9, "source": "surface.h5"}
 GRINDING = {"friction": 0.4, "tangential_ratio": 0.5, "poisson": 0.3}
-PRESSURE_CAP = 2000.0
-
-
-FACES = interface(rough(5))
+MEAN_MPa = 50.0
 
 
 @pytest.fixture(scope="module")
 def contact():
-    return contact_at_pressure(FACES, LOAD, **SOURCE)
+    return pressed(rough(5), mean_pressure=MEAN_MPa, modulus=12820.0, tolerance=1e-9)
 
 
-# Slip, with Cattaneo and Mindlin's sphere as the closed form.
-
-RADIUS, SPACING, MODULUS, POISSON = 1.0, 0.004, 10000.0, GRINDING["poisson"]
-
-
-@pytest.fixture(scope="module")
-def sphere():
-    centres = (np.arange(96) - 47.5) * SPACING
-    height = make_surface(-(centres[:, None] ** 2 + centres**2) / (2 * RADIUS), SPACING)
-    return contact_at_pressure(interface(height), Load(30.0), **SOURCE | {"modulus": MODULUS})
-
-
-@pytest.mark.parametrize("ratio", [0.3, 0.6, 0.9])
-def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(sphere, ratio):
-    friction = GRINDING["friction"]
+@pytest.mark.parametrize("ratio", [0.3, 0.9])
+def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(ratio):
+    spacing, radius, modulus = 0.004, 1.0, 1e4
+    centres = (np.arange(96) - 47.5) * spacing
+    height = -(centres[:, None] ** 2 + centres**2) / (2 * radius)
+    surface = make_surface(height, spacing)
+    sphere = pressed(surface, mean_pressure=30.0, modulus=modulus, tolerance=1e-9)
     slip = solve_slip(sphere, **GRINDING | {"tangential_ratio": ratio})
-    found = slip_numbers(slip)
-    force = 30.0 * sphere.pressure.size * SPACING**2
-    exact = Sphere(force, RADIUS, MODULUS)
-    radius, stick = exact.contact_radius, exact.stick_radius(ratio)
-    assert 1 - found["slip share"] == pytest.approx((stick / radius) ** 2, abs=0.02)
-    assert int(slip.slip.sum()) * SPACING**2 == pytest.approx(
-        np.pi * (radius**2 - stick**2), rel=0.05
-    )
-    assert found["mean traction"] == pytest.approx(friction * ratio * 30.0, rel=1e-9)
-    compliances = (2 - POISSON) / (2 * (1 - POISSON))
-    closed = friction * compliances * (radius**2 - stick**2) / RADIUS
-    assert found["tangential displacement"] == pytest.approx(1e3 * closed, rel=0.01)
-    np.testing.assert_array_equal(slip.stick | slip.slip, sphere.pressure > 0)
-    assert not (slip.stick & slip.slip).any()
+    exact = Sphere(30.0 * height.size * spacing**2, radius, modulus)
+    contact_mm, stick_mm = exact.contact_radius, exact.stick_radius(ratio)
+    numbers = slip_numbers(slip)
+    assert 1 - numbers["slip share"] == pytest.approx((stick_mm / contact_mm) ** 2, abs=0.02)
+    assert numbers["mean traction"] == pytest.approx(0.4 * ratio * 30.0, rel=1e-9)
+    compliances = (2 - 0.3) / (2 * (1 - 0.3))
+    closed_mm = 0.4 * compliances * (contact_mm**2 - stick_mm**2) / radius
+    assert numbers["tangential displacement"] == pytest.approx(1e3 * closed_mm, rel=0.01)
+    assert_array_equal(slip.stick ^ slip.slip, sphere.pressure > 0)
 
 
 def test_coulomb_holds_and_everything_slips_at_the_end(contact):
     limit = 0.4 * contact.pressure.values
-    half, none, all_of_it = (
+    half, none, full = (
         solve_slip(contact, **GRINDING | {"tangential_ratio": ratio}) for ratio in (0.5, 0, 1)
     )
     assert np.all(half.traction <= limit)
     assert half.traction.min() > -1e-6 * limit.max()
-    np.testing.assert_array_equal(half.traction.values[half.slip], limit[half.slip])
+    assert_array_equal(half.traction.values[half.slip], limit[half.slip])
     assert half.stick.any()
     assert half.slip.any()
     assert not none.slip.any()
-    assert not all_of_it.stick.any()
-    np.testing.assert_allclose(all_of_it.traction, limit)
-
-
-# A cap on the pressure.
+    assert not full.stick.any()
+    assert_allclose(full.traction, limit)
 
 
 def test_a_cap_holds_and_its_rows_agree_with_the_fields(contact):
     hardness = 0.3 * float(contact.pressure.max())
     limited = solve_capped(contact, pressure_cap=hardness)
-    study, cap = capped_numbers(contact, limited)
-    elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
-    at_cap = limited.pressure.values == hardness
-    assert limited.pressure.max() == hardness
-    assert float(limited.pressure.mean()) == pytest.approx(50.0, rel=1e-9)
-    assert study["contact fraction"] == elastic.mean()
-    assert cap["share at the cap"] == pytest.approx(at_cap.sum() / plastic.sum())
-    assert cap["contact fraction"] == plastic.mean() > study["contact fraction"]
-    assert cap["displacement"] > study["displacement"]
-    assert cap["deepest yield"] == pytest.approx(-1e3 * float(limited.gap.min()))
-    assert cap["deepest yield"] > 0
+    pressure = limited.pressure.values
+    assert pressure.max() == hardness
+    assert pressure.mean() == pytest.approx(MEAN_MPa, rel=1e-9)
+    elastic, plastic = capped_numbers(contact, limited)
+    touching = pressure > 0
+    assert elastic["contact fraction"] == (contact.pressure.values > 0).mean()
+    assert plastic["contact fraction"] == touching.mean() > elastic["contact fraction"]
+    at_cap = (pressure == hardness).sum() / touching.sum()
+    assert plastic["share at the cap"] == pytest.approx(at_cap)
+    assert plastic["displacement"] > elastic["displacement"]
+    assert plastic["deepest yield"] == pytest.approx(-1e3 * float(limited.gap.min()))
+    assert plastic["deepest yield"] > 0
 
 
 def test_a_patch_that_no_cap_lets_bear_its_load_is_left_out(contact, caplog):
-    """Nothing else is lost: that its mean pressure is too high is known only when it is solved."""
+    """Nothing else is lost: its mean pressure is known only when it is solved."""
     mean = float(contact.pressure.mean())
     table = case_table({"7": contact}, grinding=GRINDING, pressure_cap=mean)
     assert set(table.case[table.patch == "7"]) == {"grinding"}
     assert caplog.text.count("patch 7") == 1
 
 
-# Both.
-
-
-def test_slip_and_cap_of_two_rough_faces_are_those_of_their_sum():
-    lower, upper = rough(1), rough(2)
-    both = contact_at_pressure(interface(lower, upper), LOAD, **SOURCE)
-    alone = contact_at_pressure(interface(both.interface.pressed), LOAD, **SOURCE)
-    for solve, options in ((solve_slip, GRINDING), (solve_capped, {"pressure_cap": PRESSURE_CAP})):
-        one, other = (solve(contact, **options) for contact in (both, alone))
-        for name, variable in one.data_vars.items():
-            np.testing.assert_allclose(variable, other[name], atol=1e-4)
-
-
-# The table.
-
-
-def test_the_cases_asked_for_are_those_that_are_solved(contact):
+@pytest.mark.parametrize(
+    ("grinding", "pressure_cap", "cases"),
+    [(GRINDING, None, ["grinding"]), (GRINDING, 2000.0, ["study", "grinding", "cap"])],
+)
+def test_the_cases_asked_for_are_those_that_are_solved(contact, grinding, pressure_cap, cases):
     """The study's own values stand first, and only where a case has others."""
-    patches = {"7": contact, "5": contact}
-    for grinding, hardness, cases in (
-        (None, None, []),
-        (GRINDING, None, ["grinding"]),
-        (None, PRESSURE_CAP, ["study", "cap"]),
-        (GRINDING, PRESSURE_CAP, ["study", "grinding", "cap"]),
-    ):
-        table = case_table(patches, grinding=grinding, pressure_cap=hardness)
-        assert list(table.columns) == ["case", "patch", "quantity", "unit", "value"]
-        assert table.case.unique().tolist() == cases
-        assert table.patch[table.patch != ""].unique().tolist() == ["7", "5"] * bool(cases)
-        assert not table.duplicated(["case", "patch", "quantity"]).any()
-    settings = table[table.patch == ""].set_index("quantity").value.to_dict()
-    assert settings == {"friction": 0.4, "tangential ratio": 0.5, "pressure cap": PRESSURE_CAP}
+    table = case_table({"7": contact}, grinding=grinding, pressure_cap=pressure_cap)
+    assert table.case.unique().tolist() == cases
+    settings = table[table.patch == ""].set_index("quantity").value
+    caps = [] if pressure_cap is None else [pressure_cap]
+    assert settings.tolist() == [0.4, 0.5, *caps]
