@@ -41,7 +41,8 @@ def measured(shortest, seed):
     )
     surface = measure_roughness(heights, 1 / COUNT, periodic=True)
     loads = np.array(LOADS) * surface.slope
-    path = load_path(heights, 1 / COUNT, 1.0, loads=loads, periodic=True, keep_states=True)
+    options = {"periodic": True, "keep_states": True}
+    path = load_path(heights, 1 / COUNT, 1.0, target_pressure=loads, **options)
     return [
         {
             "shortest": shortest,

@@ -27,7 +27,8 @@ scale = modulus * numbers.slope  # MPa
 loads = scale * np.geomspace(0.005, 0.8, 16)
 
 # %%
-path = load_path(surface, contact_modulus=modulus, loads=loads, periodic=True, keep_states=True)
+options = {"contact_modulus": modulus, "periodic": True, "keep_states": True}
+path = load_path(surface, target_pressure=loads, **options)
 
 area = np.array([state.corrected_fraction for state in path.states])
 erf = [persson_contact_fraction(load, numbers.slope, modulus) for load in loads]
@@ -41,7 +42,7 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 left.loglog(loads / scale, area, ".-", label="gstlib.bem")
 left.loglog(loads / scale, erf, "--", label="Persson")
 left.loglog(loads / scale, np.minimum(BUSH_SLOPE * loads / scale, 1), ":", label="Bush et al.")
-summits = GreenwoodWilliamson.of(numbers, modulus)
+summits = GreenwoodWilliamson.from_roughness(numbers, modulus)
 above = summits.height * np.linspace(1.5, 0)  # the mean of the summits, mm
 spheres = summits.mean_pressure(above) / scale, summits.contact_fraction(above)
 left.loglog(*spheres, "-.", label="Greenwood and Williamson")

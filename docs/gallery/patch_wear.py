@@ -16,16 +16,17 @@ height = make_surface(0.002 * rough / rough.std(), side / n)  # mm
 
 modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa
 pressure = 22.0  # MPa
-archard = {"wear_rate": 2e-5, "sliding": 1.0}  # mm³/(N m), m
+wear_rate, sliding = 2e-5, 1.0  # mm³/(N m), m
 
 # %%
 new = solve_contact(height, contact_modulus=modulus, mean_pressure=pressure)
-worn = wear_path(height, contact_modulus=modulus, mean_pressure=pressure, **archard)
+load = {"contact_modulus": modulus, "mean_pressure": pressure}
+worn = wear_path(height, mean_loss=wear_rate * sliding * pressure, **load)
 
 volume = float(worn.depth.sum()) * (side / n) ** 2
-said = archard["wear_rate"] * (pressure * side**2) * archard["sliding"]
+expected = wear_rate * (pressure * side**2) * sliding
 touching, peak = 100 * worn.contact_fraction[-1], worn.final.pressure.max()
-print(f"volume lost: {1e9 * volume:.0f} µm³, Archard's k F s {1e9 * said:.0f} µm³")
+print(f"volume lost: {1e9 * volume:.0f} µm³, Archard's k F s {1e9 * expected:.0f} µm³")
 print(f"contact: {100 * new.contact_fraction:.1f} % new, {touching:.1f} % worn")
 print(f"highest pressure: {new.pressure.max():.0f} MPa new, {peak:.0f} MPa worn")
 

@@ -19,7 +19,7 @@ surface = make_surface(np.tile(profile, (n, 1)), side / n)
 
 # %%
 loads = wave.full_contact_pressure * np.linspace(0.02, 0.98, 13)
-options = {"contact_modulus": modulus, "loads": loads, "keep_states": True}
+options = {"contact_modulus": modulus, "target_pressure": loads, "keep_states": True}
 periodic = load_path(surface, periodic=True, **options)
 free = load_path(surface, **options)
 

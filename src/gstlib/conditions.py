@@ -73,8 +73,8 @@ ARCHARD = Law()
 
 def study_modulus(material: Mapping) -> float:
     """The contact modulus (MPa) of the config's section ``material``: as given, or computed."""
-    if (given := material["contact_modulus_MPa"]) is not None:
-        return float(given)
+    if (modulus := material["contact_modulus_MPa"]) is not None:
+        return float(modulus)
     names = ("young_1_MPa", "poisson_1", "young_2_MPa", "poisson_2")
     return contact_modulus(*(material[name] for name in names))
 
@@ -88,10 +88,9 @@ def study_poisson(material: Mapping) -> float:
     """
     # ASSUME: where the two tools differ, their tangential compliances add; Dundurs' β, by which
     # tangential tractions press unlike bodies apart, is neglected.
-    poisson = [material["poisson_1"], material["poisson_2"]]
-    young = [material["young_1_MPa"], material["young_2_MPa"]]
-    weights = [(1 + ratio) / modulus for ratio, modulus in zip(poisson, young, strict=True)]
-    return float(np.average(poisson, weights=weights))
+    poisson = np.array([material["poisson_1"], material["poisson_2"]])
+    young = np.array([material["young_1_MPa"], material["young_2_MPa"]])
+    return float(np.average(poisson, weights=(1 + poisson) / young))
 
 
 def load_force(load: Mapping[str, Any], size_mm: float) -> float:

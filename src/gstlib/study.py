@@ -287,7 +287,7 @@ class Study:
         contacts = {patch: self.contacts[patch] for patch in self.worn}
         changes = {patch: self.changes[patch] for patch in self.worn}
         depths = dict(predict_wear(contacts, self.worn_square, **self.settings["predict_wear"]))
-        prediction = Prediction.of(depths, self.worn_square)
+        prediction = Prediction.from_worn(depths, self.worn_square)
         settings = self.settings["score_wear"] | drawn
         return score_wear(
             contacts, changes, prediction, self.selected, self.registration, **settings

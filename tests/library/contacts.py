@@ -34,7 +34,7 @@ def mesh_face(height, error, vertices, seed):
     y, x = rng.uniform(0, size, (2, vertices))
     errors = error * rng.standard_normal(vertices)
     numbers = {"vertex_y": y, "vertex_x": x, "left_out_error": errors}
-    fields = {name: ("vertex", of) for name, of in numbers.items()}
+    fields = {name: ("vertex", values) for name, values in numbers.items()}
     return xr.Dataset({"height": height, "counterface": 0 * height, "size_mm": size} | fields)
 
 

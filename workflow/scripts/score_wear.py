@@ -33,7 +33,7 @@ def main(
 ) -> None:
     """`tables` are the files of what `score_wear` gives, by name."""
     stone = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
-    prediction = Prediction.of(Stored(files_of(depths, worn)), stone)
+    prediction = Prediction.from_worn(Stored(files_of(depths, worn)), stone)
     measured = read_pressures(pressures), read_table(registration)
     scores = score_wear(
         contacts_of(contacts, worn),

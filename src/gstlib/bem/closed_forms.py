@@ -147,7 +147,8 @@ class Ellipsoid(Indenter):
         low, high = 0.0, 1.0
         for _ in range(60):
             e = 0.5 * (low + high)
-            K, E = scipy.special.ellipk(e * e), scipy.special.ellipe(e * e)
+            K = scipy.special.ellipk(e * e)
+            E = scipy.special.ellipe(e * e)
             smaller = (E / (1 - e * e) - K) / (K - E) < ratio
             low, high = (e, high) if smaller else (low, e)
         return e
@@ -269,18 +270,22 @@ class GreenwoodWilliamson:
     contact_modulus: float
 
     @classmethod
-    def of(cls, surface: Roughness, contact_modulus: float) -> "GreenwoodWilliamson":
+    def from_roughness(
+        cls, surface: Roughness, contact_modulus: float
+    ) -> "GreenwoodWilliamson":
         """The summits of a Gaussian surface, from its moments: Nayak, McCool.
 
         η = m₄/(6√3 π m₂), R = (3/8)√(π/m₄), σ² = (1 − 0.8968/α) m₀, as `gstlib.bem.roughness`
         defines them.
         """
-        m0, m2, m4 = surface.height**2, surface.slope**2 / 2, 1.5 * surface.curvature**2
+        m0 = surface.height**2
+        m2 = surface.slope**2 / 2
+        m4 = 1.5 * surface.curvature**2
         return cls(
-            m4 / (6 * math.sqrt(3) * math.pi * m2),
-            0.375 * math.sqrt(math.pi / m4),
-            math.sqrt((1 - 0.8968 / surface.nayak) * m0),
-            contact_modulus,
+            density=m4 / (6 * math.sqrt(3) * math.pi * m2),
+            radius=0.375 * math.sqrt(math.pi / m4),
+            height=math.sqrt((1 - 0.8968 / surface.nayak) * m0),
+            contact_modulus=contact_modulus,
         )
 
     def contact_fraction(self, separation):
@@ -347,7 +352,8 @@ def persson_pressure_density(
     in proportion to p, and its integral is the contact fraction. Broadcasts.
     """
     width = full_contact_rms_pressure(rms_gradient, contact_modulus)
-    at, mean = np.asarray(pressure) / width, mean_pressure / width
+    at = np.asarray(pressure) / width
+    mean = mean_pressure / width
     density = np.exp(-((at - mean) ** 2) / 2) - np.exp(-((at + mean) ** 2) / 2)
     return density / (math.sqrt(2 * math.pi) * width)
 

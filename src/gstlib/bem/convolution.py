@@ -69,16 +69,17 @@ class EvenConvolution:
         # Transposed like the spectrum of the field below, and mirrored to all wave numbers along y.
         # As complex numbers, products take half the time in single precision (measured; no less in
         # double).
-        half, stored = spectrum.T, np.complex64 if dtype == np.float32 else dtype
-        self._spectrum = np.concatenate(
-            (half, half[:, (my - 1) // 2 : 0 : -1]), axis=1, dtype=stored
-        )
+        half = spectrum.T
+        mirrored = half[:, (my - 1) // 2 : 0 : -1]
+        stored = np.complex64 if dtype == np.float32 else dtype
+        self._spectrum = np.concatenate((half, mirrored), axis=1, dtype=stored)
         # Memory is kept from call to call: fresh pages are slow to touch. The transform is
         # transposed, so transforms along y run along contiguous memory.
         self._lines = _BLOCK // np.dtype(dtype).itemsize
         self._transform = np.empty((mx // 2 + 1, shape[0]), wave)
-        self._rows = np.empty((self._lines, mx + _OFFSET), dtype)[:, :mx]
-        self._columns = np.empty((self._lines, my + _OFFSET), wave)[:, :my]
+        rows = np.empty((self._lines, mx + _OFFSET), dtype)
+        columns = np.empty((self._lines, my + _OFFSET), wave)
+        self._rows, self._columns = rows[:, :mx], columns[:, :my]
         self._result = np.empty(shape, dtype)
 
     def __call__(
@@ -94,7 +95,9 @@ class EvenConvolution:
         the negative ones, as an FFT of the even length count_y orders them. It returns waves that
         are added to the result's.
         """
-        (ny, nx), (my, mx), transform = self._shape, self._padded, self._transform
+        ny, nx = self._shape
+        my, mx = self._padded
+        transform = self._transform
         half, extra = longest[0] // 2, longest[1]
         for lines in self._blocks(0, ny):
             block = self._rows[: lines.stop - lines.start]
@@ -105,13 +108,15 @@ class EvenConvolution:
         if respond is not None:
             block, lines = np.empty((extra, my), transform.dtype), slice(extra)
             waves = self._along_y(block, lines)
-            added = respond(np.concatenate((waves[:, :half], waves[:, -half:]), axis=1))
+            long_waves = np.concatenate((waves[:, :half], waves[:, -half:]), axis=1)
+            added = respond(long_waves)
             waves *= self._spectrum[lines]
             waves[:, :half] += added[:, :half]
             waves[:, -half:] += added[:, half:]
             self._back_along_y(waves, lines)
         for lines in self._blocks(extra, mx // 2 + 1):
-            waves = self._along_y(self._columns[: lines.stop - lines.start], lines)
+            block = self._columns[: lines.stop - lines.start]
+            waves = self._along_y(block, lines)
             waves *= self._spectrum[lines]
             self._back_along_y(waves, lines)
 
@@ -143,7 +148,8 @@ class SplitConvolution:
     """
 
     def __init__(self, shape, spacing, contact_modulus, kernel):
-        sigma, padded = _sigma(spacing), _margin_padding(shape, spacing)
+        sigma = _sigma(spacing)
+        padded = _margin_padding(shape, spacing)
         lengths = tuple(m * step for m, step in zip(padded, spacing, strict=True))
         coarse = tuple(even_size(math.ceil(length * _SIGMA / sigma)) for length in lengths)
         coarse_spacing = tuple(length / m for length, m in zip(lengths, coarse, strict=True))
@@ -163,7 +169,8 @@ class SplitConvolution:
         )
         down = down_x[: coarse[1] // 2 + 1, None] * down_y / math.prod(coarse)
         up = down.conj() * math.prod(padded)
-        self._down, self._up = down.astype(np.complex64), up.astype(np.complex64)
+        self._down = down.astype(np.complex64)
+        self._up = up.astype(np.complex64)
         self._coarse = coarse
 
     @staticmethod
@@ -171,10 +178,8 @@ class SplitConvolution:
         """Whether it holds a kernel that differs from Love's out to `reach` (mm), and is faster."""
         if reach > _MARGIN * _sigma(spacing):
             return False
-        near, exact = (
-            math.prod(_margin_padding(shape, spacing)),
-            math.prod(exact_padding(shape)),
-        )
+        near = math.prod(_margin_padding(shape, spacing))
+        exact = math.prod(exact_padding(shape))
         return near < _WORTH_SPLITTING * exact
 
     def __call__(self, pressure):
@@ -187,7 +192,8 @@ class SplitConvolution:
         size_y, size_x = self._coarse
         waves *= self._down
         load = scipy.fft.irfft2(waves, (size_y, size_x), axes=(1, 0), norm="forward")
-        waves = scipy.fft.rfft2(self._far(load.T).T, axes=(1, 0))
+        displacement = self._far(load.T).T
+        waves = scipy.fft.rfft2(displacement, axes=(1, 0))
         waves *= self._up
         return waves
 
@@ -253,9 +259,8 @@ def _sigma(spacing):
 def _margin_padding(shape, spacing):
     """Size of the grid on which the near part is convolved."""
     margin = _MARGIN * _sigma(spacing)
-    return tuple(
-        even_size(n + math.ceil(margin / step)) for n, step in zip(shape, spacing, strict=True)
-    )
+    lengths = zip(shape, spacing, strict=True)
+    return tuple(even_size(n + math.ceil(margin / step)) for n, step in lengths)
 
 
 def _far_field(quadrant, spacing, sigma):
@@ -265,7 +270,8 @@ def _far_field(quadrant, spacing, sigma):
     distance[0, 0] = 1.0  # replaced below
     field = 1 / distance
     # From 5.9 on, erf is 1 in double precision.
-    inner = np.ix_(y < 5.9 * sigma, x < 5.9 * sigma)
+    reach = 5.9 * sigma
+    inner = np.ix_(y < reach, x < reach)
     field[inner] *= [[math.erf(r / sigma) for r in row] for row in distance[inner]]
     field[0, 0] = 2 / (math.sqrt(math.pi) * sigma)
     return field
@@ -281,9 +287,11 @@ def _coarse_kernel(coarse, spacing, sigma):
         fades.append([0.5 * math.erfc(8 * (p - 0.5)) for p in place])
         wave_number = math.pi * np.arange(n + 1) / (n * step)
         growths.append(np.exp((wave_number * sigma) ** 2 / 4) / (2 * n))
-    kernel = _far_field(tuple(n + 1 for n in long), spacing, sigma) * np.outer(*fades)
-    freed = _even_spectrum(_even_spectrum(kernel) * np.outer(*growths))
-    return freed[: coarse[0] + 1, : coarse[1] + 1]
+    field = _far_field(tuple(n + 1 for n in long), spacing, sigma)
+    smoothed = _even_spectrum(field * np.outer(*fades))
+    freed = _even_spectrum(smoothed * np.outer(*growths))
+    my, mx = coarse
+    return freed[: my + 1, : mx + 1]
 
 
 def _smoothing(size, spacing, sigma):

@@ -74,8 +74,8 @@ class _Progress:
     """Which iterations halved the residual, and how many cautious ones are still to come."""
 
     def __init__(self, iterations):
-        self.halved, self.reached = iterations, math.inf
-        self.lowest_energy, self.cautious = math.inf, 0
+        self.halved, self.cautious = iterations, 0
+        self.reached = self.lowest_energy = math.inf
 
     def is_stalled(self, iterations):
         """Whether the residual has not halved for long; cautious iterations follow then."""
@@ -129,8 +129,8 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
         # limit hold it, the pressure itself, which sets the level of the whole.
         scalable = load.force is None and 0 < response.pressure.max() < load.pressure_cap
         level = [(response.pressure, response.field)] if scalable else []
-        known = level if last is None else [last, *level]
-        direction, lift = _direction(window.preconditioner, load, penetration, free, known)
+        pairs = level if last is None else [last, *level]
+        direction, lift = _direction(window.preconditioner, load, penetration, free, pairs)
         trial = load.admissible(pressure + step * direction, lift)
         if progress.cautious or dot(penetration, trial - pressure) <= 0:
             gradient = penetration * free / window.half_space.self_influence
@@ -178,10 +178,10 @@ def _interpenetration(load, pressure, opening):
     return rigid, penetration, free
 
 
-def _direction(preconditioner, load, penetration, free, known):
+def _direction(preconditioner, load, penetration, free, pairs):
     """The direction of the next trial, and the lift that keeps its load, None without a force.
 
-    It is conjugate to the `known` pairs of a direction and its displacement.
+    It is conjugate to the `pairs` of a direction and its displacement.
     """
     residual, lift = penetration * free, None
     preconditioner.fit(free)
@@ -194,10 +194,10 @@ def _direction(preconditioner, load, penetration, free, known):
         # Positive but for grids of a few elements; where it carries load it must be.
         lift = np.maximum(lift, _LEAST_LIFT * lift.max()) * free
         direction = load.balanced(direction, lift)
-    if not known:
+    if not pairs:
         return direction, lift
-    weights = _energy_weights(known, [dot(direction, image) for _, image in known])
-    conjugate = direction - _combination(weights, [vector for vector, _ in known]) * free
+    weights = _energy_weights(pairs, [dot(direction, image) for _, image in pairs])
+    conjugate = direction - _combination(weights, [vector for vector, _ in pairs]) * free
     if load.force is not None:
         conjugate = load.balanced(conjugate, lift)
     return (direction if dot(conjugate, penetration) <= 0 else conjugate), lift
@@ -205,12 +205,14 @@ def _direction(preconditioner, load, penetration, free, known):
 
 def _line_search(penetration, steps):
     """Weights of a change and the level, pairs with their displacements, and what they come to."""
-    weights = _energy_weights(steps, [dot(vector, penetration) for vector, _ in steps])
+    work = [dot(vector, penetration) for vector, _ in steps]
+    weights = _energy_weights(steps, work)
     if weights[0] <= 0 or abs(weights[1:]).sum() > _LARGE_LEVEL:
         # The exact search along the change alone.
         change, image = steps[0]
         scale = dot(penetration, change) / dot(change, image)
-        weights = np.array([scale if scale > 0 else 1.0, *[0.0] * (len(steps) - 1)])
+        weights = np.zeros(len(steps))
+        weights[0] = scale if scale > 0 else 1.0
     return weights, [_combination(weights, column) for column in zip(*steps, strict=True)]
 
 

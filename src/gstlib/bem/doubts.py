@@ -65,16 +65,17 @@ def fitted_plane(heights, spacing):
 
     The share is that of the heights' variance.
     """
-    known = np.isfinite(heights)
-    if not (count := np.count_nonzero(known)):
+    is_there = np.isfinite(heights)
+    if not (count := np.count_nonzero(is_there)):
         return np.zeros(2), 0.0
-    values = np.where(known, heights, 0.0)
-    values = np.where(known, values - values.sum() / count, 0.0)
+    values = np.where(is_there, heights, 0.0)
+    values = np.where(is_there, values - values.sum() / count, 0.0)
+    in_rows, in_columns = is_there.sum(axis=1), is_there.sum(axis=0)
     y, x = (np.arange(n) * step for n, step in zip(heights.shape, spacing, strict=True))
-    y -= known.sum(axis=1) @ y / count
-    x -= known.sum(axis=0) @ x / count
-    mixed = float(y @ np.where(known, x, 0.0).sum(axis=1))
-    squares = np.array([[known.sum(axis=1) @ y**2, mixed], [mixed, known.sum(axis=0) @ x**2]])
+    y -= in_rows @ y / count
+    x -= in_columns @ x / count
+    mixed = float(y @ np.where(is_there, x, 0.0).sum(axis=1))
+    squares = np.array([[in_rows @ y**2, mixed], [mixed, in_columns @ x**2]])
     right = np.array([values.sum(axis=1) @ y, values.sum(axis=0) @ x])
     slopes = np.linalg.lstsq(squares, right)[0]
     variance = float(np.einsum("ij,ij->", values, values))

@@ -19,7 +19,18 @@ __all__ = [
 
 
 class ContactError(Exception):
-    """Base of every error raised by `gstlib.bem`."""
+    """Base of every error raised by `gstlib.bem`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gstlib
+    >>> try:
+    ...     gstlib.solve_contact(np.zeros((4, 4)), 0.1, 1e4, mean_pressure=-1.0)
+    ... except gstlib.ContactError as error:
+    ...     print(error)
+    mean_pressure must be finite and not negative (MPa), got -1.0
+    """
 
 
 class ContactInputError(ContactError, ValueError):
@@ -35,7 +46,21 @@ class ContactWarning(UserWarning):
 
 
 class ConvergenceError(ContactError):
-    """The solver stopped before the tolerance was met; no field is returned."""
+    """The solver stopped before the tolerance was met; no field is returned.
+
+    Examples
+    --------
+    No pressure in double precision has so small a residual:
+
+    >>> import numpy as np
+    >>> import gstlib
+    >>> rough = 1e-3 * np.random.default_rng(0).standard_normal((8, 8))
+    >>> try:
+    ...     gstlib.solve_contact(rough, 0.01, 1e4, mean_pressure=500.0, tolerance=1e-20)
+    ... except gstlib.ConvergenceError as error:
+    ...     print("after 500 iterations" in str(error))
+    True
+    """
 
 
 def checked_number(name: str, value: object, unit: str, *, positive: bool = False) -> float:

@@ -65,6 +65,14 @@ def contact_modulus(
     ----------
     K. L. Johnson, *Contact Mechanics* (1985), eq. 4.21. Some papers print (1 - ν) in place of
     (1 - ν²); that is not this function.
+
+    Examples
+    --------
+    Two tools of one stone:
+
+    >>> import gstlib
+    >>> round(gstlib.contact_modulus(19500, 0.24, 19500, 0.24))
+    10346
     """
     compliance = 0.0
     for body, young, poisson in ((1, young_1, poisson_1), (2, young_2, poisson_2)):
@@ -116,7 +124,8 @@ class HalfSpace:
     --------
     One loaded element sinks by 4 asinh(1)/(π E*) times its side per unit pressure:
 
-    >>> HalfSpace((1, 1), 1.0, 1.0).displacement([[1.0]]).round(4)
+    >>> import gstlib
+    >>> gstlib.HalfSpace((1, 1), 1.0, 1.0).displacement([[1.0]]).round(4)
     array([[1.1222]])
     """
 
@@ -144,7 +153,8 @@ class HalfSpace:
         self.springs, self.layer = checked_number("springs", springs, "mm/MPa"), layer
         self.periodic, self.uniform_influence = periodic, math.inf
         if periodic:
-            self.uniform_influence = self.springs + (layer.uniform_influence if layer else 0.0)
+            in_layer = layer.uniform_influence if layer else 0.0
+            self.uniform_influence = self.springs + in_layer
         self.self_influence = float(self.kernel((1, 1))[0, 0])
         self._convolutions = 0
         self._box: HalfSpace | None = None
@@ -243,13 +253,10 @@ class HalfSpace:
         """The half-space on a part of the grid with at least `shape` elements."""
         if self.periodic:
             return self
-        for known in (self, self._box):
-            if (
-                known is not None
-                and all(n <= m for n, m in zip(shape, known.shape, strict=True))
-                and math.prod(shape) > _WORTH_A_BOX * math.prod(known.shape)
-            ):
-                return known
+        for box in filter(None, (self, self._box)):
+            holds = all(n <= m for n, m in zip(shape, box.shape, strict=True))
+            if holds and math.prod(shape) > _WORTH_A_BOX * math.prod(box.shape):
+                return box
         self._convolutions = self.convolutions
         self._box = HalfSpace(
             shape, self.spacing, self.contact_modulus, springs=self.springs, layer=self.layer

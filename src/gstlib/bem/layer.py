@@ -50,6 +50,15 @@ class Layer:
     ------
     ContactInputError
         A constant outside its physical range.
+
+    Examples
+    --------
+    Long waves meet a bed of springs, and waves shorter than the layer a half-space:
+
+    >>> import gstlib
+    >>> hide = gstlib.Layer(young=20.0, poisson=0.3, thickness=1.0)
+    >>> hide.stiffness([1e-3, 10.0]).round(1)
+    array([ 26.9, 109.9])
     """
 
     young: float
@@ -84,11 +93,11 @@ class Layer:
 
     def _share(self, zeta):
         """f(ζ): displacement of a wave over that of a half-space."""
-        nu, zeta = self.poisson, np.minimum(zeta, 100.0)  # f is 1 long before sinh overflows
+        nu = self.poisson
+        zeta = np.minimum(zeta, 100.0)  # f is 1 long before sinh overflows
         above = (3 - 4 * nu) * np.sinh(2 * zeta) - 2 * zeta
-        return above / (
-            (3 - 4 * nu) * np.cosh(2 * zeta) + 2 * zeta**2 + 5 - 12 * nu + 8 * nu**2
-        )
+        below = (3 - 4 * nu) * np.cosh(2 * zeta) + 2 * zeta**2
+        return above / (below + 5 - 12 * nu + 8 * nu**2)
 
     @cached_property
     def _behind(self):
@@ -117,17 +126,18 @@ class Layer:
         far = distance > _REACH
         smooth[far] = 1 / distance[far]
         smooth *= np.outer(*weights)
-        smooth = smooth.reshape(ny, len(weights[0]) // ny, nx, -1).sum(axis=(1, 3))
+        nodes = len(weights[0]) // ny
+        smooth = smooth.reshape(ny, nodes, nx, -1).sum(axis=(1, 3))
+        near = love_kernel((ny, nx), spacing, self.modulus)
+        near -= self.thickness / (math.pi * self.modulus) * smooth
         kernel = np.zeros(shape)
-        kernel[:ny, :nx] = love_kernel((ny, nx), spacing, self.modulus)
-        kernel[:ny, :nx] -= self.thickness / (math.pi * self.modulus) * smooth
+        kernel[:ny, :nx] = near
         return kernel
 
     def _along(self, count, step):
         """Gauss's nodes and weights in each of `count` elements, in thicknesses."""
         step = step / self.thickness
-        nodes, weights = np.polynomial.legendre.leggauss(
-            min(_NODES + math.ceil(_NODES_PER_THICKNESS * step), _MOST_NODES)
-        )
+        number = _NODES + math.ceil(_NODES_PER_THICKNESS * step)
+        nodes, weights = np.polynomial.legendre.leggauss(min(number, _MOST_NODES))
         places = np.arange(count)[:, None] * step + nodes * step / 2
         return places.reshape(-1), np.tile(weights * step / 2, count)

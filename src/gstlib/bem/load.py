@@ -102,7 +102,8 @@ class LoadControl:
             if abs(excess) <= 1e-14 * force:
                 break
             low, high = (low, shift) if excess > 0 else (shift, high)
-            slope = dot(lift, ((pressure > 0) & (pressure < limit)).astype(float))
+            inside = (pressure > 0) & (pressure < limit)
+            slope = dot(lift, inside.astype(float))
             shift = shift - excess / slope if slope > 0 else math.inf
             if not low < shift < high:
                 shift = 0.5 * (low + high)

@@ -96,14 +96,12 @@ class LoadPath:
         return plot_curve(self.table(), x, y, axes)
 
 
-# Its options are keywords.
-def load_path(  # noqa: PLR0913
+def load_path(
     heights,
     spacing=None,
     contact_modulus=None,
     *,
-    target_pressure=None,
-    loads=None,
+    target_pressure,
     steps=20,
     periodic=False,
     tolerance=1e-6,
@@ -115,14 +113,12 @@ def load_path(  # noqa: PLR0913
     ----------
     heights, spacing, contact_modulus, periodic
         As in `solve_contact`.
-    target_pressure : float
+    target_pressure : float or array_like, shape (steps,)
         Mean pressure of the last state (MPa), ≥ 0; met to rounding. At 0 nothing touches: all
-        values of the path are 0, the stiffness too.
-    loads : array_like, shape (steps,), optional
-        In its place the mean pressures of all states (MPa), in ascending order, as of
-        ``np.geomspace(1, 100, 20)``.
+        values of the path are 0, the stiffness too. Or the mean pressures of all states, in
+        ascending order, such as ``np.geomspace(1, 100, 20)``.
     steps : int
-        Number of states up to a target pressure.
+        Number of states up to one target pressure.
     tolerance : float
         As in `solve_contact`, for the last state and those that are kept; for the others 1e-6 if
         that is larger.
@@ -132,7 +128,8 @@ def load_path(  # noqa: PLR0913
     Raises
     ------
     ContactInputError
-        A negative target, no steps, loads that do not ascend, and whatever `solve_contact` refuses.
+        A negative target, no steps, targets that do not ascend, and whatever `solve_contact`
+        refuses.
     ConvergenceError
         A state did not reach the tolerance.
 
@@ -140,31 +137,44 @@ def load_path(  # noqa: PLR0913
     -----
     ContactWarning
         As `solve_contact`, of the last state.
+
+    Examples
+    --------
+    The stiffness of a sphere grows with the square root of the displacement (Hertz):
+
+    >>> import numpy as np
+    >>> import gstlib
+    >>> along = 0.01 * (np.arange(32) - 15.5)
+    >>> sphere = -np.add.outer(along**2, along**2) / (2 * 5.0)
+    >>> path = gstlib.load_path(sphere, 0.01, 1e4, target_pressure=20.0, steps=4)
+    >>> (path.stiffness / path.stiffness[-1]).round(1)
+    array([0.5, 0.7, 0.9, 1. ])
     """
     heights, spacing, like = as_given(heights, spacing)
     problem = ContactProblem(heights, spacing, contact_modulus, periodic=periodic)
-    pressures = _checked_loads(target_pressure, loads)
-    steps = checked_steps(steps) if loads is None else len(pressures)
+    pressures = _checked_pressures(target_pressure)
+    loads = [LoadControl(force=pressure * problem.relief.size) for pressure in pressures]
+    has_one_target = np.ndim(target_pressure) == 0
+    steps = checked_steps(steps) if has_one_target else len(loads)
     tolerance = checked_tolerance(tolerance)
-    final = problem.solve(LoadControl(force=pressures[-1] * problem.relief.size), tolerance)
+    final = problem.solve(loads[-1], tolerance)
     warn_of_doubts(final, problem)
     if not keep_states:
         tolerance = max(tolerance, _CURVE_TOLERANCE)
 
     stiffness, curve, states = np.zeros(steps), [], []
     # What sets a state, and how fast it grows with the displacement.
-    level, rate = final.displacement * np.arange(1, steps + 1) / steps, np.ones(steps)
-    targets = [LoadControl(displacement) for displacement in level]
-    if loads is not None:
-        targets = [LoadControl(force=pressure * problem.relief.size) for pressure in pressures]
-        level, rate = np.array(pressures), stiffness
+    level, rate = np.array(pressures), stiffness
+    if has_one_target:
+        level, rate = final.displacement * np.arange(1, steps + 1) / steps, np.ones(steps)
+        loads = [LoadControl(displacement) for displacement in level]
     state, tangent = final, None
     for index in reversed(range(steps)):
         if tangent is not None:
             descent = (level[index + 1] - level[index]) / rate[index + 1]
-            state = _below(problem, state, targets[index], tolerance, tangent, descent)
+            state = _below(problem, state, loads[index], tolerance, tangent, descent)
         elif index < steps - 1:
-            state = problem.solve(targets[index], tolerance)
+            state = problem.solve(loads[index], tolerance)
         tangent, stiffness[index] = _tangent(problem, state, tangent)
         curve.append([getattr(state, name) for name in _OF_STATE])
         if keep_states:
@@ -198,7 +208,7 @@ def _tangent(problem, state, above):
     """The contact's window, its pressure and response to displacement; and the stiffness.
 
     None in place of the three without contact, or in a full one that has no response. `above` are
-    the three of the state at the load before, if they are known.
+    the three of the state at the load before, if there are any.
     """
     contact = np.flatnonzero(state.pressure)
     if not contact.size:
@@ -228,20 +238,20 @@ def _below(problem, above, load, tolerance, tangent, descent):
         tolerance,
         load.scaled(np.sqrt(np.maximum(squared, 0))),
         window,
-        known=(pressure, opening + above.displacement),
+        nearby=(pressure, opening + above.displacement),
     )
 
 
-def _checked_loads(target_pressure, loads):
-    """Mean pressures (MPa): the target alone, or the loads."""
-    if (target_pressure is None) == (loads is None):
-        raise ContactInputError("give exactly one of target_pressure and loads (MPa)")
-    if loads is None:
-        return [checked_number("target_pressure", target_pressure, "MPa")]
-    pressures = [checked_number("loads", load, "MPa") for load in np.ravel(loads)]
-    if not pressures or pressures != sorted(pressures):
-        raise ContactInputError(f"loads must ascend (MPa), got {loads}")
-    return pressures
+def _checked_pressures(target_pressure):
+    """List of mean pressures (MPa): the target alone, or that of each state."""
+    if not np.size(target_pressure):
+        raise ContactInputError("target_pressure has no numbers: give one at least (MPa)")
+    numbers = [
+        checked_number("target_pressure", number, "MPa") for number in np.ravel(target_pressure)
+    ]
+    if numbers != sorted(numbers):
+        raise ContactInputError(f"target_pressure must ascend (MPa), got {numbers}")
+    return numbers
 
 
 def _unit_response(window, start):

@@ -133,9 +133,9 @@ class RestingLoad(LoadControl):
 
     def _closing(self, pressure, opening):
         """The plane of the contact alone, and whether the contact decides it."""
-        force, arms = float(pressure.sum()), self.modes[1:]
-        centre = np.einsum("in,n->i", arms, pressure) / force
-        arms = arms - centre[:, None]
+        force = float(pressure.sum())
+        centre = np.einsum("in,n->i", self.modes[1:], pressure) / force
+        arms = self.modes[1:] - centre[:, None]
         level, tilt, firm = dot(pressure, opening) / force, np.zeros(2), True
         remaining = opening - level
         # Along the stiffest direction first: of what is left, the other's is free of its rounding.
@@ -157,8 +157,7 @@ class RestingLoad(LoadControl):
     def plane(self, freedoms, shape):
         """c + θ·(r − r₀) (mm) on the whole grid, shape (ny, nx)."""
         level, *slopes = freedoms
-        slope_y, slope_x = self.spacing * slopes
-        return _plane(shape, self.point, level, slope_y, slope_x)
+        return _plane(shape, self.point, level, *(self.spacing * slopes))
 
     def tilt(self, freedoms):
         return freedoms[1:] / self.length
@@ -168,8 +167,7 @@ class RestingLoad(LoadControl):
 
     def balanced(self, direction, lift):
         excess = np.einsum("in,n->i", self.modes, direction)
-        stiffness = np.einsum("in,jn,n->ij", self.modes, self.modes, lift)
-        shift, _ = _solved(stiffness, excess)
+        shift, _ = _solved(self._stiffness(lift), excess)
         return direction - lift * self.rigid(shift)
 
     def admissible(self, trial, lift):
@@ -210,7 +208,8 @@ class RestingLoad(LoadControl):
             step, firm = _solved(stiffness, -excess)
             if not firm:
                 # As far as it takes until elements out of contact join and resist.
-                step, _ = _solved(stiffness + _FAINT**2 * self._stiffness(lift), -excess)
+                stiffness = stiffness + _FAINT**2 * self._stiffness(lift)
+                step, _ = _solved(stiffness, -excess)
             slope = float(excess @ step)
             if not slope < 0:
                 break
@@ -231,9 +230,9 @@ class RestingLoad(LoadControl):
                 low = length, reached
             if high is None:
                 length *= 2
-            else:
-                share = low[1] / (low[1] - high[1])
-                length = low[0] + min(max(share, 0.1), 0.9) * (high[0] - low[0])
+                continue
+            share = low[1] / (low[1] - high[1])
+            length = low[0] + min(max(share, 0.1), 0.9) * (high[0] - low[0])
         return shift + length * step, pressure, excess
 
     def _tried(self, trial, lift, shift):
@@ -360,9 +359,8 @@ def settle(relief, point):
         except np.linalg.LinAlgError:
             break  # three in a line
         # The entering summit takes force until one of the three has none left.
-        ratios = np.divide(
-            shares, needed, out=np.full(len(shares), math.inf), where=needed > _LEVEL
-        )
+        ratios = np.full(len(shares), math.inf)
+        np.divide(shares, needed, out=ratios, where=needed > _LEVEL)
         leaving = int(ratios.argmin())
         share = ratios[leaving]
         shares = np.maximum(shares - share * needed, 0.0)
@@ -398,7 +396,8 @@ def _chain(rows, columns, sign):
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
         while len(kept) > 1:
             (r0, c0), (r1, c1) = kept[-2:]
-            if sign * ((c1 - c0) * (row - r0) - (column - c0) * (r1 - r0)) < 0:
+            turn = (c1 - c0) * (row - r0) - (column - c0) * (r1 - r0)
+            if sign * turn < 0:
                 break
             kept.pop()
         kept.append((row, column))

@@ -83,14 +83,15 @@ def measure_roughness(heights, spacing=None, *, periodic: bool = False) -> Rough
     if periodic:
         waves = np.abs(np.fft.fft2(heights - heights.mean())) ** 2 / heights.size**2
         squared = _wave_numbers(heights.shape, (dy, dx)) ** 2
-        moments = (math.sqrt((squared**power * waves).sum()) for power in range(3))
-        height, slope, laplacian = moments
+        height, slope, laplacian = (
+            math.sqrt((squared**power * waves).sum()) for power in range(3)
+        )
         return Roughness(height, slope, laplacian / 2)
-    known = np.where(np.isfinite(heights), heights, math.nan)
-    along_y = np.diff(known, 2, axis=0)[:, 1:-1] / dy**2
-    along_x = np.diff(known, 2, axis=1)[1:-1] / dx**2
+    measured = np.where(np.isfinite(heights), heights, math.nan)
+    along_y = np.diff(measured, 2, axis=0)[:, 1:-1] / dy**2
+    along_x = np.diff(measured, 2, axis=1)[1:-1] / dx**2
     curvature = math.sqrt(np.nanmean((along_y + along_x) ** 2)) / 2
-    return Roughness(float(np.nanstd(known)), slope_of(heights, (dy, dx)), curvature)
+    return Roughness(float(np.nanstd(measured)), slope_of(heights, (dy, dx)), curvature)
 
 
 def measure_spectrum(heights, spacing=None, *, periodic: bool = False) -> "pd.DataFrame":
@@ -123,15 +124,17 @@ def measure_spectrum(heights, spacing=None, *, periodic: bool = False) -> "pd.Da
     steps = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
     heights = heights - heights.mean()
     if not periodic:
-        window = np.outer(*(scipy.signal.windows.hann(n, sym=False) for n in heights.shape))
+        along_y, along_x = (scipy.signal.windows.hann(n, sym=False) for n in heights.shape)
+        window = np.outer(along_y, along_x)
         heights = heights * window / math.sqrt((window**2).mean())
     density = np.abs(np.fft.fft2(heights)) ** 2 * steps.prod() / heights.size
     wave_number = _wave_numbers(heights.shape, steps)
-    ring = np.rint(wave_number / (2 * math.pi / (steps * heights.shape).min())).astype(int)
-    waves = {"wave_number_per_mm": wave_number, "density_mm4": density, "ring": ring}
-    # without the mean, which is no wave
-    table = pd.DataFrame({name: values.ravel()[1:] for name, values in waves.items()})
-    rings = table.groupby("ring")
+    width = 2 * math.pi / (steps * heights.shape).min()
+    waves = pd.DataFrame(
+        {"wave_number_per_mm": wave_number.ravel(), "density_mm4": density.ravel()}
+    )
+    waves = waves[1:]  # without the mean, which is no wave
+    rings = waves.groupby(np.rint(waves.wave_number_per_mm / width).astype(int))
     return rings.mean().assign(waves=rings.size()).reset_index(drop=True)
 
 
@@ -148,14 +151,14 @@ def slope_of(heights: np.ndarray, spacing: tuple[float, float], every: int = 1) 
     """
     total = 0.0
     for axis, step in enumerate(spacing):
-        if heights.shape[axis] > 1:
-            with np.errstate(invalid="ignore"):  # −inf less −inf
-                difference = np.diff(
-                    heights[::every] if axis else heights[:, ::every], axis=axis
-                )
-            squared = float(np.einsum("ij,ij->", difference, difference))
-            if not math.isfinite(squared):
-                difference = difference[np.isfinite(difference)]
-                squared = float(np.einsum("i,i->", difference, difference))
-            total += squared / (max(difference.size, 1) * step**2)
+        if heights.shape[axis] < 2:
+            continue
+        lines = heights[::every] if axis else heights[:, ::every]
+        with np.errstate(invalid="ignore"):  # −inf less −inf
+            difference = np.diff(lines, axis=axis)
+        squared = float(np.einsum("ij,ij->", difference, difference))
+        if not math.isfinite(squared):
+            difference = difference[np.isfinite(difference)]
+            squared = float(np.einsum("i,i->", difference, difference))
+        total += squared / (max(difference.size, 1) * step**2)
     return math.sqrt(total)

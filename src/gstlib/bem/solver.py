@@ -143,12 +143,14 @@ def solve_contact(  # noqa: PLR0913
     A flat surface is in contact everywhere:
 
     >>> import numpy as np
-    >>> solve_contact(np.zeros((8, 8)), 0.1, 1e4, mean_pressure=10.0).contact_fraction
+    >>> import gstlib
+    >>> flat = np.zeros((8, 8)), 0.1, 1e4
+    >>> gstlib.solve_contact(*flat, mean_pressure=10.0).contact_fraction
     1.0
 
     A flat surface carries the force off its middle by tilting:
 
-    >>> state = solve_contact(np.zeros((8, 8)), 0.1, 1e4, mean_pressure=10.0, through=(0.4, 0.45))
+    >>> state = gstlib.solve_contact(*flat, mean_pressure=10.0, through=(0.4, 0.45))
     >>> [round(1e4 * slope) for slope in state.tilt]
     [0, 3]
     """
@@ -259,12 +261,12 @@ class ContactProblem:
         return problem, -top
 
     def solve(
-        self, load, tolerance, initial_pressure=None, window=None, known=None, field=None
+        self, load, tolerance, initial_pressure=None, window=None, nearby=None, field=None
     ):
         """Solve at one load; arguments as in :func:`solve_contact`, already checked.
 
         `window` : the elements to follow first; `initial_pressure`, shape (n,), is theirs then.
-        `known` : a pressure on the window near the initial one, and its displacement (mm).
+        `nearby` : a pressure on the window near the initial one, and its displacement (mm).
         `field` : the exact displacement (mm) of the initial pressure on the grid; with a force.
         """
         if load.displacement == 0 or load.force == 0:
@@ -281,9 +283,9 @@ class ContactProblem:
         few = self._only_candidates(load)
         if few.size:
             initial_pressure = np.full(few.size, load.force)
-            window, known = Window(self.half_space, few), None
+            window, nearby = Window(self.half_space, few), None
         elif initial_pressure is None or not _carried(load, initial_pressure):
-            (initial_pressure, window), known = self._start(load), None
+            (initial_pressure, window), nearby = self._start(load), None
         elif window is None:
             initial_pressure = np.array(initial_pressure, order="C")
             if load.force and not 0.1 < initial_pressure.sum() / load.force < 10:
@@ -294,8 +296,8 @@ class ContactProblem:
                 scale = load.force / initial_pressure.sum()
                 if scale * initial_pressure.max() < load.pressure_cap:
                     initial_pressure *= scale
-                    known = initial_pressure, scale * field
-        return self._iterate(load, tolerance, initial_pressure, window, known)
+                    nearby = initial_pressure, scale * field
+        return self._iterate(load, tolerance, initial_pressure, window, nearby)
 
     def _only_candidates(self, load):
         """The only elements that can touch, if so small a load leaves only a few; else none.
@@ -353,12 +355,12 @@ class ContactProblem:
             return uniform, None
         return pressure, Window(self.half_space, candidates)
 
-    def _iterate(self, load, tolerance, pressure, window, known=None, certified=True):
+    def _iterate(self, load, tolerance, pressure, window, nearby=None, certified=True):
         """Improve `pressure` until its recomputed residual is below `tolerance`.
 
         Only elements of the window take part in the iterations, and `pressure` is theirs; if it is
         None, `pressure` is that of the grid, in C order and overwritten, and the window comes from
-        the gap under it; what is `known` then is its displacement, exactly. A state that is not to
+        the gap under it; `nearby` then has its displacement, exactly. A state that is not to
         be `certified` is recomputed approximately.
         """
         before, iterations = self.half_space.convolutions, 0
@@ -369,14 +371,14 @@ class ContactProblem:
                 APPROXIMATION_ERROR,
             )
         field, error = None, 0.0
-        if known is not None and window is not None:
+        if nearby is not None and window is not None:
             # Only the difference is computed approximately.
-            difference = window.displacement(pressure - known[0])
-            field = known[1] + difference
-            error, known = APPROXIMATION_ERROR * np.abs(difference).max(), None
+            difference = window.displacement(pressure - nearby[0])
+            field = nearby[1] + difference
+            error, nearby = APPROXIMATION_ERROR * np.abs(difference).max(), None
         while True:
             if window is None:
-                field, known = None if known is None else known[1], None
+                field, nearby = None if nearby is None else nearby[1], None
                 state, field = self._recompute(
                     load, pressure, respond, iterations, before, field
                 )
@@ -466,6 +468,6 @@ def _mean_of_four(relief):
     if np.isfinite(total).all():
         return 0.25 * total
     there = [np.isfinite(part) for part in quarters]
-    total = sum(np.where(known, part, 0.0) for known, part in zip(there, quarters, strict=True))
-    count = sum(known.astype(int) for known in there)
+    total = sum(np.where(mask, part, 0.0) for mask, part in zip(there, quarters, strict=True))
+    count = sum(mask.astype(int) for mask in there)
     return np.where(count > 0, total / np.maximum(count, 1), -math.inf)

@@ -113,7 +113,8 @@ class ContactState:
         return self._on_rim(np.ones(self.pressure.shape))
 
     def _on_rim(self, field):
-        total, inner = float(field.sum()), float(field[_RIM:-_RIM, _RIM:-_RIM].sum())
+        total = float(field.sum())
+        inner = float(field[_RIM:-_RIM, _RIM:-_RIM].sum())
         return 0.0 if self.periodic or not total else 1 - inner / total
 
     @property
@@ -135,7 +136,9 @@ class ContactState:
         Centres of the bins (MPa or mm) and the density (1/MPa or 1/mm) over the whole grid: its
         integral is the contact fraction, or the rest.
         """
-        contact, values = np.asarray(self.contact), np.asarray(getattr(self, field))
-        values = values[contact if field == "pressure" else ~contact]
+        contact = np.asarray(self.contact)
+        shown = contact if field == "pressure" else ~contact
+        values = np.asarray(getattr(self, field))[shown]
         counts, edges = np.histogram(values[np.isfinite(values)], bins)
-        return (edges[1:] + edges[:-1]) / 2, counts / (np.diff(edges) * contact.size)
+        centres = (edges[1:] + edges[:-1]) / 2
+        return centres, counts / (np.diff(edges) * contact.size)

@@ -130,9 +130,7 @@ def wear_path(  # noqa: PLR0913
     contact_modulus=None,
     *,
     mean_pressure,
-    mean_loss=None,
-    wear_rate=None,
-    sliding=None,
+    mean_loss,
     steps=10,
     third_body=None,
     pressure_cap=math.inf,
@@ -151,12 +149,10 @@ def wear_path(  # noqa: PLR0913
         Force over nominal area (MPa), ≥ 0, one value or one per step, not zero in all. The sliding
         is the same in all steps.
     mean_loss : float
-        Mean depth over the grid in the end (mm), ≥ 0. It sets κ, wear coefficient × sliding, that
-        of the third body included: that of each step is `mean_loss` over the sum of the steps' mean
-        pressures, each body's in its share.
-    wear_rate, sliding : float, optional
-        In its place, the specific wear rate k (mm³/(N·m)), that of the third body included, and the
-        sliding distance (m): the mean loss is k times the sliding and the mean pressure.
+        Mean depth over the grid in the end (mm), ≥ 0: the specific wear rate (mm³/(N·m)), that of
+        the third body included, times the sliding (m) and the mean pressure (MPa) of all steps. It
+        sets κ, wear coefficient × sliding: that of each step is `mean_loss` over the sum of the
+        steps' mean pressures, each body's in its share.
     steps : int
         Number of implicit steps.
     third_body : ThirdBody, optional
@@ -187,8 +183,10 @@ def wear_path(  # noqa: PLR0913
     The lost volume is wear coefficient × sliding × force, however the contact grows:
 
     >>> import numpy as np
+    >>> import gstlib
     >>> wave = 1e-3 * np.cos(np.linspace(0, 8 * np.pi, 64)) * np.ones((64, 1))
-    >>> path = wear_path(wave, 0.01, 1e4, mean_pressure=10.0, mean_loss=2e-4, steps=4)
+    >>> load = {"mean_pressure": 10.0, "mean_loss": 2e-5 * 1.0 * 10.0}
+    >>> path = gstlib.wear_path(wave, 0.01, 1e4, **load, steps=4)
     >>> path.mean_loss
     array([5.0e-05, 1.0e-04, 1.5e-04, 2.0e-04])
     """
@@ -201,7 +199,7 @@ def wear_path(  # noqa: PLR0913
         raise ContactInputError("mean_pressure must be positive in one step at least (MPa)")
     highest_mean = max(float(body.pressures.max()) for body in bodies)
     pressure_cap = checked_cap(pressure_cap, highest_mean)
-    mean_loss = _checked_loss(mean_loss, wear_rate, sliding, total / steps)
+    mean_loss = checked_number("mean_loss", mean_loss, "mm")
     relief = float(np.ptp(heights[heights > -math.inf]))
     if mean_loss > relief:
         raise ContactInputError(
@@ -237,15 +235,14 @@ def wear_path(  # noqa: PLR0913
             depths.append(like("depth", depth.copy()))
         curve.append([float(depth.mean())] + [getattr(reached[0], name) for name in _OF_STATE])
     warn_of_doubts(reached[0], bodies[0].problem)
+    columns = map(np.array, zip(*curve, strict=True))
     return WearPath(
         depth=like("depth", depth),
         highest_pressure=highest,
         final=reached[0].like(like),
         states=tuple(states),
         depths=tuple(depths),
-        **dict(
-            zip(("mean_loss", *_OF_STATE), map(np.array, zip(*curve, strict=True)), strict=True)
-        ),
+        **dict(zip(("mean_loss", *_OF_STATE), columns, strict=True)),
     )
 
 
@@ -294,18 +291,6 @@ def _bodies(heights, mean_pressure, third_body, steps):
         pressures = _in_steps(third_body.mean_pressure, steps)
         bodies.append(_Body(share, below, pressures, third_body.layer))
     return bodies
-
-
-def _checked_loss(mean_loss, wear_rate, sliding, mean_pressure):
-    """Mean loss (mm) in the end; the mean pressure (MPa) is that of all steps."""
-    if (mean_loss is None) == (wear_rate is None) or (wear_rate is None) != (sliding is None):
-        raise ContactInputError(
-            "give mean_loss (mm), or both wear_rate (mm³/(N·m)) and sliding (m)"
-        )
-    if mean_loss is None:
-        wear_rate = checked_number("wear_rate", wear_rate, "mm³/(N·m)")
-        mean_loss = wear_rate * checked_number("sliding", sliding, "m") * mean_pressure
-    return checked_number("mean_loss", mean_loss, "mm")
 
 
 def _sunk(state, depth):

@@ -48,9 +48,10 @@ class Window:
     """
 
     def __init__(self, half_space: HalfSpace, elements: np.ndarray):
-        rows, columns = np.divmod(elements, half_space.shape[1])
-        self.rows, self.columns = rows - rows.min(), columns - columns.min()
         self.half_space, self.elements = half_space, elements
+        rows, columns = np.divmod(elements, half_space.shape[1])
+        self.rows = rows - rows.min()
+        self.columns = columns - columns.min()
         # The half-space on the box, a field there that is zero elsewhere, and the elements' places.
         self._box = half_space.box((self.rows.max() + 1, self.columns.max() + 1))
         self._field = np.zeros(self._box.shape)
@@ -100,37 +101,43 @@ class Preconditioner:
 
     def __init__(self, window: Window):
         self._window = window
-        spectrum = window.half_space.spectrum
-        ny, nx = (int(at.max()) + 1 for at in (window.rows, window.columns))
+        ny = int(window.rows.max()) + 1
+        nx = int(window.columns.max()) + 1
         self._stencil: list[tuple[int, float]] | None = None
         if window.elements.size < _SPARSE * ny * nx:
-            inverse = 1 / spectrum((_INVERSE_GRID, _INVERSE_GRID))
-            inverse = np.fft.irfft2(np.concatenate((inverse, inverse[-2:0:-1])))
-            # Fields have a margin, to give each neighbour of an element a place.
-            width = nx + 2 * _REACH
-            self._field = np.zeros((ny + 2 * _REACH) * width)
-            self._places = window.rows * width + window.columns
-            self._centre = _REACH * width + _REACH
-            self._stencil = []
-            for i in range(-_REACH, _REACH + 1):
-                for j in range(-_REACH, _REACH + 1):
-                    if i * i + j * j <= _REACH**2 + 1:
-                        place = self._centre + i * width + j
-                        self._stencil.append((place, float(inverse[i, j])))
+            self._stencil = self._prepare_stencil(ny, nx)
         # T, on cells of several elements: Love's kernel grows in proportion to its elements.
         self._shape = -(-ny // _BLOCK), -(-nx // _BLOCK)
-        self._cells = window.rows // _BLOCK * self._shape[1] + window.columns // _BLOCK
+        first_cell = window.rows // _BLOCK * self._shape[1]
+        self._cells = first_cell + window.columns // _BLOCK
         padded = inverse_padding(self._shape)
-        self._spectrum = spectrum(padded, _BLOCK)
+        self._spectrum = window.half_space.spectrum(padded, _BLOCK)
         self._local = _LOCAL
         self._free: np.ndarray | None = None
 
+    def _prepare_stencil(self, ny, nx):
+        """Places and weights of the inverse's nearest offsets, in a field with a margin."""
+        inverse = 1 / self._window.half_space.spectrum((_INVERSE_GRID, _INVERSE_GRID))
+        inverse = np.fft.irfft2(np.concatenate((inverse, inverse[-2:0:-1])))
+        # The margin gives each neighbour of an element a place.
+        width = nx + 2 * _REACH
+        self._field = np.zeros((ny + 2 * _REACH) * width)
+        self._places = self._window.rows * width + self._window.columns
+        self._centre = _REACH * width + _REACH
+        offsets = range(-_REACH, _REACH + 1)
+        return [
+            (self._centre + i * width + j, float(inverse[i, j]))
+            for i in offsets
+            for j in offsets
+            if i * i + j * j <= _REACH**2 + 1
+        ]
+
     def fit(self, free: np.ndarray) -> None:
         """Prepare for a set of free elements (bool, shape (n,)), unless the last was similar."""
-        if self._free is not None and np.count_nonzero(
-            free != self._free
-        ) <= _STALE * np.count_nonzero(free):
-            return
+        if self._free is not None:
+            changed = np.count_nonzero(free != self._free)
+            if changed <= _STALE * np.count_nonzero(free):
+                return
         self._free = free
         profile = self._profile = self.short_range(free.astype(float)) * free
         density = self._mean(profile)

@@ -31,6 +31,16 @@ class Interface:
         On which the surface is laid; only its slopes count.
     surroundings : (ny, nx) ndarray or None
         Displacement (mm, into the stone) by what presses around it; None of one that is alone.
+
+    Examples
+    --------
+    A flat that lies on a plane rises along it:
+
+    >>> import numpy as np
+    >>> import gstlib
+    >>> flat = gstlib.Interface.on_flat(gstlib.make_surface(np.zeros((2, 3)), 0.1))
+    >>> flat.tilted((0.0, 0.01)).pressed.values[0].round(4)
+    array([-0.001,  0.   ,  0.001])
     """
 
     height: xr.DataArray
@@ -39,15 +49,13 @@ class Interface:
     surroundings: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        grid, other = (
-            (face.shape, spacing_of(face)) for face in (self.height, self.counterface)
-        )
-        if grid[0] != other[0] or not np.allclose(
-            grid[1], other[1], rtol=_SAME_SPACING, atol=0
-        ):
+        shape, other_shape = self.height.shape, self.counterface.shape
+        spacing, other_spacing = spacing_of(self.height), spacing_of(self.counterface)
+        is_alike = np.allclose(spacing, other_spacing, rtol=_SAME_SPACING, atol=0)
+        if shape != other_shape or not is_alike:
             raise ValueError(
-                f"the surface has {grid[0]} elements of {grid[1]} mm and the counterface "
-                f"{other[0]} of {other[1]} mm: give both on one grid"
+                f"the surface has {shape} elements of {spacing} mm and the counterface "
+                f"{other_shape} of {other_spacing} mm: give both on one grid"
             )
 
     @classmethod
@@ -94,5 +102,7 @@ class Interface:
 
     def tilted(self, tilt: tuple[float, float]) -> "Interface":
         """The same, with the surface tilted further, by slopes along y and x."""
-        slope_y, slope_x = self.plane.slope_y + tilt[0], self.plane.slope_x + tilt[1]
-        return replace(self, plane=replace(self.plane, slope_y=slope_y, slope_x=slope_x))
+        slope_y = self.plane.slope_y + tilt[0]
+        slope_x = self.plane.slope_x + tilt[1]
+        plane = replace(self.plane, slope_y=slope_y, slope_x=slope_x)
+        return replace(self, plane=plane)

@@ -20,6 +20,14 @@ class Load(NamedTuple):
     load_point : (float, float) or None
         Place (y, x), mm, on the surface, through which the force acts on a body that is free to
         tilt; without one its plane stays as it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gstlib
+    >>> square = gstlib.make_surface(np.zeros((50, 50)), 0.1)
+    >>> round(gstlib.Load.of_force(550.0, square).mean_pressure, 3)
+    22.0
     """
 
     mean_pressure: float

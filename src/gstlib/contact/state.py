@@ -71,6 +71,16 @@ class Contact(ContactState):
         Largest residual asked for, as in `gstlib.bem.solve_contact`.
     pressure, gap : (y, x) xarray.DataArray
         MPa and mm; the gap is NaN where a face is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gstlib
+    >>> rough = 2e-3 * np.random.default_rng(0).standard_normal((20, 20))
+    >>> face = gstlib.Interface.on_flat(gstlib.make_surface(rough, 0.05))
+    >>> options = {"modulus": 1e4, "tolerance": 1e-6}
+    >>> gstlib.contact.contact_at_pressure(face, gstlib.Load(20.0), **options).contact_fraction
+    0.11
     """
 
     interface: Interface
@@ -93,15 +103,14 @@ class Contact(ContactState):
         """As it is stored, with units and long names."""
         face, surroundings = self.interface, self.interface.surroundings
         load_point_y, load_point_x = self.load.load_point or (math.nan, math.nan)
+        is_equilibrium = surroundings is not None
         values = {
             "height": face.height.values,
             "counterface": face.counterface.values,
-            "surroundings": np.zeros(face.height.shape)
-            if surroundings is None
-            else surroundings,
+            "surroundings": surroundings if is_equilibrium else np.zeros(face.height.shape),
             "slope_y": face.plane.slope_y,
             "slope_x": face.plane.slope_x,
-            "placed": surroundings is not None,
+            "placed": is_equilibrium,
             "target_pressure": self.load.mean_pressure,
             "load_point_y": load_point_y,
             "load_point_x": load_point_x,

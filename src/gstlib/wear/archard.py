@@ -238,30 +238,29 @@ def wear_square(
     table = pressures.set_index("patch", drop=False)
     # an interlayer adds to what the bare stone does
     ratios = _RATIOS if interlayer else _RATIOS[:1]
+    outlines = table[["patch", *_OF_PATCHES]]
     # over the outlines, then over the areas that both scans cover
     means = scipy.sparse.vstack(
-        [
-            patch_means(contact.pressure, areas, size_mm=patch_mm)
-            for areas in (table[["patch", *_OF_PATCHES]], table)
-        ]
+        [patch_means(contact.pressure, areas, size_mm=patch_mm) for areas in (outlines, table)]
     )
 
     @cache
     def path_to(reach: float) -> xr.Dataset:
         if gesture is None:
             depths = [
-                _pressed(contact, means, (1 + of) * reach, of, interlayer, steps)
-                for of in ratios
+                _pressed(contact, means, (1 + ratio) * reach, ratio, interlayer, steps)
+                for ratio in ratios
             ]
         else:
             depths = [_pressed_in_poses(contact, gesture, table, means, reach, patch_mm, steps)]
-        paths = [_without_own_loss(_path(*of, table), table) for of in depths]
+        paths = [
+            _without_own_loss(_path(kappa, pressed, table), table) for kappa, pressed in depths
+        ]
         return xr.concat(paths, pd.Index(ratios, name="ratio"))
 
     others = [measured.drop(patch, errors="ignore") for patch in table.patch]
-    fits, reaches = zip(
-        *(_fit(path_to, unseen(table), of, law) for of in (measured, *others)), strict=True
-    )
+    fitted = [_fit(path_to, unseen(table), losses, law) for losses in (measured, *others)]
+    fits, reaches = zip(*fitted, strict=True)
     ends = sorted({*reaches})
     path = xr.concat([path_to(end) for end in ends], pd.Index(ends, name="reach"))
     path = path.assign(
@@ -334,7 +333,8 @@ def _pressed_in_poses(
 
     The exposure takes the place of the pressure, in units in which its mean is the mean pressure.
     """
-    target, height = float(contact.pressure.mean()), contact.interface.height
+    target = float(contact.pressure.mean())
+    height = contact.interface.height
     pressed = np.zeros((len(_BODIES), steps + 1, means.shape[0]))
     for step in range(steps):
         batch = press_poses(
@@ -345,11 +345,11 @@ def _pressed_in_poses(
             tolerance=contact.tolerance,
             patch_mm=patch_mm,
         )
-        exposed = exposure([batch])
-        if not float(exposed.exposure.mean()) > 0:
+        exposed = exposure([batch]).exposure
+        mean = float(exposed.mean())
+        if not mean > 0:
             raise InputError("gesture", "no pose presses the stone", "Correct its poses.")
-        lost = kappa / steps * target / float(exposed.exposure.mean())
-        depth = lost * exposed.exposure.values
+        depth = kappa / steps * target / mean * exposed.values
         pressed[0, step + 1] = pressed[0, step] + means @ depth.ravel()
         height = height.copy(data=height.values - depth)
     return np.linspace(0, kappa, steps + 1), pressed
@@ -371,7 +371,8 @@ def _without_own_loss(path: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
     for name in ("pressed", "pressed_covered"):
         changed[name] = path[name].copy()
         steps = np.diff(path[name].values, axis=-2)
-        steps = np.maximum(steps + np.diff(path.kappa)[:, np.newaxis] * other, 0)
+        added = np.diff(path.kappa)[:, np.newaxis] * other
+        steps = np.maximum(steps + added, 0)
         changed[name][..., 1:, :] = np.cumsum(steps, axis=-2)
     return path.assign(changed)
 
@@ -395,7 +396,8 @@ def _fit(
     """The κ at which the patches of `measured` have lost as much in sum, and its path's end."""
     patches, total = list(measured.index), measured.sum()
     equivalent = pd.Series(law.equivalent(pressures.to_numpy()), pressures.index)
-    first = math.ceil(2 * math.log2(_REACHES * total / equivalent[patches].sum()))
+    start = _REACHES * total / equivalent[patches].sum()
+    first = math.ceil(2 * math.log2(start))
     for power in range(first, first + _MORE + 1):
         reach = 2.0 ** (power / 2)
         path = path_to(reach).sel(ratio=0)
@@ -421,8 +423,10 @@ def _removed(
     if law == ARCHARD:
         return pressed
     sliding = np.diff(kappa).reshape(-1, *[1] * (pressed.ndim - 1))
-    steps = sliding * law.equivalent(np.diff(pressed, axis=0) / sliding, before)
-    return np.concatenate([np.zeros_like(pressed[:1]), np.cumsum(steps, axis=0)])
+    pressures = np.diff(pressed, axis=0) / sliding
+    removed = np.zeros_like(pressed)
+    removed[1:] = np.cumsum(sliding * law.equivalent(pressures, before), axis=0)
+    return removed
 
 
 def seen_depth(depth: np.ndarray) -> np.ndarray:
@@ -500,11 +504,12 @@ def driven(
     `at` is the path of the square there, at one reach and one ratio.
     """
     ratio, steps = float(at.ratio), at.sizes["step"] - 1
-    share, fine = ratio / (1 + ratio), kappa * np.arange(steps + 1) / steps
+    share = ratio / (1 + ratio)
+    fine = kappa * np.arange(steps + 1) / steps
     pressed = [np.interp(fine, at.kappa, at.pressed.sel(body=body)) for body in _BODIES]
-    stone, soft = (np.diff(of) / fine[1] for of in pressed)
+    stone, soft = (np.diff(depth) / fine[1] for depth in pressed)
     before = worn.path.pressure_MPa.values
-    removed = [_removed(of, fine, worn.law, before)[-1] for of in pressed]
+    removed = [_removed(depth, fine, worn.law, before)[-1] for depth in pressed]
     lost = (1 - share) * removed[0] + share * removed[1]
     options: dict[str, Any] = {"mean_pressure": stone, "mean_loss": lost, "steps": steps}
     if ratio and worn.interlayer:
@@ -515,8 +520,10 @@ def driven(
 
 def _bounded(options: dict, ratio: float, pressure_cap: float, law: Law) -> dict:
     """The settings of `driven` with a cap on the pressure, and no more than it lets pass."""
-    most, share = _BORNE * pressure_cap, ratio / (1 + ratio)
-    body, stone = options.get("third_body"), np.minimum(options["mean_pressure"], most)
+    most = _BORNE * pressure_cap
+    share = ratio / (1 + ratio)
+    body = options.get("third_body")
+    stone = np.minimum(options["mean_pressure"], most)
     asked = (1 - share) * law.rate(options["mean_pressure"]).sum()
     borne = (1 - share) * law.rate(stone).sum()
     bounded: dict[str, Any] = {"mean_pressure": stone, "pressure_cap": pressure_cap}

@@ -60,7 +60,7 @@ class Prediction(NamedTuple):
     interlayer: xr.Dataset | None = None
 
     @classmethod
-    def of(cls, depths: Mapping[str, xr.Dataset], worn: WornSquare | None) -> Self:
+    def from_worn(cls, depths: Mapping[str, xr.Dataset], worn: WornSquare | None) -> Self:
         """The depths with what they are predicted from, which is from `fit_wear`."""
         if worn is None:
             return cls({})
@@ -99,13 +99,30 @@ def fit_wear(
     -------
     WornSquare or None
         None, with a warning, where there is no fit.
+
+    Examples
+    --------
+    Two halves of a square of 1 mm; the coefficient (nm/MPa) of each is fitted to the other:
+
+    >>> import numpy as np, pandas as pd
+    >>> import gstlib
+    >>> rough = 2e-3 * np.random.default_rng(0).standard_normal((20, 20))
+    >>> face = gstlib.Interface.on_flat(gstlib.make_surface(rough, 0.05))
+    >>> options = {"modulus": 1e4, "tolerance": 1e-6}
+    >>> contact = gstlib.contact.contact_at_pressure(face, gstlib.Load(20.0), **options)
+    >>> table = pd.DataFrame({"patch": ["a", "b"], "x_mm": [0.25, 0.75], "y_mm": 0.5})
+    >>> pressures = table.assign(rotation_deg=0.0, pressure_MPa=20.0, in_study=True)
+    >>> losses = table[["patch"]].assign(above_noise=True, mean_wear_depth_um=[0.2, 0.1])
+    >>> worn = gstlib.fit_wear(contact, pressures, losses, patch_mm=0.5, steps=2)
+    >>> (1e6 * worn.path.fitted).values.round(1)
+    array([ 4.3, 13.6])
     """
-    known = pressures.assign(unseen_MPa=unseen(pressures))
-    known = known.merge(registration, on="patch").set_index("patch")
-    known = known[known.above_noise.astype(bool) & known.in_study.astype(bool)]
-    known = known.dropna(subset="mean_wear_depth_um")
+    patches = pressures.assign(unseen_MPa=unseen(pressures))
+    patches = patches.merge(registration, on="patch").set_index("patch")
+    patches = patches[patches.above_noise.astype(bool) & patches.in_study.astype(bool)]
+    losses = patches.mean_wear_depth_um.dropna()
     law = Law(**(wear_law or {}))
-    wears = (known.mean_wear_depth_um > 0) & (law.rate(known.unseen_MPa) > 0)
+    wears = (losses > 0) & (law.rate(patches.unseen_MPa[losses.index]) > 0)
     if wears.sum() < 2:
         above = f" of more than {law.threshold_MPa:g} MPa" * (law.threshold_MPa > 0)
         _log.warning(
@@ -118,7 +135,7 @@ def fit_wear(
         worn = wear_square(
             contact,
             with_t1(pressures, registration),
-            known.mean_wear_depth_um.to_dict(),
+            losses.to_dict(),
             interlayer=layer_of(interlayer) if interlayer else None,
             law=law,
             **options,
@@ -142,6 +159,24 @@ def predict_wear(
 
     `contacts` are those of the patches before use; each is looked up once. `worn` is from
     `fit_wear`.
+
+    Examples
+    --------
+    The loss of a patch of 1 mm (nm), fitted to that of another one:
+
+    >>> import numpy as np, pandas as pd
+    >>> import gstlib
+    >>> rough = 2e-3 * np.random.default_rng(0).standard_normal((20, 20))
+    >>> face = gstlib.Interface.on_flat(gstlib.make_surface(rough, 0.05))
+    >>> options = {"modulus": 1e4, "tolerance": 1e-6}
+    >>> contact = gstlib.contact.contact_at_pressure(face, gstlib.Load(20.0), **options)
+    >>> table = pd.DataFrame({"patch": ["a", "b"], "x_mm": [0.25, 0.75], "y_mm": 0.5})
+    >>> pressures = table.assign(rotation_deg=0.0, pressure_MPa=20.0, in_study=True)
+    >>> losses = table[["patch"]].assign(above_noise=True, mean_wear_depth_um=[0.2, 0.1])
+    >>> worn = gstlib.fit_wear(contact, pressures, losses, patch_mm=0.5, steps=2)
+    >>> maps = dict(gstlib.predict_wear({"a": contact}, worn))
+    >>> round(1e6 * float(maps["a"].depth.mean()))
+    58
     """
     if worn is not None:
         for patch, contact in contacts.items():

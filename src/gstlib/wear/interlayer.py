@@ -39,25 +39,26 @@ def interlayer_misfits(
         ``misfit`` (reach, ratio, step): sum over the points of (predicted − measured loss)², mm²;
         ``product`` (reach, ratio, step): that of the errors of a step and the next.
     """
-    known = np.isfinite(change.change.values)
-    lost = -change.change.values[known]
-    path, steps = worn.path.sel(patch=patch), worn.path.sizes["step"] - 1
-    shape = path.kappa.shape[:2]
-    misfits = np.zeros((3, *shape, steps + 1))
-    for row in np.ndindex(shape):
-        at = path.isel(reach=row[0], ratio=row[1])
+    is_measured = np.isfinite(change.change.values)
+    lost = -change.change.values[is_measured]
+    path = worn.path.sel(patch=patch)
+    steps = path.sizes["step"] - 1
+    visible, misfit, product = misfits = np.zeros((3, *path.kappa.shape))
+    for reach, ratio in np.ndindex(path.kappa.shape[:2]):
+        at = path.isel(reach=reach, ratio=ratio)
         total, options = driven(contact, worn, at, float(at.kappa[-1]))
         depths: np.ndarray | tuple = np.zeros((steps, *contact.pressure.shape))
         if total > 0:
             options["keep_depths"] = True
             depths = wear_contact(contact, f"patch {patch}", **options).depths
         before = -lost
-        misfits[1, *row, 0] = before @ before
+        misfit[reach, ratio, 0] = before @ before
         for step, depth in enumerate(depths, start=1):
-            seen = seen_depth(depth[known])
+            seen = seen_depth(depth[is_measured])
             error = seen - lost
-            misfits[:, *row, step] = seen.clip(0).mean(), error @ error, 0
-            misfits[2, *row, step - 1] = before @ error
+            visible[reach, ratio, step] = seen.clip(0).mean()
+            misfit[reach, ratio, step] = error @ error
+            product[reach, ratio, step - 1] = before @ error
             before = error
     dims = path.kappa.dims
     fields = {name: (dims, values) for name, values in zip(_MISFITS, misfits, strict=True)}
@@ -87,24 +88,26 @@ def fit_interlayer(
         ``interlayer_kappa`` (patch): fitted to all other patches; ``ratio_of_all`` and
         ``kappa_of_all``: to all.
     """
-    by_patch = {
-        patch: interlayer_misfits(contacts[patch], changes[patch], worn, patch)
-        for patch in worn.fitted_to
-    }
-    misfits = xr.concat(by_patch.values(), pd.Index(by_patch, name="patch"))
-    measured = worn.path.measured.sel(patch=list(by_patch)).values
+    names = worn.fitted_to
+    by_patch = [
+        interlayer_misfits(contacts[patch], changes[patch], worn, patch) for patch in names
+    ]
+    misfits = xr.concat(by_patch, pd.Index(names, name="patch"))
+    measured = worn.path.measured.sel(patch=names).values
 
-    def misfit(of: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """κ (ratio,), and the misfits (ratio, patch), where the patches `of` are fitted."""
+    def misfit(patches: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """κ (ratio,), and the misfits (ratio, patch), where these patches are fitted."""
         kappas, errors = [], []
         for ratio in worn.path.ratio.values:
             where = {"ratio": ratio, "reach": reach}
-            at, kappa = misfits.sel(where), worn.path.kappa.sel(where).values
-            visible = at.visible[of].sum("patch")
-            place = np.interp(measured[of].sum(), visible, np.arange(kappa.size))
+            at = misfits.sel(where)
+            kappa = worn.path.kappa.sel(where).values
+            steps = np.arange(kappa.size)
+            visible = at.visible[patches].sum("patch")
+            place = np.interp(measured[patches].sum(), visible, steps)
             low = min(int(place), kappa.size - 2)
             part = place - low
-            kappas.append(np.interp(place, np.arange(kappa.size), kappa))
+            kappas.append(np.interp(place, steps, kappa))
             errors.append(
                 (1 - part) ** 2 * at.misfit[:, low]
                 + 2 * part * (1 - part) * at.product[:, low]
@@ -112,10 +115,10 @@ def fit_interlayer(
             )
         return np.array(kappas), np.array(errors)
 
-    every = np.arange(len(by_patch))
+    every = np.arange(len(names))
     kappas_of_all, all_misfits = misfit(every, float(worn.path.reach_of_all))
     ratios, kappas = [], []
-    for own, patch in enumerate(by_patch):
+    for own, patch in enumerate(names):
         others = np.delete(every, own)
         kappa, errors = misfit(others, float(worn.path.reach_of.sel(patch=patch)))
         best = int(errors[:, others].sum(axis=1).argmin())
@@ -130,6 +133,6 @@ def fit_interlayer(
             "ratio_of_all": float(worn.path.ratio[best]),
             "kappa_of_all": float(kappas_of_all[best]),
         },
-        coords={"ratio": worn.path.ratio, "patch": list(by_patch)},
+        coords={"ratio": worn.path.ratio, "patch": names},
     )
     return described(fitted, _FITTED)
