@@ -54,7 +54,7 @@ def waves(rng):
             piece = make_surface(wide[:POINTS, :POINTS].astype(float), 1e-3)
             level = remove_plane(piece)[0].values
             masks.append(highest(level, float(np.exp(rng.uniform(*np.log(share))))))
-        places[patch] = Places.of(*masks, every)
+        places[patch] = Places.packed(*masks, every)
     nulls = [swapped_mcc(patch, places) for patch in places]
     return [{"p_value": p_value(float(null[0]), null[1:])} for null in nulls]
 

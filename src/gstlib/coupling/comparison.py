@@ -29,6 +29,7 @@ _WAVES, _MEDIAN_OF_WAVES = 3, 0.79
 _LEAST_VARIANCE = 1e-14  # mm², so that equal surfaces can be compared
 # Points along a patch's side at which surfaces are compared: shorter waves the mesh does not hold.
 _POINTS = 24
+_SHAPE = _POINTS, _POINTS
 # Shifts tried along each axis, in sides of a patch: up to 0.2 mm in steps of 35 µm for the paper's,
 # where a peak is 0.2 mm wide. A mistaken table is tried with shifts of 0.1 mm along either axis.
 _ALONG = np.arange(-6, 7) / 24
@@ -81,26 +82,32 @@ class Comparison:
     ):
         from skimage.transform import resize_local_mean
 
-        self.surface, self.patches, self.patch_mm = surface, patches, patch_mm
+        self.surface = surface
+        self.patches = patches
+        self.patch_mm = patch_mm
         self.spline = spline_of(surface)
-        coarse = np.array([resize_local_mean(each.values, 2 * (_POINTS,)) for each in heights])
-        self.looks = _flat(_in_each_look(coarse))
+        coarse = [resize_local_mean(each.values, _SHAPE) for each in heights]
+        self.looks = _flat(_in_each_look(np.array(coarse)))
         self.is_few = len(patches) < _FEWEST_PATCHES
         self.scan = np.sum(self.looks[:, 0] ** 2, axis=-1)
         shifts = _SHIFTS * patch_mm
         self.products, self.mesh = self.products_at(patches, shifts)
-        maps = self.correlation(self.products[:, 0], self.mesh).reshape(-1, *2 * _ALONG.shape)
+        maps = self.correlation(self.products[:, 0], self.mesh)
+        maps = maps.reshape(-1, _ALONG.size, _ALONG.size)
         self.shared = _shared_shift(maps, patch_mm * _ALONG)
-        off = np.hypot(*(shifts - (self.shared.shift if self.shared.is_sure else 0)).T)
+        middle = self.shared.shift if self.shared.is_sure else np.zeros(2)
+        off = np.hypot(*(shifts - middle).T)
         self.at = int(off.argmin())
         self.under = self._under(moved(patches, shifts[self.at], surface, patch_mm))
-        self.fits = self.correlation(self.products[..., self.at], self.mesh[:, [self.at]])
+        products_there = self.products[..., self.at]
+        mesh_there = self.mesh[:, [self.at]]
+        self.fits = self.correlation(products_there, mesh_there)
         self.gain, self.variance = self._errors()
         # as given, each patch may be misplaced
         misfits = self.misfit(self.products[:, 0], self.mesh)
         near = off <= max(off[self.at], _ERRORS * placement_um * 1e-3)
         self.as_given = misfits[:, near].min(axis=-1)
-        there = self.misfit(self.products[..., self.at], self.mesh[:, [self.at]])
+        there = self.misfit(products_there, mesh_there)
         self.leads = self.as_given[:, np.newaxis] - there[:, 1:]
         flat = np.zeros(len(patches))
         self.anywhere = self.misfit(flat, flat)
@@ -133,8 +140,10 @@ class Comparison:
 
     def misfit(self, products: np.ndarray, mesh: np.ndarray) -> np.ndarray:
         """Misfit from (patches, ...) products and squares of the mesh."""
-        scan, variance = (_beside(each, products) for each in (self.scan, self.variance))
-        return (scan / self.gain**2 - 2 * products / self.gain + mesh) / (2 * variance)
+        scan = _beside(self.scan, products)
+        variance = _beside(self.variance, products)
+        squared_error = scan / self.gain**2 - 2 * products / self.gain + mesh
+        return squared_error / (2 * variance)
 
     def limit(self, tests: int) -> float:
         """The lead that the best of so many wrong ways has in one right study of a hundred.
@@ -143,12 +152,14 @@ class Comparison:
         number exceeds q. Student's t stands for it, because the variance is estimated.
         """
         freedom = _WAVES * len(self.scan)
-        return float(scipy.special.stdtrit(freedom, 1 - _SIGNIFICANCE / tests) ** 2 / 2)
+        quantile = scipy.special.stdtrit(freedom, 1 - _SIGNIFICANCE / tests)
+        return float(quantile**2 / 2)
 
     @cached_property
     def across(self) -> np.ndarray:
         """Misfit (patches, patches) of each scan at the place of each patch."""
-        misfits = self.misfit(self.looks[:, 0] @ self.under.T, np.sum(self.under**2, axis=-1))
+        products, squares = self._products_across()
+        misfits = self.misfit(products, squares)
         np.fill_diagonal(misfits, self.as_given)
         return misfits
 
@@ -172,14 +183,19 @@ class Comparison:
 
     def _under(self, patches: pd.DataFrame) -> np.ndarray:
         """Heights (patches, points) of the square under each patch."""
-        size, places = 2 * (_POINTS,), places_of(patches).values()
-        under = [on_patch(self.spline, place, size, self.patch_mm) for place in places]
+        places = places_of(patches).values()
+        under = [on_patch(self.spline, place, _SHAPE, self.patch_mm) for place in places]
         return _flat(np.array(under))
+
+    def _products_across(self) -> tuple[np.ndarray, np.ndarray]:
+        """Products (patches, patches) of each scan with the mesh under each, and its squares."""
+        return self.looks[:, 0] @ self.under.T, np.sum(self.under**2, axis=-1)
 
     @cached_property
     def tables(self) -> dict[str, tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]]:
         """For each of `TABLES`, the right patches, shifts that all may share, and `products_at`."""
-        patches, at = self.patches, [self.at] if self.is_few else slice(None)
+        patches = self.patches
+        at = [self.at] if self.is_few else slice(None)
         shifts = self.patch_mm * _SHIFTS[at]
         tables = {"": (patches, shifts, self.products[..., at], self.mesh[:, at])}
         shifts = self.patch_mm * _FEW_SHIFTS[: 1 if self.is_few else None]
@@ -191,8 +207,7 @@ class Comparison:
 
     def _exchanged(self) -> tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]:
         """As one of the `tables`, with each scan at the patch's place that suits it best."""
-        squares = np.sum(self.under**2, axis=-1)
-        fits = self.correlation(self.looks[:, 0] @ self.under.T, squares)
+        fits = self.correlation(*self._products_across())
         _, place = scipy.optimize.linear_sum_assignment(-fits)
         columns = ["x_mm", "y_mm", "rotation_deg"]
         patches = self.patches.assign(**self.patches.iloc[place][columns].to_dict("list"))
@@ -208,21 +223,26 @@ class Comparison:
         among the patches.
         """
         best, under = self.fits, self.under
-        for patches, shifts, products, mesh in [*self.tables.values(), self._exchanged()][1:]:
+        _, *others = self.tables.values()
+        for patches, shifts, products, mesh in (*others, self._exchanged()):
             fits = self.correlation(products, mesh[:, np.newaxis])
             at = fits.max(axis=1).sum(axis=0).argmax()
             if fits[..., at].max(axis=1).sum() > best.max(axis=1).sum():
                 best = fits[..., at]
-                under = self._under(moved(patches, shifts[at], self.surface, self.patch_mm))
-        rows, look = np.arange(len(best)), best.argmax(axis=1)
-        sign = np.where(look < len(ORIENTATIONS), 1, -1)[:, np.newaxis]
-        laid = sign * self.looks[rows, look % len(ORIENTATIONS)]
+                there = moved(patches, shifts[at], self.surface, self.patch_mm)
+                under = self._under(there)
+        look = best.argmax(axis=1)
+        is_inverted, orientation = np.divmod(look, len(ORIENTATIONS))
+        sign = np.where(is_inverted, -1, 1)[:, np.newaxis]
+        laid = sign * self.looks[np.arange(len(best)), orientation]
         mesh = np.maximum(np.sum(under**2, axis=-1), _LEAST_VARIANCE)
         gain = float(np.median(np.sum(laid * under, axis=-1) / mesh)) or 1.0
-        turned = _in_each_look(under.reshape(-1, _POINTS, _POINTS)).reshape(self.looks.shape)
-        waves = np.concatenate([turned, -turned], axis=1)[:, 1:] - under[:, np.newaxis]
+        turned = _in_each_look(under.reshape(-1, *_SHAPE)).reshape(self.looks.shape)
+        looks = np.concatenate([turned, -turned], axis=1)
+        waves = looks[:, 1:] - under[:, np.newaxis]
         squares = np.sum(waves**2, axis=-1)
-        along = np.einsum("pn,pwn->pw", laid / gain - under, waves) ** 2
+        error = laid / gain - under
+        along = np.einsum("pn,pwn->pw", error, waves) ** 2
         own = np.mean(along / np.where(squares > 0, squares, np.inf), axis=1)
         variance = (own + np.median(own) / _MEDIAN_OF_WAVES) / 2
         return gain, np.maximum(variance, _LEAST_VARIANCE)
@@ -240,7 +260,7 @@ def _in_each_look(heights: np.ndarray) -> np.ndarray:
 
 def _flat(heights: np.ndarray) -> np.ndarray:
     """Heights (..., points, points) less their planes, as vectors of the length of their r.m.s."""
-    y, x = np.indices(2 * (_POINTS,))
+    y, x = np.indices(_SHAPE)
     powers = np.stack([np.ones_like(x), y, x], axis=-1)
     planes, _ = np.linalg.qr(powers.reshape(-1, 3))
     flat = heights.reshape(*heights.shape[:-2], -1) / _POINTS
@@ -262,7 +282,8 @@ def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> Shift:
     errors = np.sqrt(np.diag(covariance))
     if not errors.all() or np.isnan(errors).any():
         return Shift(shift, errors, np.nan)
-    ratio = shift @ np.linalg.solve(covariance, shift) / 2 * (number - 2) / (number - 1)
+    hotelling = shift @ np.linalg.solve(covariance, shift)
+    ratio = hotelling / 2 * (number - 2) / (number - 1)
     return Shift(shift, errors, float(scipy.special.fdtrc(2, number - 2, ratio)))
 
 
@@ -271,10 +292,10 @@ def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
     row, column = np.unravel_index(values.argmax(), values.shape)
     if min(row, column) == 0 or max(row, column) == len(steps) - 1:
         return np.full(2, np.nan)
+    step = steps[1] - steps[0]
     shift = []
     for at, along in ((row, values[:, column]), (column, values[row])):
         before, top, after = along[at - 1 : at + 2]
         bend = before - 2 * top + after
-        step = steps[1] - steps[0]
         shift.append(steps[at] + step * (before - after) / (2 * bend or 1))
     return np.array(shift)

@@ -184,6 +184,26 @@ def pressure_intervals(
     pandas.DataFrame
         ``patch, pressure_MPa, low_MPa, high_MPa``; with a composite also ``tilt_mrad``,
         ``tilt_error_mrad`` and ``plane``, "mesh" or, where it is not known, "levelled".
+
+    Examples
+    --------
+    A flat stone bears 50 MPa everywhere, as certainly as the force is known. The draws take two
+    seconds:
+
+    >>> import gstlib
+    >>> flat = gstlib.make_surface(np.zeros((4, 4)), 0.5)
+    >>> vertices = {"vertex_y": [0, 0, 2], "vertex_x": [0, 2, 0], "left_out_error": [0, 0, 0]}
+    >>> face = xr.Dataset({name: ("vertex", values) for name, values in vertices.items()})
+    >>> face = face.assign(height=flat, counterface=flat, size_mm=2.0)
+    >>> place = {"patch": ["1"], "x_mm": 1.0, "y_mm": 1.0, "rotation_deg": 0.0}
+    >>> patches = pd.DataFrame(place).assign(pressure_MPa=50.0)
+    >>> stones = {"young_1_MPa": 2e4, "poisson_1": 0.2, "young_2_MPa": 2e4, "poisson_2": 0.2}
+    >>> gstlib.pressure_intervals(  # doctest: +SKIP
+    ...     Macroscale(face, None, None), patches, stones | {"contact_modulus_MPa": 1e4},
+    ...     Errors(0, 0, 0, 0, 0, 0, force_log_sd=0.1),
+    ...     force_N=200.0, through=None, patch_mm=0.5, seed=1,
+    ... ).high_MPa.round()[0]
+    60.0
     """
     composite = macroscale.composite
     generator = np.random.default_rng(seed)
@@ -197,7 +217,7 @@ def pressure_intervals(
         macroscale.face, mesh, len(moduli), np.random.default_rng([seed, 2])
     )
     generators = [np.random.default_rng([seed, 1, draw]) for draw in range(len(moduli))]
-    places = [_misplaced(pressures, mesh, errors, patch_mm, of) for of in generators]
+    places = [_misplaced(pressures, mesh, errors, patch_mm, each) for each in generators]
 
     def case(draw: int) -> Case:
         height = mesh + mesh_errors[draw]

@@ -91,6 +91,20 @@ def check_placement(
     ------
     InputsError
         Of a `FaultError`: patches fit the mesh only if they are laid otherwise, or not at all.
+
+    Examples
+    --------
+    A scan that is cut out of the square lies where it was cut out:
+
+    >>> import gstlib
+    >>> roughness = {"hurst_exponent": 0.8, "roll_off": 1.5}
+    >>> heights = gstlib.self_affine_field(np.random.default_rng(1), 64, 0.05, **roughness)
+    >>> square = gstlib.make_surface(0.01 * heights, 0.05)
+    >>> place = {"patch": ["1"], "x_mm": 1.5, "y_mm": 2.0, "rotation_deg": 0.0}
+    >>> scans = {"1": square[30:50, 20:40].to_dataset(name="height")}
+    >>> table = gstlib.check_placement(square, pd.DataFrame(place), scans, patch_mm=1.0)
+    >>> table.status.tolist()
+    ['agrees', 'agrees']
     """
     heights = [scans[patch].height for patch in patches.patch]
     compared = Comparison(
@@ -124,22 +138,18 @@ class _Claim(NamedTuple):
 
 def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
     """All patches in another look, in a mistaken table, or anywhere; whether all are as given."""
-    ways = {}
-    for mistake, (_, _, products, mesh) in compared.tables.items():
-        misfits = compared.misfit(products, mesh[:, np.newaxis])
-        fits = compared.correlation(products, mesh[:, np.newaxis]).mean(axis=0)
-        shifts = misfits.sum(axis=0).argmin(axis=1)
-        for look, at in enumerate(shifts):
-            ways[LOOKS[look], mistake] = misfits[:, look, at], fits[look, at]
-    as_given = min(ways[AS_GIVEN, ""][0].sum(), compared.as_given.sum())
-    anywhere, limit = compared.anywhere.sum(), compared.limit(len(ways))
-    best = min([*ways][1:], key=lambda way: ways[way][0].sum())
-    misfits, other = ways[best]
+    ways = _ways(compared)
+    stated, _ = ways[AS_GIVEN, ""]
+    as_given = min(stated.sum(), compared.as_given.sum())
+    anywhere = compared.anywhere.sum()
+    limit = compared.limit(len(ways))
+    _, *others = ways
+    name, mistake = min(others, key=lambda way: ways[way][0].sum())
+    misfits, other = ways[name, mistake]
     is_as_given = bool(min(misfits.sum(), anywhere) - as_given > limit)
     fit = compared.fits[:, 0].mean()
     margin = min(as_given, anywhere) - misfits.sum() - limit
     if margin > 0 and (misfits < compared.anywhere).mean() > _MOST:
-        name, mistake = best
         table = f" with {mistake}" * bool(mistake)
         orientation = f"{name * (name != AS_GIVEN)}{table}".strip()
         problem = _problem("they fit", orientation, other, fit)
@@ -157,6 +167,18 @@ def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
         )
         return [_Claim(None, margin, "", problem, remedy)], False
     return [], is_as_given
+
+
+def _ways(compared: Comparison) -> dict[tuple[str, str], tuple[np.ndarray, float]]:
+    """Misfits (patches,) and mean correlation of each look and mistake, where they fit best."""
+    ways = {}
+    for mistake, (_, _, products, mesh) in compared.tables.items():
+        misfits = compared.misfit(products, mesh[:, np.newaxis])
+        fits = compared.correlation(products, mesh[:, np.newaxis]).mean(axis=0)
+        shifts = misfits.sum(axis=0).argmin(axis=1)
+        for look, at in enumerate(shifts):
+            ways[LOOKS[look], mistake] = misfits[:, look, at], fits[look, at]
+    return ways
 
 
 def _contradicts(compared: Comparison) -> bool:
@@ -245,7 +267,8 @@ def _exchanged(compared: Comparison) -> Iterator[_Claim]:
         margin = leads.sum() - anywhere - for_each * len(ring)
         if min(margin, *leads) <= 0:
             continue
-        rows, names = sorted(ring), compared.patches.patch
+        rows = sorted(ring)
+        names = compared.patches.patch
         problem = (
             "their scans fit the mesh at each other's places, and not at their own (correlation "
             f"{compared.fits[rows, 0].mean():.2f})"
@@ -264,7 +287,9 @@ def _problem(they_fit: str, orientation: str, other: float, fit: float) -> str:
 
 def _table(compared: Comparison, claims: list[_Claim], *, is_as_given: bool) -> pd.DataFrame:
     """The result of `check_placement`."""
-    last, correlation, shared = len(compared.scan), compared.fits[:, 0], compared.shared
+    last = len(compared.scan)
+    correlation = compared.fits[:, 0]
+    shared = compared.shared
     table = pd.DataFrame(
         {
             "patch": [*compared.patches.patch, ALL],

@@ -93,7 +93,8 @@ def _spots(patches: pd.DataFrame, patch_mm: float) -> _Depths:
     def depths(standard: np.ndarray) -> np.ndarray:
         uniform = scipy.special.ndtr(standard)
         centre = low + side * uniform[:, :2]
-        width = side * np.exp(least + (most - least) * uniform[:, 2:])
+        log_width = least + (most - least) * uniform[:, 2:]
+        width = side * np.exp(log_width)
         apart = np.square(centre[:, None] - places).sum(axis=2)
         return np.asarray(np.exp(-0.5 * apart / width**2))
 
@@ -104,11 +105,13 @@ def _above_planes(height: xr.DataArray, patches: pd.DataFrame, patch_mm: float) 
     """Volumes over the area above planes: of one variable level, of three tilted."""
     means = patch_means(height, patches, size_mm=patch_mm)
     inside = np.unique(means.indices)
-    y, x = (of.ravel()[inside] for of in np.meshgrid(height.y, height.x, indexing="ij"))
+    grids = np.meshgrid(height.y, height.x, indexing="ij")
+    y, x = (grid.ravel()[inside] for grid in grids)
     values = height.values.ravel()[inside]
     is_stone = np.isfinite(values)
     weights = means[:, inside[is_stone]]
-    y, x, values = (of[is_stone] - of[is_stone].mean() for of in (y, x, values))
+    on_stone = (each[is_stone] for each in (y, x, values))
+    y, x, values = (each - each.mean() for each in on_stone)
     steep = 2 * values.std() / max(np.ptp(y), np.ptp(x))
     least, most = _LEVELS
 
@@ -116,7 +119,8 @@ def _above_planes(height: xr.DataArray, patches: pd.DataFrame, patch_mm: float) 
         slopes = steep * standard[:, 1:] if standard.shape[1] > 1 else np.zeros((1, 2))
         turned = values - slopes @ np.stack([y, x])
         level = least + (most - least) * scipy.special.ndtr(standard[:, :1])
-        above = np.maximum(turned - turned.std(axis=1, keepdims=True) * level, 0)
+        plane = turned.std(axis=1, keepdims=True) * level
+        above = np.maximum(turned - plane, 0)
         return np.asarray((weights @ above.T).T)
 
     return depths

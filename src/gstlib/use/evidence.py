@@ -112,12 +112,10 @@ class Losses:
 
     def permuted(self, order: Sequence[int] | np.ndarray) -> "Losses":
         """The same losses on other patches, or those of some patches."""
-        known = self.above_noise
-        return replace(
-            self,
-            depth_um=self.depth_um[order],
-            above_noise=None if known is None else known[order],
-        )
+        above_noise = self.above_noise
+        if above_noise is not None:
+            above_noise = above_noise[order]
+        return replace(self, depth_um=self.depth_um[order], above_noise=above_noise)
 
     def parameters(
         self, pressure: np.ndarray, standard: np.ndarray
@@ -125,19 +123,22 @@ class Losses:
         """``wear_coefficient`` (with the sliding, µm/MPa), ``scatter`` / loss, ``floor``, µm."""
         total = self.law.equivalent(pressure).sum(axis=1)
         together = self.depth_um.sum() / np.where(total > 0, total, np.inf)
-        coefficient, scatter, floor = standard.T
-        floor = np.maximum(_FLOOR * np.exp(_FLOOR_ERROR * floor), _LEAST_FLOOR)
+        errors = _COEFFICIENT_ERROR, _SCATTER_ERROR, _FLOOR_ERROR
+        coefficient, scatter, floor = np.exp(errors * standard).T
         return {
-            "wear_coefficient": together * np.exp(_COEFFICIENT_ERROR * coefficient),
-            "scatter": _SCATTER * np.exp(_SCATTER_ERROR * scatter),
-            "floor": abs(self.depth_um).mean() * floor,
+            "wear_coefficient": together * coefficient,
+            "scatter": _SCATTER * scatter,
+            "floor": abs(self.depth_um).mean() * np.maximum(_FLOOR * floor, _LEAST_FLOOR),
         }
 
     def log_likelihood(self, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
         """Of the loss of each patch (draws, patches)."""
-        of = self.parameters(pressure, standard)
-        expected = of["wear_coefficient"][:, None] * self.law.equivalent(pressure)
-        width = np.hypot(of["scatter"][:, None] * expected, of["floor"][:, None])
+        parameters = self.parameters(pressure, standard)
+        coefficient, scatter, floor = (
+            parameters[name][:, None] for name in ("wear_coefficient", "scatter", "floor")
+        )
+        expected = coefficient * self.law.equivalent(pressure)
+        width = np.hypot(scatter * expected, floor)
         deviation = (self.depth_um - expected) / width
         log_density: np.ndarray = _LOG_OF_T - np.log(width)
         log_density -= (_FREEDOM + 1) / 2 * np.log1p(deviation**2 / _FREEDOM)
@@ -179,15 +180,19 @@ class Grades:
     def log_likelihood(self, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
         """Of the grade of each patch (draws, patches)."""
         mean = pressure.mean(axis=1, keepdims=True)
-        seen = np.log(pressure / np.where(mean > 0, mean, np.inf) + _UNSEEN)
+        relative = pressure / np.where(mean > 0, mean, np.inf)
+        seen = np.log(relative + _UNSEEN)
         grades, which = np.unique(self.grade, return_inverse=True)
-        below = [np.sum(self.grade < grade) for grade in grades[1:]]
-        ordered, endless = np.sort(seen, axis=1), np.full(len(seen), np.inf)
-        between = [(ordered[:, count - 1] + ordered[:, count]) / 2 for count in below]
+        counts = [np.sum(self.grade < grade) for grade in grades[1:]]
+        ordered = np.sort(seen, axis=1)
+        between = [(ordered[:, count - 1] + ordered[:, count]) / 2 for count in counts]
+        endless = np.full(len(seen), np.inf)
         limits = np.stack([-endless, *between, endless], axis=1)
-        to_lower, to_upper = (limits[:, which + side] - seen for side in (0, 1))
         error = self.parameters(pressure, standard)["scatter"][:, None]
-        inside = scipy.special.ndtr(to_upper / error) - scipy.special.ndtr(to_lower / error)
+        below_lower, below_upper = (
+            scipy.special.ndtr((limits[:, which + side] - seen) / error) for side in (0, 1)
+        )
+        inside = below_upper - below_lower
         return np.asarray(np.log((1 - _AT_RANDOM) * inside + _AT_RANDOM / len(grades)))
 
 

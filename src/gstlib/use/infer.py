@@ -44,8 +44,8 @@ __all__ = [
     "UNKNOWN",
     "StatedUse",
     "infer_use",
+    "use_pressures",
 ]
-__all__ += ["use_pressures"]
 
 _log = logging.getLogger(__name__)
 
@@ -176,6 +176,25 @@ def infer_use(
         `PRESSED`, `PERHAPS` and `NOT_PRESSED`; and ``adopted``, whether the study adopts it. If
         nothing can be inferred, there are the attributes alone, and ``answer`` is `UNKNOWN` with
         the reason.
+
+    Examples
+    --------
+    Of eight patches, the two with the lowest x and y are the most worn by eye:
+
+    >>> import gstlib
+    >>> from gstlib.use.evidence import Grades
+    >>> y, x = (each.ravel() for each in np.mgrid[0.5:4:1, 0.5:4:2])
+    >>> patches = pd.DataFrame({"patch": range(8), "x_mm": x, "y_mm": y, "rotation_deg": 0.0})
+    >>> rough = np.random.default_rng(1).normal(0, 1e-5, (16, 16))
+    >>> height = gstlib.make_surface(rough, 0.25)
+    >>> over = gstlib.rounded_counterface(height, 50.0, (2.0, 2.0))
+    >>> face = xr.Dataset({"height": height, "counterface": over, "size_mm": 4.0})
+    >>> use = gstlib.infer_use(
+    ...     face, patches, Grades(2 * ((x < 2) & (y < 2))), StatedUse(100.0, (2.0, 2.0), 0.5),
+    ...     modulus=1e4, patch_mm=0.5, sampling=Sampling(draws=10, rounds=2, particles=50, seed=1),
+    ... )
+    >>> float(use.weight @ use.x_mm) < 1.8
+    True
     """
     if len(patches) < FEWEST_PATCHES or not evidence.tells:
         remedy = (
@@ -203,13 +222,13 @@ def infer_use(
         reason = f"only {touching} of {contacts} strikes about what is stated touch a patch"
         remedy = "Correct load.at_mm and counterface, or raise uncertainty.load_point_mm"
         return _unknown(reason, remedy)
-    found = _stored(draws, patches)
+    use = _stored(draws, patches)
     competitors = competitor_scores(
         height, patches, evidence, patch_mm=patch_mm, seed=sampling.seed
     )
-    found["competitor"] = list(competitors)
-    found["competitor_log_score"] = ("competitor", "patch"), np.array([*competitors.values()])
-    answer = _answer(found)
+    use["competitor"] = list(competitors)
+    use["competitor_log_score"] = ("competitor", "patch"), np.array([*competitors.values()])
+    answer = _answer(use)
     # where a competitor predicts better, more contacts would not help
     if answer["adopted"] and not draws.contact_error <= _MOST_CONTACT_ERROR:
         reason = (
@@ -219,10 +238,9 @@ def infer_use(
         remedy = f"Raise use.rounds (now {sampling.rounds}) or use.draws (now {sampling.draws})"
         return _unknown(reason, remedy)
     if isinstance(evidence, Losses):
-        found = found.merge(
-            law_scores(draws.pressures_of, draws.variables, evidence, generator)
-        )
-    few = found.patch.values[found.effective_sample_size_without.values < FEWEST_DRAWS]
+        laws = law_scores(draws.pressures_of, draws.variables, evidence, generator)
+        use = use.merge(laws)
+    few = use.patch.values[use.effective_sample_size_without.values < FEWEST_DRAWS]
     if len(few):
         _log.warning(
             "the prediction for the patches %s rests on fewer than %d effective draws, so that it "
@@ -232,7 +250,7 @@ def infer_use(
             sampling.particles,
         )
     stated_radius = np.nan if stated.radius_mm is None else stated.radius_mm
-    return described(found, _DESCRIBED).assign_attrs(
+    return described(use, _DESCRIBED).assign_attrs(
         effective_sample_size=float(effective_sample_size(draws.particles.weights)),
         stated_radius_mm=stated_radius,
         **answer,
@@ -266,9 +284,9 @@ def _stored(draws: Draws, patches: pd.DataFrame) -> xr.Dataset:
         "effective_sample_size_without": effective_sample_size(without),
     }
     return xr.Dataset(
-        {name: ("draw", of) for name, of in by_draw.items()}
-        | {name: (("draw", "patch"), of) for name, of in by_both.items()}
-        | {name: ("patch", of) for name, of in by_patch.items()},
+        {name: ("draw", values) for name, values in by_draw.items()}
+        | {name: (("draw", "patch"), values) for name, values in by_both.items()}
+        | {name: ("patch", values) for name, values in by_patch.items()},
         {"patch": list(patches.patch)},
         {"contacts": draws.contacts, "contact_error": draws.contact_error},
     )
@@ -289,15 +307,15 @@ def use_pressures(
     `points` (uses, 2 or 3) are load point (y, x), mm, and logarithm of the radius; elements
     give way by `springs`, mm/MPa; the rest is as in `infer_use`.
     """
-    height, known = (coarser(face[name], _COARSER) for name in ("height", "counterface"))
+    height, over_stated = (coarser(face[name], _COARSER) for name in ("height", "counterface"))
     means = patch_means(height, patches, size_mm=patch_mm)
-    found = np.zeros((len(points), len(patches)))
+    pressures = np.zeros((len(points), len(patches)))
     scaled = points / np.where(stated.prior.error > 0, stated.prior.error, 1.0)
     solved: deque[tuple[int, np.ndarray]] = deque(maxlen=_KEPT)
     for number, (y, x, *log_radius) in enumerate(points):
-        over = known
+        over = over_stated
         if log_radius and stated.radius_mm is not None:
-            over = as_round_as(known, stated.radius_mm, np.exp(log_radius[0]))
+            over = as_round_as(over_stated, stated.radius_mm, np.exp(log_radius[0]))
         # from the use most like this one
         apart = [np.square(scaled[number] - scaled[other]).sum() for other, _ in solved]
         start = solved[int(np.argmin(apart))][1] if solved else None
@@ -307,8 +325,8 @@ def use_pressures(
         if contact is None:
             continue
         solved.append((number, contact.pressure.values))
-        found[number] = means @ contact.pressure.values.ravel()
-    return found
+        pressures[number] = means @ contact.pressure.values.ravel()
+    return pressures
 
 
 def _unknown(reason: str, remedy: str) -> xr.Dataset:

@@ -104,19 +104,18 @@ def law_scores(
 
         size = end + losses.variables
         samples = [tempered(log_likelihood, size, _DRAWS, generator) for _ in range(_SAMPLES)]
-        particles = [of for of in samples if of is not None]
+        samples = [sample for sample in samples if sample is not None]
         scores.append(np.full(len(losses.depth_um), -np.inf))
         parameters.append([np.nan] * len(_STATISTICS))
-        if not particles:
+        if not samples:
             continue
-        scores[-1] = np.median([of.log_score for of in particles], axis=0)
+        scores[-1] = np.median([sample.log_score for sample in samples], axis=0)
         if family.parameter:
-            law = family.law(
-                np.concatenate([of.standard for of in particles])[:, variables:end]
-            )
+            standard = np.concatenate([sample.standard for sample in samples])
+            law = family.law(standard[:, variables:end])
             values = np.ravel(getattr(law, family.parameter))
-            weight = np.concatenate([of.weights for of in particles]) / len(particles)
-            parameters[-1] = mean_and_limits(values, weight)
+            weights = np.concatenate([sample.weights for sample in samples])
+            parameters[-1] = mean_and_limits(values, weights / len(samples))
     return xr.Dataset(
         {
             "law_log_score": (("law", "patch"), np.array(scores)),

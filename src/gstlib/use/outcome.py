@@ -69,8 +69,8 @@ def use_of_study(
     told, drawn = StatedUse(**stated), Sampling(**sampling)
     settings: dict[str, Any] = {"modulus": modulus, "patch_mm": patch_mm, "sampling": drawn}
     if registration is not None:
-        known, losses = losses_of(patches, registration, Law(**(wear_law or {})))
-        use = infer_use(face, known, losses, told, **settings)
+        measured, losses = losses_of(patches, registration, Law(**(wear_law or {})))
+        use = infer_use(face, measured, losses, told, **settings)
         if use.sizes:
             areas = with_t1(patches, registration)
             alone = told.prior.mean[np.newaxis], face, areas, told
@@ -105,15 +105,16 @@ def losses_of(
     whose T1 is excluded are left out; those that lost nothing count. The patches have the place of
     their T1, because a loss is of the area that both scans cover.
     """
-    known = registration[~registration.excluded.astype(bool)].set_index("patch")
-    known = known.dropna(subset="mean_wear_depth_um")
-    chosen = patches[patches.patch.isin(known.index)].reset_index(drop=True)
-    known = known.loc[chosen.patch]
-    return with_t1(chosen, registration), Losses(
-        known.mean_wear_depth_um.to_numpy(dtype=float),
-        known.above_noise.to_numpy(dtype=bool),
+    measured = registration[~registration.excluded.astype(bool)].set_index("patch")
+    measured = measured.dropna(subset="mean_wear_depth_um")
+    chosen = patches[patches.patch.isin(measured.index)].reset_index(drop=True)
+    measured = measured.loc[chosen.patch]
+    losses = Losses(
+        measured.mean_wear_depth_um.to_numpy(dtype=float),
+        measured.above_noise.to_numpy(dtype=bool),
         law,
     )
+    return with_t1(chosen, registration), losses
 
 
 def as_used(
@@ -127,9 +128,11 @@ def as_used(
     """
     if use is None or not use.attrs["adopted"]:
         return face, load_point
-    weight = use.weight.values
-    point = float(weight @ use.y_mm.values), float(weight @ use.x_mm.values)
-    log_radius = float(weight @ np.log(use.radius_mm.values))
+    y, x, log_radius = (
+        float(use.weight.values @ values)
+        for values in (use.y_mm.values, use.x_mm.values, np.log(use.radius_mm.values))
+    )
+    point = y, x
     if np.isnan(log_radius):
         return face, point
     over = as_round_as(face.counterface, use.attrs["stated_radius_mm"], np.exp(log_radius))
@@ -138,12 +141,11 @@ def as_used(
 
 def strikes_of(use: xr.Dataset, generator: np.random.Generator) -> np.ndarray:
     """Where (x, y), mm, one strike of each draw of a use acts."""
-    angle, stroke = np.radians(use.stroke_angle_deg.values), use.stroke_mm.values
-    uses = Uses(
-        np.stack([use.y_mm.values, use.x_mm.values], axis=1),
-        use.scatter_mm.values,
-        np.stack([stroke * np.sin(angle), stroke * np.cos(angle)], axis=1),
-    )
+    angle = np.radians(use.stroke_angle_deg.values)
+    points = np.stack([use.y_mm.values, use.x_mm.values], axis=1)
+    direction = np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    stroke_mm = use.stroke_mm.values[:, np.newaxis] * direction
+    uses = Uses(points, use.scatter_mm.values, stroke_mm)
     return uses.strikes(generator)[:, ::-1]
 
 
@@ -167,8 +169,8 @@ def pressures_of_use(
         "stated_MPa": use.stated_pressure,
     }
     series = {
-        name: pressures.patch.map(of.to_series().round(_DECIMALS))
-        for name, of in by_patch.items()
+        name: pressures.patch.map(values.to_series().round(_DECIMALS))
+        for name, values in by_patch.items()
     }
     spread_MPa = series.pop("spread_MPa").fillna(0.0)
     mean = (pressures.pressure_MPa + spread_MPa).clip(lower=0.0)
@@ -197,9 +199,8 @@ def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame
         width = np.hypot(at.scatter * expected, at.floor).values[drawn]
         loss = expected[drawn] + width * generator.standard_t(4.0, _PREDICTIVE)
         count = float(at.effective_sample_size_without)
-        rows.append(
-            (patch, measured, float(weight @ expected), *np.quantile(loss, LIMITS), count)
-        )
+        low, high = np.quantile(loss, LIMITS)
+        rows.append((patch, measured, float(weight @ expected), low, high, count))
     columns = ["patch", "loss_um", "predicted_um", "low_um", "high_um", "effective_sample_size"]
     table = pd.DataFrame(rows, columns=columns).round(_DECIMALS)
     return table.assign(effective_sample_size=table.effective_sample_size.round())
@@ -241,18 +242,19 @@ def use_table(
     if "wear_coefficient" in use:
         rows.append(("wear_coefficient", "um/MPa", "wear_coefficient", *nothing))
         rows.append(("scatter_of_losses", "1", "scatter", *nothing))
-    found = [
+    summaries = [
         (parameter, unit, value, error, *_summary(use, name))
         for parameter, unit, name, value, error in rows
     ]
     if use.sizes:
         gain, error = use.attrs["log_score_gain"], 1.96 * use.attrs["log_score_gain_error"]
-        found.append(("log_score_gain", "1", *nothing, gain, gain - error, gain + error))
-        found.append(("contact_error", "1", *nothing, use.attrs["contact_error"], *nothing))
+        summaries.append(("log_score_gain", "1", *nothing, gain, gain - error, gain + error))
+        contact_error = use.attrs["contact_error"]
+        summaries.append(("contact_error", "1", *nothing, contact_error, *nothing))
     if predicted is not None and len(predicted):
-        found.append(("within_95", "1", *nothing, share_within(predicted), *nothing))
+        summaries.append(("within_95", "1", *nothing, share_within(predicted), *nothing))
     columns = ["parameter", "unit", "prior", "prior_error", "posterior_mean", "low", "high"]
-    return pd.DataFrame(found, columns=columns).assign(
+    return pd.DataFrame(summaries, columns=columns).assign(
         effective_sample_size=use.attrs["effective_sample_size"],
         answer=use.attrs["answer"],
         competitor=COMPETITORS.get(use.attrs.get("competitor", ""), ""),

@@ -127,7 +127,7 @@ def sample(
 
     def particles(process: StrikePressures, draws: int, counted: float) -> Particles | None:
         def log_likelihood(standard: np.ndarray) -> np.ndarray:
-            pressure = process.of(prior.uses(standard[:, : prior.variables]))
+            pressure = process.mean_pressures(prior.uses(standard[:, : prior.variables]))
             return likelihood(evidence, pressure, standard[:, prior.variables :])
 
         size = prior.variables + evidence.variables
@@ -157,14 +157,14 @@ def sample(
     if final is None:
         return None
     uses = prior.uses(final.standard[:, : prior.variables])
-    pressure = process.of(uses)
+    pressure = process.mean_pressures(uses)
     return Draws(
         final,
-        lambda standard: process.of(prior.uses(standard)),
+        lambda standard: process.mean_pressures(prior.uses(standard)),
         prior.variables,
         uses,
         pressure,
-        process.of(uses.still),
+        process.mean_pressures(uses.still),
         evidence.parameters(pressure, final.standard[:, prior.variables :]),
         len(strikes),
         int(pressed.any(axis=1).sum()),
@@ -176,5 +176,5 @@ def _relative_error(
     process: StrikePressures, strikes: np.ndarray, pressure: np.ndarray
 ) -> float:
     still = Uses(strikes, np.zeros(len(strikes)), np.zeros((len(strikes), 2)))
-    error, mean = process.of(still) - pressure, pressure.mean()
+    error, mean = process.mean_pressures(still) - pressure, pressure.mean()
     return float(np.sqrt(np.square(error).mean()) / mean) if mean > 0 else np.inf

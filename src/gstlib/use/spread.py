@@ -10,6 +10,7 @@ So a use with many strikes takes no further contact.
 # a stroke, with the variance of one that is passed evenly from end to end. The face does not
 # change in the meantime, and force and radius stay as they are.
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +52,8 @@ class Uses(NamedTuple):
     def covariance(self) -> np.ndarray:
         """Of the load points of each use (uses, 2, 2), mm²."""
         along = _OF_STROKE * self.stroke_mm[:, :, None] * self.stroke_mm[:, None, :]
-        return np.asarray(along + self.scatter_mm[:, None, None] ** 2 * np.eye(2))
+        across = self.scatter_mm[:, None, None] ** 2 * np.eye(2)
+        return np.asarray(along + across)
 
     @property
     def spread_mm(self) -> np.ndarray:
@@ -60,7 +62,8 @@ class Uses(NamedTuple):
 
     def strikes(self, generator: np.random.Generator) -> np.ndarray:
         """One strike of each use (uses, 2 or 3)."""
-        points, size = self.points.copy(), len(self.points)
+        points = self.points.copy()
+        size = len(points)
         points[:, :2] += self.scatter_mm[:, None] * generator.standard_normal((size, 2))
         along = _OF_STROKE**0.5 * generator.standard_normal((size, 1))
         points[:, :2] += along * self.stroke_mm
@@ -104,7 +107,7 @@ class StrikePressures(NamedTuple):
         >>> strikes = np.random.default_rng(1).uniform(-3, 3, (300, 2))
         >>> process = StrikePressures.through(strikes, 1 + strikes[:, 1:] ** 2)
         >>> use = Uses(np.array([[0.0, 1.0]]), np.array([0.5]), np.zeros((1, 2)))
-        >>> round(process.of(use).item(), 2)
+        >>> round(process.mean_pressures(use).item(), 2)
         2.25
         """
         latest = slice(-_MOST_FITTED, None)
@@ -113,28 +116,38 @@ class StrikePressures(NamedTuple):
         factors = scipy.linalg.cho_solve(covariance, pressure)
         return cls(strikes, lengths, factors, _LEAST * float(pressure.sum(axis=1).mean()))
 
-    def of(self, uses: Uses) -> np.ndarray:
+    def mean_pressures(self, uses: Uses) -> np.ndarray:
         """Mean pressures (uses, patches), MPa, over the strikes of each use; 0 far from all."""
         middle = self.strikes[:, :2].mean(axis=0)
         y, x = (uses.points[:, :2] - middle).T
         node_y, node_x = (self.strikes[:, :2] - middle).T
         wide = uses.covariance + self.lengths[0] ** 2 * np.eye(2)
         determinant = np.linalg.det(wide)
-        yy, xx, yx = (
-            entry / determinant for entry in (wide[:, 1, 1], wide[:, 0, 0], -wide[:, 0, 1])
-        )
+        # the inverse of `wide`
+        yy = wide[:, 1, 1] / determinant
+        xx = wide[:, 0, 0] / determinant
+        yx = -wide[:, 0, 1] / determinant
         # the exponent is a sum of products of something of the use and something of the node
-        one, of_node = np.ones_like(y), np.ones_like(node_y)
+        of_use, of_node = np.ones_like(y), np.ones_like(node_y)
         height = 2 * np.log(self.lengths[0]) - 0.5 * np.log(determinant)
         squared = yy * y**2 + 2 * yx * y * x + xx * x**2
-        use_terms = [height - 0.5 * squared, yy * y + yx * x, xx * x + yx * y]
-        use_terms += [-0.5 * yy, -0.5 * xx, -yx]
-        node_terms = [of_node, node_y, node_x, node_y**2, node_x**2, node_y * node_x]
+        terms = [
+            (height - 0.5 * squared, of_node),
+            (yy * y + yx * x, node_y),
+            (xx * x + yx * y, node_x),
+            (-0.5 * yy, node_y**2),
+            (-0.5 * xx, node_x**2),
+            (-yx, node_y * node_x),
+        ]
         if uses.points.shape[1] > 2:
             radius = uses.points[:, 2] / self.lengths[2]
             node_radius = self.strikes[:, 2] / self.lengths[2]
-            use_terms += [-0.5 * radius**2, radius, one]
-            node_terms += [of_node, node_radius, -0.5 * node_radius**2]
+            terms += [
+                (-0.5 * radius**2, of_node),
+                (radius, node_radius),
+                (of_use, -0.5 * node_radius**2),
+            ]
+        use_terms, node_terms = zip(*terms, strict=True)
         kernel = np.exp(np.stack(use_terms, axis=1) @ np.stack(node_terms))
         pressure = np.maximum(kernel @ self.factors, 0.0)
         pressure[pressure.sum(axis=1) < self.least] = 0.0
@@ -153,12 +166,11 @@ def _best_lengths(nodes: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, fl
 
     def squared_error(lengths: np.ndarray, nugget: float) -> float:
         inverse = np.linalg.inv(_covariance(nodes, lengths, nugget))
-        return float(np.square(inverse @ values / inverse.diagonal()[:, None]).sum())
+        error = inverse @ values / inverse.diagonal()[:, None]
+        return float(np.square(error).sum())
 
     tried = [
         (np.array([mm, mm, radius]), nugget)
-        for mm in _LENGTHS_MM
-        for radius in radii
-        for nugget in _NUGGETS
+        for mm, radius, nugget in itertools.product(_LENGTHS_MM, radii, _NUGGETS)
     ]
     return min(tried, key=lambda one: squared_error(*one))

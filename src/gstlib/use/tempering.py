@@ -53,8 +53,8 @@ class Particles(NamedTuple):
     @property
     def log_score(self) -> np.ndarray:
         """Logarithm of the probability (places,) of what was seen on each, given all others."""
-        known = scipy.special.logsumexp(self._log_weight)
-        return np.asarray(known - scipy.special.logsumexp(self._log_without, axis=0))
+        log_total = scipy.special.logsumexp(self._log_weight)
+        return np.asarray(log_total - scipy.special.logsumexp(self._log_without, axis=0))
 
     @property
     def _log_weight(self) -> np.ndarray:
@@ -90,20 +90,22 @@ def tempered(
     >>> seen, generator = np.array([0.9, 1.0, 1.4]), np.random.default_rng(1)
     >>> def log_likelihood(standard):
     ...     return scipy.stats.norm.logpdf(seen, 10 * standard, 1)
-    >>> found = tempered(log_likelihood, 1, 2000, generator)
-    >>> round(10 * float(found.weights @ found.standard[:, 0]), 1)
+    >>> particles = tempered(log_likelihood, 1, 2000, generator)
+    >>> round(10 * float(particles.weights @ particles.standard[:, 0]), 1)
     1.1
     """
     standard = generator.standard_normal((draws, variables))
     likelihood = log_likelihood(standard)
     if not np.isfinite(likelihood).all(axis=1).any():
         return None
-    offset, reached = np.zeros(likelihood.shape[1]), 0.0
+    offset = np.zeros(likelihood.shape[1])
+    reached = 0.0
     while reached < counted:
         target = _target(_in_part(likelihood, reached), offset)
         reached = _step(likelihood, target, offset, reached, counted)
-        offset = _offset(_in_part(likelihood, reached), target)
-        weight = scipy.special.softmax(_target(_in_part(likelihood, reached), offset) - target)
+        in_part = _in_part(likelihood, reached)
+        offset = _offset(in_part, target)
+        weight = scipy.special.softmax(_target(in_part, offset) - target)
         chosen = _resampled(weight, generator)
         density = _Density(log_likelihood, reached, offset)
         accepted = _ACCEPTED if reached < counted else _ACCEPTED_LAST
@@ -128,10 +130,10 @@ def _target(log_likelihood: np.ndarray, offset: np.ndarray) -> np.ndarray:
     """Logarithm (draws,) of the mixture over what is likely beforehand."""
     total = log_likelihood.sum(axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):
-        parts = np.concatenate([total, total - log_likelihood - offset], axis=1)
-    return np.asarray(
-        scipy.special.logsumexp(np.where(np.isnan(parts), -np.inf, parts), axis=1)
-    )
+        without = total - log_likelihood - offset
+    parts = np.concatenate([total, without], axis=1)
+    parts[np.isnan(parts)] = -np.inf
+    return np.asarray(scipy.special.logsumexp(parts, axis=1))
 
 
 def _in_part(log_likelihood: np.ndarray, counted: float) -> np.ndarray:
@@ -155,17 +157,17 @@ def _step(
 ) -> float:
     """How much may count next, so that enough of the particles still do."""
 
-    def kept(counted: float) -> float:
-        weight = scipy.special.softmax(_target(_in_part(likelihood, counted), offset) - target)
-        return float(effective_sample_size(weight)) / possible - _KEPT
-
     possible = np.isfinite(likelihood).all(axis=1).sum()
+
+    def kept(counted: float) -> float:
+        new_target = _target(_in_part(likelihood, counted), offset)
+        weight = scipy.special.softmax(new_target - target)
+        return float(effective_sample_size(weight)) / possible - _KEPT
 
     if kept(most) >= 0:
         return most
-    return float(
-        scipy.optimize.brentq(kept, reached + 1e-9 * (most - reached), most, rtol=1e-3)
-    )
+    least = reached + 1e-9 * (most - reached)
+    return float(scipy.optimize.brentq(kept, least, most, rtol=1e-3))
 
 
 def _resampled(weight: np.ndarray, generator: np.random.Generator) -> np.ndarray:
@@ -191,7 +193,8 @@ class _Density(NamedTuple):
         """Particles after moves that keep their distribution, so many of each accepted."""
         population = standard.copy()
         draws, variables = standard.shape
-        density, accepted = self._log(standard, likelihood), 0.0
+        density = self._log(standard, likelihood)
+        accepted = 0.0
         for _ in range(_MOST_MOVES):
             one, other = generator.integers(0, draws, (2, draws))
             jumps = generator.random((draws, 1)) < _JUMPS
@@ -200,11 +203,11 @@ class _Density(NamedTuple):
             proposed += _JITTER * generator.standard_normal(standard.shape)
             new = self.log_likelihood(proposed)
             new_density = self._log(proposed, new)
-            is_better = np.log(generator.random(draws)) < new_density - density
-            standard = np.where(is_better[:, None], proposed, standard)
-            likelihood = np.where(is_better[:, None], new, likelihood)
-            density = np.where(is_better, new_density, density)
-            accepted += is_better.mean()
+            is_accepted = np.log(generator.random(draws)) < new_density - density
+            standard = np.where(is_accepted[:, None], proposed, standard)
+            likelihood = np.where(is_accepted[:, None], new, likelihood)
+            density = np.where(is_accepted, new_density, density)
+            accepted += is_accepted.mean()
             if accepted >= enough:
                 break
         return standard, likelihood

@@ -49,7 +49,7 @@ class Others(NamedTuple):
     cut: pd.DataFrame
 
     @classmethod
-    def of(cls, table: pd.DataFrame, depths: dict[str, np.ndarray]) -> "Others":
+    def tabulated(cls, table: pd.DataFrame, depths: dict[str, np.ndarray]) -> "Others":
         """`table` as above; `depths` below the summit of each patch's known points, mm."""
         deepest = max((float(below.max()) for below in depths.values()), default=0.0)
         displacements = deepest * np.linspace(0, 1, _DISPLACEMENTS) ** 2
@@ -97,8 +97,9 @@ def baseline_depths(
     """
     table = others.table
     per_pressure = table[["loss_mm", "loss_fraction"]].sum() / table.pressure_MPa.sum()
-    volume, share = (float(of) for of in per_pressure * pressure_MPa)
-    sunk = np.interp(table.loss_mm.sum(), others.cut.sum(axis=1), others.displacements)
+    volume, share = map(float, per_pressure * pressure_MPa)
+    cut_mm = others.cut.sum(axis=1)
+    sunk = np.interp(table.loss_mm.sum(), cut_mm, others.displacements)
     mean_loss = float(table.loss_mm.mean())
     return {
         "none": np.zeros(height.shape),
@@ -114,7 +115,8 @@ def _cut_volume(height: np.ndarray, volume: float) -> np.ndarray:
     """Depth that a plane takes off so that its mean over the points is `volume` (mm)."""
     ordered = np.sort(height)[::-1]
     count = np.arange(1, height.size + 1)
-    removed = (np.cumsum(ordered) - count * ordered) / height.size  # down to each of the points
+    # down to each of the points
+    removed = (np.cumsum(ordered) - count * ordered) / height.size
     reached = np.searchsorted(removed, volume, side="right")
     plane = (ordered[:reached].sum() - height.size * volume) / reached
     return np.maximum(height - plane, 0.0)

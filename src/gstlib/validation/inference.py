@@ -75,8 +75,9 @@ def ratio_of_sums(
     count = len(part)
     drawn = draws.generator.integers(0, max(count, 1), (draws.resamples, count))
     samples = ratio(part[drawn].sum(axis=1), whole[drawn].sum(axis=1))
+    interval = percentile_interval(samples, count)
     value = float(ratio(part.sum(), whole.sum()))
-    return Estimate(value, *percentile_interval(samples, count), p_value, count)
+    return Estimate(value, *interval, p_value, count)
 
 
 def percentile_interval(samples: np.ndarray, units: int) -> tuple[float, float]:
@@ -130,10 +131,10 @@ def rank_correlation(
     which accounts for spatial autocorrelation (`spatial_p_value`) by `places`, the columns of the
     patches' x and y, if there are any. NaN with fewer than 3 patches or a constant column.
     """
-    known = table[[predictor, extent, *places]].dropna()
-    x, y, *where = known.to_numpy(dtype=float).T
+    complete = table[[predictor, extent, *places]].dropna()
+    x, y, *where = complete.to_numpy(dtype=float).T
     if x.size < 3 or not (np.ptp(x) > 0 and np.ptp(y) > 0):
-        return Estimate(*(math.nan,) * 4, len(known))
+        return Estimate(*(math.nan,) * 4, x.size)
     p = scipy.stats.permutation_test(
         (x,),
         lambda shuffled, axis: _spearman(shuffled, y),
@@ -147,7 +148,7 @@ def rank_correlation(
     interval = percentile_interval(_spearman(x[drawn], y[drawn]), x.size)
     if where:
         p = spatial_p_value(x, y, np.transpose(where), permuted=p)
-    return Estimate(float(_spearman(x, y)), *interval, float(p), len(known))
+    return Estimate(float(_spearman(x, y)), *interval, float(p), x.size)
 
 
 def spatial_p_value(
@@ -160,7 +161,8 @@ def spatial_p_value(
     the larger p-value counts. It is two-sided, and NaN with fewer than 4 patches or constant
     values. `places` (n, 2) are the patches' coordinates, in any unit.
     """
-    x, y = scipy.stats.rankdata(x), scipy.stats.rankdata(y)
+    x = scipy.stats.rankdata(x)
+    y = scipy.stats.rankdata(y)
     if x.size < 4 or np.ptp(x) == 0 or np.ptp(y) == 0:
         return math.nan
     freedom = max(_effective_patches(x, y, places), _FEWEST_EFFECTIVE) - 2
@@ -177,14 +179,14 @@ def _effective_patches(x: np.ndarray, y: np.ndarray, places: np.ndarray) -> floa
 
     At most the actual number: neighbours that differ more than others are no additional evidence.
     """
-    distance = scipy.spatial.distance.squareform(
-        scipy.spatial.distance.pdist(np.asarray(places, dtype=float))
-    )
+    places = np.asarray(places, dtype=float)
+    distance = scipy.spatial.distance.cdist(places, places)
     count = len(distance)
     centring = np.eye(count) - 1 / count
     of_x, of_y = (centring @ _covariance(values, distance) @ centring for values in (x, y))
-    variance = np.trace(of_x @ of_y) / (np.trace(of_x) * np.trace(of_y))
-    return float(min(count, 1 + 1 / variance)) if variance > 0 else float(count)
+    whole = np.trace(of_x) * np.trace(of_y)
+    variance = np.trace(of_x @ of_y) / whole
+    return min(count, 1 + 1 / float(variance)) if variance > 0 else count
 
 
 def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
@@ -196,10 +198,11 @@ def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
     # rounded: on a lattice, distances fall on the edges of classes, and the unit must not matter
     steps = np.round(distance / step, 9)
     number = np.maximum(np.rint(steps), 1)
-    number[(number + 0.5 > steps.max() / 2) | np.isinf(apart)] = 0
+    is_far = number + 0.5 > steps.max() / 2
+    number[is_far | np.isinf(apart)] = 0
     centred = values - values.mean()
     products = np.multiply.outer(centred, centred)
-    covariance = np.diag(np.diag(products).mean() * np.ones(len(values)))
+    covariance = np.diag(products).mean() * np.eye(len(values))
     for one in np.unique(number[number > 0]):
         covariance[number == one] = products[number == one].mean()
     return covariance
@@ -207,9 +210,8 @@ def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Spearman's correlation along the last axis; NaN where one of them is constant."""
-    a, b = (
-        scipy.stats.rankdata(values, axis=-1) - (values.shape[-1] + 1) / 2 for values in (x, y)
-    )
-    squares = (a * a).sum(axis=-1), (b * b).sum(axis=-1)
-    product = (a * b).sum(axis=-1)
-    return ratio(product, np.sqrt(squares[0] * squares[1]))
+    x, y = (scipy.stats.rankdata(values, axis=-1) for values in (x, y))
+    middle = (x.shape[-1] + 1) / 2
+    x, y = x - middle, y - middle
+    xx, yy, xy = ((a * b).sum(axis=-1) for a, b in ((x, x), (y, y), (x, y)))
+    return ratio(xy, np.sqrt(xx * yy))

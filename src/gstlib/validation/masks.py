@@ -20,7 +20,9 @@ __all__ = ["mask_counts", "mask_scores", "ratio"]
 
 def mask_counts(mask: np.ndarray, observed: np.ndarray, valid: np.ndarray) -> tuple[int, ...]:
     """The counts that `mask_scores` takes, over the valid points of two masks (ny, nx)."""
-    parts = mask & observed & valid, mask & valid, observed & valid, valid
+    mask = mask & valid
+    observed = observed & valid
+    parts = mask & observed, mask, observed, valid
     return tuple(int(np.count_nonzero(part)) for part in parts)
 
 
@@ -30,8 +32,9 @@ def mask_scores(hits, predicted, observed, measured) -> dict[str, np.ndarray]:
     hits, predicted, observed, measured = (count.astype(float) for count in counts)
     spread = predicted * (measured - predicted) * observed * (measured - observed)
     product = hits * measured - predicted * observed
-    low, high = np.minimum(predicted, observed), np.maximum(predicted, observed)
-    attainable = np.sqrt(ratio(low * (measured - high), high * (measured - low)))
+    low = np.minimum(predicted, observed)
+    high = np.maximum(predicted, observed)
+    most = ratio(low * (measured - high), high * (measured - low))
     # a prediction that marks no place, or all of them, says nothing about places
     defined = (observed > 0) & (observed < measured)
     says_nothing = defined & (spread == 0)
@@ -40,7 +43,7 @@ def mask_scores(hits, predicted, observed, measured) -> dict[str, np.ndarray]:
         "recall": ratio(hits, observed),
         "f1": ratio(2 * hits, predicted + observed),
         "mcc": np.where(says_nothing, 0.0, ratio(product, np.sqrt(spread))),
-        "attainable_mcc": np.where(defined, attainable, np.nan),
+        "attainable_mcc": np.where(defined, np.sqrt(most), np.nan),
     }
 
 

@@ -46,10 +46,10 @@ class Places:
     shape: tuple[int, int]
 
     @classmethod
-    def of(cls, predicted: np.ndarray, lost: np.ndarray, known: np.ndarray) -> "Places":
+    def packed(cls, predicted: np.ndarray, lost: np.ndarray, measured: np.ndarray) -> "Places":
         """Of three masks (ny, nx); the first is known everywhere."""
-        ny, nx = known.shape
-        masks = [mask.ravel() for mask in (predicted, lost, known)]
+        ny, nx = measured.shape
+        masks = [mask.ravel() for mask in (predicted, lost, measured)]
         return cls(np.packbits(masks, axis=1), (ny, nx))
 
     def masks(self) -> np.ndarray:
@@ -66,17 +66,21 @@ def swapped_mcc(patch: str, places: Mapping[str, Places]) -> np.ndarray:
     and mirrorings.
     """
     own = places[patch]
-    others = [name for name, of in places.items() if name != patch and of.shape == own.shape]
+    others = [
+        name for name, each in places.items() if name != patch and each.shape == own.shape
+    ]
     others = others[:: math.ceil(len(others) / _MOST_PATCHES) or 1]
     # turning the loss is turning the predictions, and takes one product for all of them
-    _, lost, known = own.masks()
-    turned = np.array([*_sides(lost), *_sides(known)], dtype=np.float32)
+    _, lost, measured = own.masks()
+    turned = np.array([*_sides(lost), *_sides(measured)], dtype=np.float32)
     columns = turned.reshape(len(turned), -1).T
-    marks = [places[name].masks()[0].ravel() for name in (patch, *others)]
+    masks = (places[name].masks() for name in (patch, *others))
+    marks = [predicted.ravel() for predicted, _, _ in masks]
     predicted = np.array(marks, dtype=np.float32)
     # exact: sums of ones below 2^24
     hits, marked = np.split(predicted @ columns, 2, axis=1)
-    return mask_scores(hits, marked, lost.sum(), known.sum())["mcc"].ravel()
+    scores = mask_scores(hits, marked, lost.sum(), measured.sum())
+    return scores["mcc"].ravel()
 
 
 def _sides(mask: np.ndarray) -> Sequence[np.ndarray]:

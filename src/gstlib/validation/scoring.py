@@ -67,15 +67,14 @@ def other_patches(
     patches is looked up once.
     """
     table = pd.DataFrame({"pressure_MPa": unseen(pressures.set_index("patch"))})
-    known = registration.set_index("patch")
-    table = table.assign(
-        loss_mm=known.mean_wear_depth_um * 1e-3, loss_fraction=known.loss_fraction
-    )
+    measured = registration.set_index("patch")
+    table["loss_mm"] = measured.mean_wear_depth_um * 1e-3
+    table["loss_fraction"] = measured.loss_fraction
     depths = {}
     for patch in fitted:
         height = contacts[patch].interface.laid.values
         depths[patch] = height.max() - height[np.isfinite(changes[patch].change.values)]
-    return Others.of(table.loc[list(fitted)], depths)
+    return Others.tabulated(table.loc[list(fitted)], depths)
 
 
 def score_patch(
@@ -109,20 +108,25 @@ def score_patch(
         Whether the loss exceeds noise. If not, it is not tested against chance.
     """
     valid = np.isfinite(change.change.values)
-    lost, level = -change.change.values[valid], change.level_of_detection.values[valid]
+    lost = -change.change.values[valid]
+    level = change.level_of_detection.values[valid]
     loss = change.loss.values.astype(bool) & valid
     laid = contact.interface.laid.values
     height = laid[valid]
-    own = {str(map_.model.values): seen_depth(map_.values[valid]) for map_ in predicted.depth}
+    worn_fraction = float(loss[valid].mean()) if valid.any() else 0.0
+    own = {
+        str(depth.model.values): seen_depth(depth.values[valid]) for depth in predicted.depth
+    }
     depths = own | baseline_depths(
         height,
         level,
         summit=float(laid.max()),
         pressure_MPa=pressure_MPa,
-        worn_fraction=float(loss[valid].mean()) if valid.any() else 0.0,
+        worn_fraction=worn_fraction,
         others=others.without(patch),
     )
-    name, every = own_model(list(own)), np.ones(height.shape, dtype=bool)
+    name = own_model(list(own))
+    every = np.ones(height.shape, dtype=bool)
     element_um3 = float(np.prod(spacing_of(change))) * 1e9
     measured_um3 = float(lost[loss[valid]].sum()) * element_um3
     unworn = own[BARE] < level  # where the bare stone takes off less than is detected
@@ -143,10 +147,8 @@ def score_patch(
             "out_of_contact_um": _rms_um(error[unworn]),
         }
     area_um2 = element_um3 * 1e-3 * np.count_nonzero(valid)
-    volume_um3, no_loss_um = (
-        models[name]["predicted_volume_um3"],
-        models["none"]["map_error_um"],
-    )
+    volume_um3 = models[name]["predicted_volume_um3"]
+    no_loss_um = models["none"]["map_error_um"]
     row: dict[str, Any] = {
         "patch": patch,
         "contact_fraction": float((contact.pressure.values > 0).mean()),
@@ -162,7 +164,7 @@ def score_patch(
     untested = "noise" if not above_noise else "" if is_defined else "undefined"
     compared = {"measured": np.where(loss[valid], lost, 0.0), **own}
     bands = [{"patch": patch} | band for band in _bands(compared, height)]
-    places = Places.of(mask, loss, valid)
+    places = Places.packed(mask, loss, valid)
     return ScoredPatch(row, untested, list(models.values()), bands, places)
 
 
@@ -171,7 +173,11 @@ def by_chance(scored: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
 
     See `gstlib.validation.nulls.swapped_mcc`.
     """
-    predicted = {one.row["patch"]: one.places for one in scored if one.places.masks()[0].any()}
+    predicted = {}
+    for one in scored:
+        mask, _, _ = one.places.masks()
+        if mask.any():
+            predicted[one.row["patch"]] = one.places
     tested = [one.row["patch"] for one in scored if not one.untested]
     return {patch: swapped_mcc(patch, predicted) for patch in tested}
 

@@ -177,21 +177,26 @@ def patch_statistics(
     )
     predicted = patches.reindex(columns=["patch", "contact_fraction", "predicted_loss_um"])
     # a table without rows has no types, and pandas merges text with nothing but text
-    measured, predicted = (of.astype({"patch": str}) for of in (measured, predicted))
+    measured = measured.astype({"patch": str})
+    predicted = predicted.astype({"patch": str})
     table = where.merge(measured, on="patch").merge(predicted, on="patch", how="left")
     table["above_noise"] = table.above_noise.astype(bool)
     table["in_statistics"] = table.above_noise & table.in_study.astype(bool)
     return table
 
 
+def _by_model(scored: pd.DataFrame, name: str) -> pd.DataFrame:
+    """A column of the table ``wear`` by patch, in their order, and model."""
+    table = scored.pivot(index="patch", columns="model", values=name)
+    return table.loc[list(dict.fromkeys(scored.patch))]
+
+
 def _model_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
     """How right the predictions are, beside their baselines."""
-    order = list(dict.fromkeys(scored.patch))
     volume_error = (scored.predicted_volume_um3 - scored.measured_volume_um3).abs()
+    scored = scored.assign(volume_error=volume_error)
     mcc, attainable, map_error, volume = (
-        scored.assign(volume_error=volume_error)
-        .pivot(index="patch", columns="model", values=name)
-        .loc[order]
+        _by_model(scored, name)
         for name in ("mcc", "attainable_mcc", "map_error_um", "volume_error")
     )
     # no place is right or wrong where nothing was lost: so it is for all models alike
@@ -218,8 +223,7 @@ def _model_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
 
 def _depth_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
     """How wrong the predicted depths are, against the best baseline."""
-    errors = scored.pivot(index="patch", columns="model", values="map_error_um")
-    errors = errors.loc[list(dict.fromkeys(scored.patch))]
+    errors = _by_model(scored, "map_error_um")
     for model in _PREDICTIONS:
         if model in errors:
             relative = _relative_to_best(errors, model, draws)
@@ -257,9 +261,7 @@ def _interlayer_rows(
     scored: pd.DataFrame, interlayer: xr.Dataset, draws: Draws
 ) -> Iterator[_Row]:
     """Whether there was an interlayer between the stones, and how much of the wear it did."""
-    order = list(dict.fromkeys(scored.patch))
-    error = scored.pivot(index="patch", columns="model", values="out_of_contact_um")
-    error = error.loc[order].fillna(0.0)
+    error = _by_model(scored, "out_of_contact_um").fillna(0.0)
     errors = error[INTERLAYER].to_numpy(), _ERROR_TO_BEAT * error[BARE].to_numpy()
     p = exchange_p_value(errors[1] - errors[0], draws.generator)
     yield INTERLAYER, "relative(out_of_contact)", ratio_of_sums(*errors, draws, p), BARE
@@ -279,17 +281,17 @@ def _correlation(table: pd.DataFrame, predictor: str, extent: str, draws: Draws)
 
 def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> _Row:
     """Share of the expected patches among the equally many largest; NaN if one has no value."""
-    known = table.set_index("patch")[column].dropna()
+    values = table.set_index("patch")[column].dropna()
+    is_expected = values.index.isin(expected)
     share = p = math.nan
-    if known.index.isin(expected).sum() == len(expected):
-        ranks = scipy.stats.rankdata(-known.to_numpy(dtype=float), method="max")
-        within = int((ranks[known.index.isin(expected)] <= len(expected)).sum())
-        share = within / len(expected)
-        p = float(
-            scipy.stats.hypergeom.sf(within - 1, len(known), len(expected), len(expected))
-        )
+    count = len(expected)
+    if is_expected.sum() == count:
+        ranks = scipy.stats.rankdata(-values.to_numpy(dtype=float), method="max")
+        within = int((ranks[is_expected] <= count).sum())
+        share = within / count
+        p = float(scipy.stats.hypergeom.sf(within - 1, len(values), count, count))
     name = f"expected_most_worn({'+'.join(expected)}, {column})"
-    return "", name, Estimate(share, math.nan, math.nan, p, len(known)), "random ranking"
+    return "", name, Estimate(share, math.nan, math.nan, p, len(values)), "random ranking"
 
 
 def score_wear(
@@ -323,10 +325,24 @@ def score_wear(
         ``patches`` and ``wear``, with a row for each patch with a known change and for each of its
         models; ``profile``; and ``summary``, over the patches in the study whose loss is above
         the noise.
+
+    Examples
+    --------
+    Without a predicted loss, the pressure is compared with the lost area:
+
+    >>> import gstlib
+    >>> pressures = pd.DataFrame({"patch": [*"abcdef"], "x_mm": range(6), "y_mm": 0.0})
+    >>> pressures = pressures.assign(in_study=True, pressure_MPa=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    >>> losses = pressures[["patch"]].assign(known_fraction=1.0, above_noise=True)
+    >>> losses["loss_fraction"] = losses["mean_wear_depth_um"] = [0.1, 0.2, 0.3, 0.5, 0.4, 0.6]
+    >>> nothing = Prediction({})
+    >>> tables = gstlib.score_wear({}, {}, nothing, pressures, losses, seed=1, resamples=99)
+    >>> tables["summary"].set_index("statistic").value.round(2).to_dict()
+    {'spearman(pressure_MPa, loss_fraction)': 0.94, 'spearman(touched, mean_wear_depth_um)': nan}
     """
-    known = registration[registration.known_fraction > 0].set_index("patch")
+    measured = registration[registration.known_fraction > 0].set_index("patch")
     at = pressures.assign(unseen_MPa=unseen(pressures)).set_index("patch")
-    at = at.join(known.above_noise, how="inner")
+    at = at.join(measured.above_noise, how="inner")
     scores = []
     if prediction.depths:
         fitted_to = prediction.fitted_to
