@@ -249,7 +249,7 @@ def test_wear_follows_the_gesture(stored, table):
     mean = float(stored("gesture/exposure").exposure.mean())
     share = of_gesture.exposure_N_per_mm[rate.index] / mean
     np.testing.assert_allclose(rate, 5.5 * share, rtol=1e-3, atol=1e-4)
-    statistics = set(table("validation_summary").statistic)
+    statistics = set(statistic_names(table("validation_summary")))
     assert "expected_most_worn(7+13, pressure_MPa)" in statistics
 
 

@@ -45,10 +45,6 @@ class Shown:
     caption: str  # HTML
 
     @cached_property
-    def name(self) -> str:
-        return self.file.stem
-
-    @cached_property
     def picture(self) -> str | None:
         return embedded(self.file.read_bytes()) if self.file.suffix == ".png" else None
 
@@ -71,11 +67,12 @@ def embedded(png: bytes) -> str:
         whole = picture.convert("RGB")
     # a pixel as one number: compared in a quarter of the time
     pixels = np.asarray(whole.convert("RGBA")).view(np.uint32)[..., 0]
-    few = whole.quantize(_COLOURS - len(CLASSES), dither=Image.Dither.NONE)
-    palette = (few.getpalette() or [])[: 3 * (_COLOURS - len(CLASSES))]
-    palette += [0] * (3 * (_COLOURS - len(CLASSES)) - len(palette))
+    count = _COLOURS - len(CLASSES)
+    few = whole.quantize(count, dither=Image.Dither.NONE)
+    palette = (few.getpalette() or [])[: 3 * count]
+    palette += [0] * (3 * count - len(palette))
     index = np.array(few)
-    for number, colour in enumerate(CLASSES, _COLOURS - len(CLASSES)):
+    for number, colour in enumerate(CLASSES, count):
         rgb = ImageColor.getrgb(colour)
         index[pixels == np.array([*rgb, 255], np.uint8).view(np.uint32)] = number
         palette += rgb
@@ -135,40 +132,45 @@ def tool_scene(
 
     def outlined(place: PatchPosition, side: float, name: str = "") -> dict[str, list]:
         flat = outline(place, side)
-        on_tool = outline_on(stone, frame, flat, size)
+        points = {
+            "flat": flat,
+            "outline": outline_on(stone, frame, flat, size),
+            "label": label_in(flat, name),
+        }
+        return {kind: np.round(values, 4).tolist() for kind, values in points.items()}
+
+    def mapped(field: xr.DataArray, of_stone: np.ndarray) -> dict[str, Any]:
+        norm, png = force_norm(field.values), io.BytesIO()
+        picture = FORCE_MAP(norm(field.sel(near).values))[::-1]
+        imsave(png, picture, metadata={"Software": None})
         return {
-            "flat": np.round(flat, 4).tolist(),
-            "outline": np.round(on_tool, 4).tolist(),
-            "label": np.round(label_in(flat, name), 4).tolist(),
+            "title": field.attrs["title"],
+            "units": field.attrs["units"],
+            "map": embedded(png.getvalue()),
+            "colours": packed(of_stone, "u1"),
+            "highest": norm.vmax,
         }
 
     view = tool_view(stone, frame)
+    across, up, _ = np.ptp(view.to_frame(stone.vertices), axis=0).tolist()
     window = slice(-_BESIDE * size, (1 + _BESIDE) * size)
     near = {"y": window, "x": window}
     shown_x = fields[0].sel(near).x
-
-    def mapped(field: xr.DataArray, of_stone: np.ndarray) -> dict[str, Any]:
-        content, shown = io.BytesIO(), force_norm(field.values)
-        picture = FORCE_MAP(shown(field.sel(near).values))[::-1]
-        imsave(content, picture, metadata={"Software": None})
-        said = {name: field.attrs[name] for name in ("title", "units")}
-        drawn = {"map": embedded(content.getvalue()), "colours": packed(of_stone, "u1")}
-        return said | drawn | {"highest": shown.vmax}
-
     half = spacing_of(fields[0])[0] / 2
+    patches = places_of(pd.DataFrame(places))
     return {
         "stone": stone_data(stone),
         "second": stone_data(coarsen(second, faces=_SECOND_FACES)) if second else None,
         "frame": {"origin": list(frame.origin), "axes": frame.axes.tolist(), "size": size},
         "view": view.axes[2].tolist(),
         "middle": list(map(float, view.origin)),
-        "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
+        "extent": [across, up],
         "square": outlined(PatchPosition(size / 2, size / 2, 0.0), size),
         "patches": [
             {"patch": patch} | outlined(place, patch_mm, str(patch))
-            for patch, place in places_of(pd.DataFrame(places)).items()
+            for patch, place in patches.items()
         ],
-        "fields": [mapped(*of) for of in zip(fields, colours, strict=True)],
+        "fields": list(map(mapped, fields, colours)),
         "low": round(float(shown_x[0]) - half, 6),  # without the rounding of coordinates
         "side": float(shown_x[-1] - shown_x[0]) + 2 * half,
         "scale": [to_hex(FORCE_MAP(share)) for share in np.linspace(0, 1, 13)],

@@ -147,13 +147,13 @@ def _scene(
 
 def _loss_on(square: xr.DataArray, study: Results) -> xr.DataArray:
     """The mean depth that each patch lost, on the grid of the square."""
-    registration = study.table("registration.csv").set_index("patch")
+    depths = study.table("registration.csv").set_index("patch").mean_wear_depth_um
     loss = xr.zeros_like(square)
     for patch, place in places_of(pd.DataFrame(study.places)).items():
-        depth = registration.mean_wear_depth_um.get(patch, math.nan)
+        depth = depths.get(patch, math.nan)
         if depth > 0:
-            inside = footprint_weights(square, place, study.patch_mm) > _INSIDE
-            loss.values[inside] = depth
+            share = footprint_weights(square, place, study.patch_mm)
+            loss.values[share > _INSIDE] = depth
     return loss.assign_attrs(title="measured loss", units="µm")
 
 
@@ -163,11 +163,7 @@ def patch_records(study: Results) -> dict[str, dict[str, Any]]:
     ``wear`` is the row of the study's own prediction, ``mcc`` the score of every other model by the
     model's name in words; ``picture`` and ``strip`` are data URLs, ``scans`` the names of scans.
     """
-    rows: dict[str, dict[str, dict]] = {name: {} for name in _OF_PATCHES}
-    for name, file in _OF_PATCHES.items():
-        if study.has(file):
-            table = study.table(file).astype(object)
-            rows[name] = {row["patch"]: row.dropna().to_dict() for _, row in table.iterrows()}
+    rows = {name: _rows_of(study, file) for name, file in _OF_PATCHES.items()}
     models: dict[str, dict[str, dict]] = {}
     if study.has("wear.csv"):
         for row in study.table("wear.csv").to_dict("records"):
@@ -176,17 +172,29 @@ def patch_records(study: Results) -> dict[str, dict[str, Any]]:
     records = {}
     for patch in rows["pressure"]:
         wear = models.get(patch, {})
-        others = [name for name in (CAPPED, *BASELINES, ORACLE) if name in wear]
+        names = scans.loc[patch, ["t0", "t1"]]
+        others = [model for model in (CAPPED, *BASELINES, ORACLE) if model in wear]
         records[patch] = {
             "patch": patch,
-            "scans": " → ".join(filter(None, scans.loc[patch, ["t0", "t1"]])),
+            "scans": " → ".join(filter(None, names)),
             "picture": _picture(study, "by_patch", f"{patch}.png"),
             "strip": _picture(study, "strips", f"{patch}.jpg"),
             "wear": wear.get(own_model(list(wear)), {}),
-            "mcc": {MODELS[name]: wear[name]["mcc"] for name in others},
+            "mcc": {MODELS[model]: wear[model]["mcc"] for model in others},
             **{name: table.get(patch, {}) for name, table in rows.items()},
         }
     return records
+
+
+def _rows_of(study: Results, file: str) -> dict[str, dict[str, Any]]:
+    """The row of each patch in a table, without its empty cells."""
+    if not study.has(file):
+        return {}
+    records = study.table(file).astype(object).to_dict("records")
+    return {
+        row["patch"]: {name: value for name, value in row.items() if pd.notna(value)}
+        for row in records
+    }
 
 
 def _picture(study: Results, folder: str, name: str) -> str | None:

@@ -175,8 +175,7 @@ def _laws(laws: pd.DataFrame | None) -> dict[str, Any] | None:
     """The best law beside the base, and the answer; None without laws."""
     if laws is None or laws.empty:
         return None
-    others = laws[laws.law != BASE].set_index("law")
-    return {"answer": laws.answer.iloc[0], **_highest(others.reset_index(), "log_score_gain")}
+    return _highest(laws[laws.law != BASE], "gain")
 
 
 def _highest(table: pd.DataFrame, column: str) -> dict[str, Any]:
@@ -185,40 +184,42 @@ def _highest(table: pd.DataFrame, column: str) -> dict[str, Any]:
 
 def _wore(losses: pd.DataFrame) -> dict[str, Any]:
     """Which patches lost height, the most first; and how many of the others did not or may have."""
-    known = losses.dropna(subset="mean_wear_depth_um")
-    lost, certain = known.loss_fraction > 0, known.above_noise.eq(True)
+    measured = losses.dropna(subset="mean_wear_depth_um")
+    is_lost = measured.loss_fraction > 0
+    is_certain = measured.above_noise.eq(True)
+    worn = measured[is_lost & is_certain]
     return {
-        "worn": known[lost & certain].sort_values("mean_wear_depth_um", ascending=False),
+        "worn": worn.sort_values("mean_wear_depth_um", ascending=False),
         "matched": losses.found.eq(True).any(),
-        "known": len(known),
-        "unknown": len(losses) - len(known),
-        "undetected": (~lost).sum(),
-        "noise": (lost & ~certain).sum(),
+        "measured": len(measured),
+        "unknown": len(losses) - len(measured),
+        "undetected": (~is_lost).sum(),
+        "noise": (is_lost & ~is_certain).sum(),
     }
 
 
 def _contact(losses: pd.DataFrame) -> dict[str, pd.Series]:
     """Depths of patches that the load as stated, which no wear has shaped, touches or not."""
-    known = losses[losses.above_noise.eq(True)].dropna(subset="mean_wear_depth_um")
-    depths, is_touched = known.mean_wear_depth_um, known.stated_MPa > 0
+    measured = losses[losses.above_noise.eq(True)].dropna(subset="mean_wear_depth_um")
+    depths, is_touched = measured.mean_wear_depth_um, measured.stated_MPa > 0
     return {"touched": depths[is_touched], "untouched": depths[~is_touched]}
 
 
 def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, force_N: float) -> dict[str, Any]:
     """Which patches carry the load, and how well the highest pressure is known."""
-    total, count = float(pressures.force_N.sum()), len(pressures)
+    total = float(pressures.force_N.sum())
     if not total > 0:
         may = _highest(intervals.fillna({"high_MPa": 0}), "high_MPa")
         return {"patches": [], "highest": may}
     highest = pressures.patch[pressures.pressure_MPa.idxmax()]
     ordered = pressures.sort_values("force_N", ascending=False, kind="stable")
-    shares = list(ordered.force_N.cumsum() / total)
-    fewest = sum(share <= 0.5 for share in shares) + 1  # that bear more than half
+    shares = ordered.force_N.cumsum() / total
+    fewest = (shares <= 0.5).sum() + 1  # that bear more than half
     return {
-        "count": count,
+        "count": len(pressures),
         "highest": intervals[intervals.patch == highest].iloc[0],
         "patches": list(ordered.patch[:fewest]),
-        "share_percent": 100 * shares[fewest - 1],
+        "share_percent": 100 * shares.iloc[fewest - 1],
         "of_force_percent": 100 * total / force_N,
     }
 
@@ -228,19 +229,22 @@ def _certainty(tables: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
     facts: dict[str, Any] = dict.fromkeys(("patches", "places", "matched"))
     if "validation_patches" in tables:
         count = int(tables["validation_patches"].in_statistics.sum())
-        reached = sum(2.0 ** (1 - count) <= level for level in _LEVELS)
+        least = 2.0 ** (1 - count)
+        reached = sum(least <= level for level in _LEVELS)
         facts["patches"] = {"count": count, "marks": max(1, reached)}
     if "placement" in tables:
         *each, together = tables["placement"].status
-        agreeing = each.count(AGREES)
-        is_clear = together != CANNOT_TELL and 2 * agreeing >= len(each)
-        marks = 1 + is_clear + (is_clear and set(each) <= {together})
-        counts = {"count": len(each), "agreeing": agreeing, "marks": marks}
+        count, agreeing = len(each), each.count(AGREES)
+        is_clear = together != CANNOT_TELL and 2 * agreeing >= count
+        is_one = is_clear and set(each) <= {together}
+        marks = 1 + is_clear + is_one
+        counts = {"count": count, "agreeing": agreeing, "marks": marks}
         facts["places"] = {"status": together, **counts}
     if "registration" in tables:
-        within = ~tables["registration"].excluded.astype(bool)
-        marks = 1 + (2 * within.sum() >= len(within)) + within.all()
-        facts["matched"] = {"count": len(within), "within": within.sum(), "marks": marks}
+        is_within = ~tables["registration"].excluded.astype(bool)
+        count, within = len(is_within), is_within.sum()
+        marks = 1 + (2 * within >= count) + is_within.all()
+        facts["matched"] = {"count": count, "within": within, "marks": marks}
     return facts
 
 
@@ -262,9 +266,10 @@ def _answer(**facts: Any) -> Answer:
     for part in questions.split("## ")[1:]:
         question, _, answer = part.partition("\n")
         if answer := _sentence(answer).removeprefix("· "):
-            _, short, rest = answer.split("**", 2) if "**" in answer else ("", "", answer)
+            *_, short, rest = ["", *answer.split("**", 2)]
             lines.append(Line(question, short.strip(), rest))
-    return Answer(lines, list(filter(None, map(_sentence, details.split("¶")))))
+    paragraphs = map(_sentence, details.split("¶"))
+    return Answer(lines, list(filter(None, paragraphs)))
 
 
 def _sentence(text: str) -> str:

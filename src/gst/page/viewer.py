@@ -68,25 +68,29 @@ def coarsen(
     if len(triangles) <= faces:
         return mesh
     kept = np.zeros(len(points), bool) if keep is None else keep
+    # A kept vertex has its own cell.
+    own = np.where(kept, np.arange(1, len(points) + 1), 0)
     cell = np.sqrt(2 * mesh.area / faces)
     while True:
         cells = np.floor((points - mesh.bounds[0]) / cell).astype(np.int64)
-        # A kept vertex has its own cell.
-        cells = np.column_stack([cells, np.where(kept, np.arange(1, len(points) + 1), 0)])
-        _, cluster = np.unique(_row_numbers(cells), return_inverse=True)
-        new = np.sort(cluster[triangles], axis=1)
-        whole = (np.diff(new, axis=1) > 0).all(axis=1)
-        _, first = np.unique(_row_numbers(new[whole]), return_index=True)
+        numbers = _row_numbers(np.column_stack([cells, own]))
+        _, cluster = np.unique(numbers, return_inverse=True)
+        corners = np.sort(cluster[triangles], axis=1)
+        whole = (np.diff(corners, axis=1) > 0).all(axis=1)
+        _, first = np.unique(_row_numbers(corners[whole]), return_index=True)
         if len(first) <= faces or kept[triangles].all(axis=1).sum() > faces / 2:
             break
         cell *= 1.02 * np.sqrt(len(first) / faces)
     count = np.bincount(cluster)
-    means = np.column_stack([np.bincount(cluster, points[:, k]) / count for k in range(3)])
-    coarse = cluster[triangles][whole][np.sort(first)]
+    sums = [np.bincount(cluster, coordinate) for coordinate in points.T]
+    means = np.column_stack(sums) / count[:, np.newaxis]
+    left = triangles[whole][np.sort(first)]
+    coarse = cluster[left]
     # Where a cell contains a fold, a face may have been turned over, and would be drawn dark.
-    outwards = mesh.vertex_normals[triangles].sum(axis=1)[whole][np.sort(first)]
+    outwards = mesh.vertex_normals[left].sum(axis=1)
     edges = np.diff(means[coarse], axis=1)
-    over = (np.cross(edges[:, 0], edges[:, 1]) * outwards).sum(axis=1) < 0
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    over = (normals * outwards).sum(axis=1) < 0
     coarse[over] = coarse[over, ::-1]
     return trimesh.Trimesh(means, coarse, process=False)
 

@@ -41,17 +41,20 @@ _FORMATS = {
     ".yaml": "text/yaml",
 }
 _PACKAGES = "gst", "gstlib", "snakemake_logger_plugin_gst"
-# Files of the program beside its folders. The results have their own authors and licence, so those
-# of the program lie in its folder.
+_NOT_PACKED = {"__pycache__", "shipped"}
+# Files of the program beside its folders.
 _PROGRAM = {
-    "Snakefile": "Snakefile",
-    "config/config.yaml": "config/config.yaml",
-    "pyproject.toml": "pyproject.toml",
-    "requirements.lock": "requirements.lock",
-    "requirements-build.lock": "requirements-build.lock",
-    "workflow/CITATION.cff": "CITATION.cff",
-    "workflow/LICENSE": "LICENSE",
+    name: name
+    for name in (
+        "Snakefile",
+        "config/config.yaml",
+        "pyproject.toml",
+        "requirements.lock",
+        "requirements-build.lock",
+    )
 }
+# The results have their own authors and licence, so those of the program lie in its folder.
+_PROGRAM |= {f"workflow/{name}": name for name in ("CITATION.cff", "LICENSE")}
 _REMEDY = "Run the study again, then pack it."
 _README = """# {name}
 
@@ -111,7 +114,8 @@ def pack_study(
     provenance = read_provenance(results, *_IN_CONFIG)
     contents = read_json(results / _CONTENTS, results, CONTENTS)
     config, files = provenance["config"], _results(results, contents)
-    newest = max(os.path.getmtime(results / file.place.partition("/")[2]) for file in files)
+    dates = [os.path.getmtime(results / file.place.partition("/")[2]) for file in files]
+    newest = datetime.fromtimestamp(max(dates), UTC)
     stone, warning = "ground stone tool", ""
     if config["specimen"] is not None:
         stone, warning = "synthetic specimen", _GENERATED
@@ -119,7 +123,7 @@ def pack_study(
         "name": f"Where a {stone} wears: {config['title']}",
         "description": warning + _DESCRIPTION.format(title=config["title"]),
         "keywords": ["wear", "contact mechanics", stone],
-        "datePublished": datetime.fromtimestamp(newest, UTC).date().isoformat(),
+        "datePublished": newest.date().isoformat(),
         "license": f"https://spdx.org/licenses/{licence}" if licence else _NO_LICENCE,
     }
     files += _tables(results, provenance)
@@ -150,17 +154,18 @@ def _results(results: Path, contents: Iterable[Mapping[str, str]]) -> list[_File
     ]
     made = {*made_in(results)} - {results / _PROVENANCE, results / _CONTENTS}
     for entry in contents:
-        name = entry["file"]
+        name, problem = entry["file"], None
+        file = results / name
         if not is_inside(name):
             problem = f"names a file outside the results: {name}"
-            raise InputError(results / _CONTENTS, problem, _REMEDY)
-        if results / name not in made:
+        elif file not in made:
             problem = f"names a file that no step made, or names it twice: {name}"
+        if problem:
             raise InputError(results / _CONTENTS, problem, _REMEDY)
-        made.remove(results / name)
-        content = regular_file(results / name, results).read_bytes()
-        title = f"{entry['category'].partition(' ')[2]}: {entry['title']}"
-        files.append(_File(f"results/{name}", content, title))
+        made.remove(file)
+        _, _, category = entry["category"].partition(" ")
+        title = f"{category}: {entry['title']}"
+        files.append(_File(f"results/{name}", regular_file(file, results).read_bytes(), title))
     return files
 
 
@@ -178,7 +183,8 @@ def _tables(results: Path, provenance: Mapping[str, Any]) -> list[_File]:
     """The config and the tables that it names."""
     config = provenance["config"]
     files = [_File("config/study.yaml", as_yaml(config).encode(), "The config as it was run")]
-    tables = config["patches"], config["published"], (config["gesture"] or {}).get("table")
+    gesture = config["gesture"] or {}
+    tables = config["patches"], config["published"], gesture.get("table")
     named = {str(Path(table)) for table in tables if table is not None}
     digests = (read_record(results, PAGE) or {}).get("files", {})
     for path in filter(named.__contains__, provenance["inputs"]):
@@ -186,11 +192,11 @@ def _tables(results: Path, provenance: Mapping[str, Any]) -> list[_File]:
             remedy = "Pack the study in the folder where it ran."
             raise InputError(path, "this table of the study is missing", remedy)
         place = path if is_inside(path) else f"inputs/{Path(path).name}"
-        content = regular_file(path, Path.cwd()).read_bytes()
-        files.append(_File(place, content, path))
-        if files[-1].sha256 != digests.get(path):
+        file = _File(place, regular_file(path, Path.cwd()).read_bytes(), path)
+        if file.sha256 != digests.get(path):
             problem = "is not packed, because the page was not made from this content"
             raise InputError(path, problem, _REMEDY)
+        files.append(file)
     return files
 
 
@@ -207,7 +213,7 @@ def _program(software: Mapping[str, Any]) -> list[_File]:
     for place, folder in folders.items():
         for file in folder.rglob("[!.]*"):
             within = file.relative_to(folder)
-            if not {"__pycache__", "shipped"} & {*within.parts}:
+            if _NOT_PACKED.isdisjoint(within.parts):
                 files[f"{place}/{within.as_posix()}"] = file
     # an installed program lies without its lock files
     return [_File(place, file.read_bytes()) for place, file in files.items() if file.is_file()]

@@ -38,23 +38,21 @@ def compare_results(
     ``relative``, abs(after - before) over the larger magnitude, NaN for text. Raises an
     `InputError` if a folder has no tables, or a file in it cannot be read.
     """
-    sides = [_cells_of(Path(folder)) for folder in (before, after)]
+    old, new = _cells_of(Path(before)), _cells_of(Path(after))
     changes = []
-    for table, row, column in dict.fromkeys([*sides[0], *sides[1]]):
+    for table, row, column in dict.fromkeys([*old, *new]):
         wholes = [(table, "", "")] * (row != "") + [(table, row, "")] * (column != "")
-        if all(whole in side for whole in wholes for side in sides):
-            texts = [side.get((table, row, column), "") for side in sides]
+        if all(whole in old and whole in new for whole in wholes):
+            texts = [side.get((table, row, column), "") for side in (old, new)]
             if texts[0] != texts[1]:
                 changes.append((table, row, column, *texts))
+    changes.sort(key=lambda change: change[0])
     columns = ["table", "row", "column", "before", "after"]
-    differences = pd.DataFrame(
-        sorted(changes, key=lambda change: change[0]), columns=columns, dtype=str
-    )
-    old, new = (
-        pd.to_numeric(differences[side], errors="coerce") for side in ("before", "after")
-    )
-    largest = np.maximum(old.abs(), new.abs())
-    relative = (new - old).abs() / largest.where(largest != 0, 1.0)
+    differences = pd.DataFrame(changes, columns=columns, dtype=str)
+    earlier = pd.to_numeric(differences.before, errors="coerce")
+    later = pd.to_numeric(differences.after, errors="coerce")
+    largest = np.maximum(earlier.abs(), later.abs())
+    relative = (later - earlier).abs() / largest.where(largest != 0, 1.0)
     differences["relative"] = relative.where(np.isfinite(largest))
     return differences[~(differences.relative <= tolerance)].reset_index(drop=True)
 
@@ -63,7 +61,8 @@ def describe_changes(changes: pd.DataFrame, at_most: int = 20) -> str:
     """The changes for a reader: one line each, at most the `at_most` largest per table."""
     lines = []
     for table, group in changes.groupby("table", sort=False):
-        lines.append(f"{table}: {len(group)} change{'s' * (len(group) > 1)}")
+        plural = "s" if len(group) > 1 else ""
+        lines.append(f"{table}: {len(group)} change{plural}")
         largest_first = group.sort_values("relative", ascending=False, na_position="first")
         for change in largest_first.head(at_most).itertuples():
             place = ", ".join(filter(None, [change.row, change.column]))

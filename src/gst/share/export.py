@@ -119,16 +119,20 @@ def _tool(results: Path, made: set[Path]) -> bytes:
         fields["exposure_N_per_mm"] = read_dataset(exposure, only=["exposure"]).exposure
     patches = results / "tables/patch_pressures.csv"
     if patches in made:
-        half = config["scans"]["size_mm"] / 2
-        row = xr.zeros_like(grid)
-        table = read_table(patches, ["patch", "x_mm", "y_mm", "rotation_deg"])
-        for number, place in enumerate(places_of(table).values(), start=1):
-            v, u = place.seen(grid.y, grid.x)
-            inside = (abs(v) <= half) & (abs(u) <= half)
-            row = row.where(~inside.transpose(*row.dims), number)
-        fields["patch"] = row
+        fields["patch"] = _row_of_patch(patches, grid, config["scans"]["size_mm"])
     face = _recorded(results / "macroscale/surface.h5", made)
     return tool_with(fields, mesh, unit, face)
+
+
+def _row_of_patch(table: Path, grid: xr.DataArray, size_mm: float) -> xr.DataArray:
+    """The row of the table whose patch lies over each point, from 1; 0 beside the patches."""
+    rows = xr.zeros_like(grid)
+    places = places_of(read_table(table, ["patch", "x_mm", "y_mm", "rotation_deg"]))
+    for number, place in enumerate(places.values(), start=1):
+        v, u = place.seen(grid.y, grid.x)
+        is_inside = (abs(v) <= size_mm / 2) & (abs(u) <= size_mm / 2)
+        rows = rows.where(~is_inside.transpose(*rows.dims), number)
+    return rows
 
 
 def _recorded(file: Path, made: set[Path]) -> Path:

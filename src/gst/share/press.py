@@ -32,7 +32,7 @@ def press_scan(
     its contact, and what was hardly meant.
     """
     height = prepare_scan(read_scan(path, unit=unit, spacing_um=spacing_um))["height"]
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ContactWarning)
         try:
             contact = load_path(
@@ -44,4 +44,4 @@ def press_scan(
             )
         except ContactError as error:
             raise InputError(path, str(error), "Look at its picture: gst inspect.") from error
-    return height, contact, [str(warning.message) for warning in said]
+    return height, contact, [str(warning.message) for warning in caught]

@@ -47,15 +47,17 @@ def contact_steps_figure(contact: xr.Dataset, *, size_mm: float, steps: int = 8)
     `contact` is the face's, with the pressure at every step; at most `steps` of them are shown,
     evenly spaced, with the last. The square, of side `size_mm`, is outlined.
     """
-    shown = np.unique(np.linspace(0, contact.sizes["step"] - 1, steps).round().astype(int))
+    numbers = np.linspace(0, contact.sizes["step"] - 1, steps).round().astype(int)
     height, touching, drawn = contact["height"], contact["path_pressure"].values > 0, []
     area = height.size * float(np.prod(spacing_of(height)))
-    for step in shown:
+    for step in np.unique(numbers):
         state = contact.isel(step=step)
+        displacement = float(state.path_displacement) * MM_TO_UM
+        force = float(state.path_mean_pressure) * area
+        percent = 100 * float(state.path_contact_fraction)
         title = (
-            f"displacement {float(state.path_displacement) * MM_TO_UM:.1f} µm\n"
-            f"{style.short(float(state.path_mean_pressure) * area)} N, "
-            f"contact {100 * float(state.path_contact_fraction):.2f} %"
+            f"displacement {displacement:.1f} µm\n"
+            f"{style.short(force)} N, contact {percent:.2f} %"
         )
         drawn.append((title, height, {"marks": {BLACK: touching[step]}}))
     faces, elastic = Interface.from_dataset(contact).laid, contact["pressure"].values > 0

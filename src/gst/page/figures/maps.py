@@ -6,7 +6,6 @@ under it: marks cover the same share of the picture as of the surface.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -114,13 +113,23 @@ def draw_map(
     axes.spines[:].set_visible(True)
     if bar:
         below = 0.13 if ticks else 0.04  # in heights of the map
-        strip = axes.inset_axes((0.2, -below - 0.035, 0.6, 0.035))
-        look: dict[str, Any] = {"orientation": "horizontal", "ticks": [norm.vmin, norm.vmax]}
-        look["format"] = lambda value, _: short(value)
-        colours = axes.figure.colorbar(ScalarMappable(norm, cmap), cax=strip, **look)
-        colours.outline.set_visible(False)
-        strip.tick_params(length=0, labelsize=6.5, pad=1)
-        strip.set_xlabel(bar, fontsize=6.5, labelpad=1)
+        _draw_bar(axes, below, ScalarMappable(norm, cmap), bar)
+
+
+def _draw_bar(axes: Axes, below: float, colours: ScalarMappable, text: str) -> None:
+    """A colour bar so far `below` a map, with its ends named."""
+    strip = axes.inset_axes((0.2, -below - 0.035, 0.6, 0.035))
+    ends = [colours.norm.vmin, colours.norm.vmax]
+    bar = axes.figure.colorbar(
+        colours,
+        cax=strip,
+        orientation="horizontal",
+        ticks=ends,
+        format=lambda value, _: short(value),
+    )
+    bar.outline.set_visible(False)
+    strip.tick_params(length=0, labelsize=6.5, pad=1)
+    strip.set_xlabel(text, fontsize=6.5, labelpad=1)
 
 
 def picture_of(
@@ -143,10 +152,13 @@ def raking(height: xr.DataArray) -> np.ndarray:
     # Not by matplotlib's LightSource, which stretches the brightness of each picture by itself: two
     # could not be compared.
     level = height.fillna(height.mean().fillna(0)).values  # where nothing is measured
-    slope_y, slope_x = (_STEEPER * slope for slope in np.gradient(level, *spacing_of(height)))
-    towards = (slope_x - slope_y + np.sqrt(2)) / 2 / np.sqrt(1 + slope_y**2 + slope_x**2)
+    slopes = np.gradient(level, *spacing_of(height))
+    slope_y, slope_x = (_STEEPER * slope for slope in slopes)
+    steepness = np.sqrt(1 + slope_y**2 + slope_x**2)
+    towards = (slope_x - slope_y + np.sqrt(2)) / 2 / steepness
     grey = np.round(255 * towards.clip(0, 1)).astype(np.uint8)
-    return _marked(np.stack(3 * [grey], axis=-1), {PALE: np.isnan(height.values)})
+    picture = np.stack(3 * [grey], axis=-1)
+    return _marked(picture, {PALE: np.isnan(height.values)})
 
 
 def _marked(picture: np.ndarray, marks: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -197,23 +209,25 @@ def draw_footprints(
 
     `patches` has ``patch, x_mm, y_mm, rotation_deg`` and optionally ``in_study``, ``wear_grade``.
     """
-    look = {"color": colour, "path_effects": OUTLINE}
     names = patches.patch.astype(str)
     if "wear_grade" in patches:
         graded = names + ": " + patches.wear_grade.map("{:g}".format)
         names = names.where(patches.wear_grade.isna(), graded)
     studied = patches.get("in_study", pd.Series(True, patches.index))
-    for place, name, is_studied in zip(
-        places_of(patches).values(), names, studied, strict=True
-    ):
-        corners, line = outline(place, patch_size_mm), "-" if is_studied else "--"
+    places = places_of(patches).values()
+    look = {"color": colour, "path_effects": OUTLINE}
+    for place, name, is_studied in zip(places, names, studied, strict=True):
+        corners = outline(place, patch_size_mm)
+        line = "-" if is_studied else "--"
         axes.add_patch(Polygon(corners, fill=False, linestyle=line, **look))
-        at = label_in(corners, name)
-        axes.text(*at, name, fontsize=6.5, ha="center", va="center", **look)
+        x, y = label_in(corners, name)
+        axes.text(x, y, name, fontsize=6.5, ha="center", va="center", **look)
 
 
 def label_in(corners: np.ndarray, name: str) -> np.ndarray:
     """Where a patch is named: inside, near its upper left corner, however it is turned."""
     corner = corners[np.argmax(np.diff(corners, axis=1))]
-    reach = max(0.0, _LABEL - _LETTER * max(0, len(name) - 2))
-    return corners.mean(axis=0) + reach * (corner - corners.mean(axis=0))
+    middle = corners.mean(axis=0)
+    letters = max(0, len(name) - 2)
+    reach = max(0.0, _LABEL - _LETTER * letters)
+    return middle + reach * (corner - middle)

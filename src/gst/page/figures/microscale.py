@@ -88,17 +88,17 @@ def _agreement(predicted: xr.DataArray, change: xr.Dataset) -> dict[str, np.ndar
 
     A loss is predicted where the scans would show one beyond the level of detection.
     """
-    known, loss = np.isfinite(change["change"].values), change["loss"].values.astype(bool)
-    marked = np.zeros(known.shape, dtype=bool)
-    if known.any():
-        depth = seen_depth(predicted.values[known])
-        marked[known] = depth > change["level_of_detection"].values[known]
-    loss &= known
+    is_measured = np.isfinite(change["change"].values)
+    marked = np.zeros(is_measured.shape, dtype=bool)
+    if is_measured.any():
+        depth = seen_depth(predicted.values[is_measured])
+        marked[is_measured] = depth > change["level_of_detection"].values[is_measured]
+    loss = change["loss"].values.astype(bool) & is_measured
     return {
         BLUE: loss & marked,
         AMBER: loss & ~marked,
         PURPLE: marked & ~loss,
-        _UNKNOWN: ~known,
+        _UNKNOWN: ~is_measured,
     }
 
 
@@ -108,20 +108,20 @@ def two_scales_figure(
     reference: Mapping[str, np.ndarray],
     scores: pd.DataFrame,
 ) -> Figure:
-    """Contact within patches, by both couplings, beside that of the whole square.
+    """Contact within patches, levelled and placed, beside that of the whole square.
 
     `contacts` are those of each variant; `reference` (ny, nx) marks where the single-scale contact
     touches each patch; `scores` is ``two_scales.csv``.
     """
     f1, drawn = scores.set_index(["variant", "patch"]).f1, []
     for patch, true in reference.items():
-        for variant, of_variant in contacts.items():
-            found = of_variant[patch]["pressure"].values > 0
-            marks = {BLUE: found & true, AMBER: true & ~found, PURPLE: found & ~true}
+        for variant, by_patch in contacts.items():
+            height = by_patch[patch]["height"]
+            touching = by_patch[patch]["pressure"].values > 0
+            marks = {BLUE: touching & true, AMBER: true & ~touching, PURPLE: touching & ~true}
             title = f"{patch} {variant}: {f1[variant, patch]:.2f}"
-            drawn.append((title, of_variant[patch]["height"], {"marks": marks}))
-        look = {"marks": {BLUE: true}}
-        drawn.append((f"{patch} whole square", of_variant[patch]["height"], look))
+            drawn.append((title, height, {"marks": marks}))
+        drawn.append((f"{patch} whole square", height, {"marks": {BLUE: true}}))
     columns = (len(contacts) + 1) * min(2, len(reference))
     figure = maps.draw_maps(drawn, columns)
     pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
@@ -142,26 +142,24 @@ def patch_figure(result: PatchResult) -> Figure:
     t0, t1 = contact["height"], change["t1"]
     unknown = np.isnan(change["change"].values)
     nowhere = bool(unknown.all())
-    known = max(np.count_nonzero(~unknown), 1)
+    count = max(np.count_nonzero(~unknown), 1)
     touching = contact["pressure"].values > 0
-
     heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
     colours = change_colours(change)
-    label = "height change (µm), 0 where not detected"
-    measured = {"values": detected_change(change), "marks": {_UNKNOWN: unknown}, "bar": label}
-    lost_percent = 100 * change["loss"].values.sum() / known
+    measured = colours | {
+        "values": detected_change(change),
+        "marks": {_UNKNOWN: unknown},
+        "bar": "height change (µm), 0 where not detected",
+    }
+    lost_percent = 100 * change["loss"].values.sum() / count
     limit = change.attrs["level_of_detection_um"]
     lost = f"lost more than {limit:.2f} µm: {lost_percent:.1f} %"
-
+    touched = f"contact before use: {100 * touching.mean():.2f} %"
     drawn = [
         ("T0, before use", t0, heights),
         ("T1, after use" + ", not laid on T0" * nowhere, t1, heights),
-        (
-            f"contact before use: {100 * touching.mean():.2f} %",
-            t0,
-            {"marks": {BLACK: touching}},
-        ),
-        ("no change is known" if nowhere else lost, t0, colours | measured),
+        (touched, t0, {"marks": {BLACK: touching}}),
+        ("no change is known" if nowhere else lost, t0, measured),
     ]
     agreement = {}
     if predicted is not None:
@@ -172,15 +170,14 @@ def patch_figure(result: PatchResult) -> Figure:
         if not nowhere:
             agreement = _agreement(predicted, change)
             drawn.append(("predicted and measured loss", t0, {"marks": agreement}))
-
     figure = maps.draw_maps(drawn, 3)
     pressure, overlap = float(contact["mean_pressure"]), change.attrs["overlap"]
     covers = "T1 was not found on T0" if nowhere else f"T1 covers {100 * overlap:.0f} % of T0"
     figure.suptitle(f"patch {result.patch}: {style.short(pressure)} MPa, {covers}")
     if agreement:
-        percent = {c: 100 * mask.sum() / known for c, mask in agreement.items()}
-        named = {f"{name} {percent[c]:.1f} %": c for name, c in _AGREEMENT.items()}
-        style.colour_legend(figure, named)
+        percent = {colour: 100 * mask.sum() / count for colour, mask in agreement.items()}
+        names = {f"{name} {percent[c]:.1f} %": c for name, c in _AGREEMENT.items()}
+        style.colour_legend(figure, names)
     return figure
 
 
@@ -281,22 +278,19 @@ def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -
     on which the force is that of its own elements.
     """
     figure, axes = style.panels(5, 3, 1.05)
-    of_patches, stiffness, of_square = axes[:2], axes[2], axes[3:]
+    area, load, stiffness, *of_square = axes
     reached = [float(contact["mean_pressure"]) for contact in contacts.values()]
-    colours = list(colormaps["viridis"](0.88 * np.array(reached) / max([*reached, 1e-9])))
+    shades = 0.88 * np.array(reached) / max([*reached, 1e-9])
+    colours = list(colormaps["viridis"](shades))
     for path, colour in zip(contacts.values(), colours, strict=True):
         pressure = path["path_mean_pressure"]
-        _draw_path(of_patches, path, pressure, path["path_contact_fraction"], colour)
+        _draw_path((area, load), path, pressure, path["path_contact_fraction"], colour)
         stiffness.plot(pressure, path["path_stiffness"] / MM_TO_UM, color=colour, **_OF_PATH)
     pressed = square["path_pressure"]
     pressure, share = (field.mean(("y", "x")) for field in (pressed, pressed > 0))
     _draw_path(of_square, square, pressure, share, BLACK)
-    for (area, load), whose in ((of_patches, "patches"), (of_square, "square")):
-        area.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
-        area.locator_params(axis="x", nbins=5)
-        load.set(xlabel="far-field displacement (µm)", ylabel="mean pressure F / Aₙ (MPa)")
-        area.set_title(f"Area in contact, {whose}")
-        load.set_title(f"Pressure, {whose}")
+    _name_path((area, load), "patches")
+    _name_path(of_square, "square")
     stiffness.set(xlabel="mean pressure (MPa)", ylabel="stiffness (MPa/µm)")
     stiffness.set_title("Stiffness, patches")
     for panel in axes:
@@ -319,3 +313,13 @@ def _draw_path(
     area.plot(pressure / path["contact_modulus"], 100 * share, color=colour, **_OF_PATH)
     displacement = path["path_displacement"] * MM_TO_UM
     load.plot(displacement, pressure, color=colour, **_OF_PATH)
+
+
+def _name_path(panels: Sequence[Axes], whose: str) -> None:
+    """Titles and labels of the two panels of load paths."""
+    area, load = panels
+    area.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
+    area.locator_params(axis="x", nbins=5)
+    area.set_title(f"Area in contact, {whose}")
+    load.set(xlabel="far-field displacement (µm)", ylabel="mean pressure F / Aₙ (MPa)")
+    load.set_title(f"Pressure, {whose}")

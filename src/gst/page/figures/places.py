@@ -63,24 +63,23 @@ def places_figure(
     face.plot(*corners[0], "o", color=VERMILION)
     maps.scale_bar(face)
     face.set_title("the face: what any pose touches;\nthe square, and its corner")
-    _draw_places(square, exposure.exposure, places, (size_mm, patch_size_mm))
+    _draw_places(square, square_of(exposure.exposure, size_mm), places, patch_size_mm)
     _write_table(table, places)
     figure.suptitle(f"Where to scan\n{_X_AND_Y}", x=0.02, ha="left")
     return figure
 
 
 def _draw_places(
-    axes: Axes, exposure: xr.DataArray, places: pd.DataFrame, sizes_mm: tuple[float, float]
+    axes: Axes, exposure: xr.DataArray, places: pd.DataFrame, patch_size_mm: float
 ) -> None:
     """The exposure of the square, and the places in it: dashed if they are controls."""
-    values = square_of(exposure, sizes_mm[0])
-    norm = maps.force_norm(values.values)
+    values = exposure.values
     bar = "exposure (N/mm), square-root scale"
-    look = {"cmap": maps.FORCE_MAP, "norm": norm, "bar": bar, "ticks": True}
-    maps.draw_map(axes, values, values.values, **look)
+    look = {"cmap": maps.FORCE_MAP, "norm": maps.force_norm(values)}
+    maps.draw_map(axes, exposure, values, bar=bar, ticks=True, **look)
     outlined = places.rename(columns={"place": "patch"})
     outlined = outlined.assign(rotation_deg=0.0, in_study=places.kind == EXPOSED)
-    maps.draw_footprints(axes, outlined, sizes_mm[1], colour=BLUE)
+    maps.draw_footprints(axes, outlined, patch_size_mm, colour=BLUE)
     for place in places.itertuples():
         axes.plot(place.x_mm, place.y_mm, "+", color=BLUE, path_effects=maps.OUTLINE)
     maps.mark_corner(axes)

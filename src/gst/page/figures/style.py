@@ -110,7 +110,8 @@ def panels(count: int, columns: int, aspect: float | None = None) -> tuple[Figur
     figure: `aspect` is the height over the width of their share.
     """
     rows = -(-count // columns)
-    height = rows * WIDTH / columns * (aspect or 1) + (0 if aspect else rows)  # room for titles
+    whole = rows * WIDTH / columns
+    height = whole * aspect if aspect else whole + rows  # room for titles
     layout = "constrained" if aspect else "compressed"
     figure = Figure(figsize=(WIDTH, height), layout=layout)
     # The layout starts from wide panels: one that is narrower than its title shrinks further.
@@ -132,11 +133,11 @@ def fit_height(figure: Figure) -> None:
     figure.set_size_inches(WIDTH, (top - bottom + around) / figure.dpi + 0.08)
 
 
-def colour_legend(parent: Figure | Axes, colours: Mapping[str, str], **place: Any) -> None:
-    """A legend in one row that names the `colours`; at the top of a figure by default."""
+def colour_legend(figure: Figure, colours: Mapping[str, str]) -> None:
+    """A legend in one row under a figure, which names the `colours`."""
     handles = [Patch(color=colour, label=label) for label, colour in colours.items()]
-    place = {"loc": "outside lower center", "ncols": len(handles), "columnspacing": 1} | place
-    parent.legend(handles=handles, **place)
+    look: dict[str, Any] = {"ncols": len(handles), "columnspacing": 1}
+    figure.legend(handles=handles, loc="outside lower center", **look)
 
 
 def write_beside(
@@ -161,18 +162,20 @@ def write_all(
     """
     axes.figure.draw_without_rendering()
     width, height = 3.8 * max(map(len, texts), default=0), 7.0  # of a text, in points
-    places = axes.transData.transform(np.asarray(at).reshape(-1, 2)) * 72 / axes.figure.dpi
-    heights = places[:, 1].copy()
+    pixels = axes.transData.transform(np.asarray(at).reshape(-1, 2))
+    across, up = pixels.T * 72 / axes.figure.dpi
+    heights = up.copy()
     taken: list[int] = []
     for number in np.argsort(heights, kind="stable"):
         for other in sorted(taken, key=lambda one: heights[one]):
-            aside = abs(places[number, 0] - places[other, 0]) >= width
+            aside = abs(across[number] - across[other]) >= width
             if not aside and abs(heights[number] - heights[other]) < height:
                 heights[number] = heights[other] + height
         taken.append(int(number))
     for number, text in enumerate(texts):
         own = {name: values[number] for name, values in look.items()}
-        write_beside(axes, text, at[number], (3, heights[number] - places[number, 1]), **own)
+        offset = 3, heights[number] - up[number]
+        write_beside(axes, text, at[number], offset, **own)
 
 
 def short(value: float) -> str:

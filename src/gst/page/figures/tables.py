@@ -1,7 +1,7 @@
 """Figures drawn from tables alone: the verdict, wear, texture."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -26,6 +26,10 @@ _TEXTURE = {
     "Sal_um": "grain",
     "Str": "isotropy (1: in no direction)",
 }
+_CORRELATED = {
+    "pressure and worn area": "spearman(pressure_MPa, loss_fraction)",
+    "touched or not and loss": TOUCHED,
+}
 # Of the predictions; baselines are grey, and the cap is open.
 _LOOKS = {BARE: (BLUE, "o"), INTERLAYER: (GREEN, "D"), CAPPED: (AMBER, "s")}
 
@@ -41,37 +45,42 @@ def validation_figure(
     """
     figure, (agreement, extent) = style.panels(2, 2, 1.0)
     _draw_agreement(agreement, summary)
-    in_statistics = set(patches.patch[patches.in_statistics.astype(bool)])
-    known = losses[losses.above_noise.astype(bool)].dropna(subset="mean_wear_depth_um")
-    is_touched, is_in_statistics = known.stated_MPa > 0, known.patch.isin(in_statistics)
+    losses = losses[losses.above_noise.astype(bool)].dropna(subset="mean_wear_depth_um")
+    in_statistics = patches.patch[patches.in_statistics.astype(bool)]
+    _draw_losses(extent, losses, losses.patch.isin(in_statistics))
+    extent.set_title("\n".join(_correlations(summary)), fontsize=6.5)
+    return figure
+
+
+def _draw_losses(axes: Axes, losses: pd.DataFrame, is_counted: pd.Series) -> None:
+    """The loss of each patch over its pressure; those that are counted in colour."""
+    is_touched = losses.stated_MPa > 0
     for name, those, colour, fill in (
-        ("in the study", is_touched & is_in_statistics, VERMILION, VERMILION),
-        ("touched, left out", is_touched & ~is_in_statistics, GREY, GREY),
+        ("in the study", is_touched & is_counted, VERMILION, VERMILION),
+        ("touched, left out", is_touched & ~is_counted, GREY, GREY),
         ("not touched", ~is_touched, GREY, "white"),
     ):
-        at = known.stated_MPa[those], known.mean_wear_depth_um[those]
-        look = {"color": colour, "mfc": fill, "label": name, "clip_on": False, "zorder": 3}
+        drawn = losses[those]
+        look = {"color": colour, "mfc": fill, "clip_on": False, "zorder": 3}
         look["in_layout"] = False  # an empty one would lie at the corner of the figure
-        extent.plot(*at, "o", **look)
-    extent.set(xlabel="pressure under the load as stated (MPa)", ylabel="loss per area (µm)")
-    extent.set(xlim=(0, None), ylim=(0, None))
-    touched = known[is_touched]
-    ends = list(zip(touched.stated_MPa, touched.mean_wear_depth_um, strict=True))
-    style.write_all(extent, list(touched.patch), ends)
-    title = "Do patches under more pressure wear more?"
-    pairs = {
-        "pressure and worn area": "spearman(pressure_MPa, loss_fraction)",
-        "touched or not and loss": TOUCHED,
-    }
+        axes.plot(drawn.stated_MPa, drawn.mean_wear_depth_um, "o", label=name, **look)
+    axes.set(xlabel="pressure under the load as stated (MPa)", ylabel="loss per area (µm)")
+    axes.set(xlim=(0, None), ylim=(0, None))
+    touched = losses[is_touched]
+    ends = touched[["stated_MPa", "mean_wear_depth_um"]].to_numpy()
+    style.write_all(axes, list(touched.patch), ends)
+    axes.legend(loc="upper left")
+
+
+def _correlations(summary: pd.DataFrame) -> Iterator[str]:
+    """A question, and the correlations that answer it."""
+    yield "Do patches under more pressure wear more?"
     names = statistic_names(summary)
-    for words, name in pairs.items():
+    for words, name in _CORRELATED.items():
         for row in summary[names == name].dropna(subset="value").itertuples():
             interval = f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
             tested = f"p = {row.p_value:.2g}" if math.isfinite(row.p_value) else "not tested"
-            title += f"\n{words}: ρ = {row.value:.2g}{interval}, {tested}".replace("-", "−")
-    extent.set_title(title, fontsize=6.5)
-    extent.legend(loc="upper left")
-    return figure
+            yield f"{words}: ρ = {row.value:.2g}{interval}, {tested}".replace("-", "−")
 
 
 def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
@@ -81,15 +90,17 @@ def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
         for score in ("mcc", "attainable_mcc")
     )
     for place, row in enumerate(means.itertuples()):
-        colour, marker = _LOOKS.get(row.Index, (GREY, "o"))
-        fill = "white" if row.Index == ORACLE else colour
+        model = row.Index
+        colour, marker = _LOOKS.get(model, (GREY, "o"))
+        fill = "white" if model == ORACLE else colour
         if math.isfinite(row.low):
             axes.plot([row.low, row.high], [place, place], color=colour)
         axes.plot(row.value, place, marker, color=colour, mfc=fill)
-        if row.Index in attainable.index:
-            axes.plot(attainable.value[row.Index], place, "|", color=colour, ms=9)
-        at = 0, place - 0.42
-        style.write_beside(axes, MODELS[row.Index], at, color=colour, in_layout=False)
+        if model in attainable.index:
+            axes.plot(attainable.value[model], place, "|", color=colour, ms=9)
+        style.write_beside(
+            axes, MODELS[model], (0, place - 0.42), color=colour, in_layout=False
+        )
     axes.set(xlim=(0, 1), ylim=(len(means) - 0.5, -0.7), yticks=[])
     axes.set_xlabel("mean MCC of predicted and measured loss")
     count = int(means.n.max()) if len(means) else 0
@@ -131,39 +142,49 @@ def wear_figure(
     proportional to the pressure.
     """
     figure, (volumes, heights) = style.panels(2, 2, 1.05)
-    table, profile = (of[of.patch.isin(list(in_statistics))] for of in (table, profile))
-    units = 1e5  # µm³
-    models = [model for model in _LOOKS if model in set(table.model)]
-    named: tuple[list[str], list] = [], []
-    for model in models:
-        of, (colour, marker) = table[table.model == model], _LOOKS[model]
-        places = of.measured_volume_um3 / units, of.predicted_volume_um3 / units
-        look = {"mfc": "none"} if model == CAPPED else {}  # it may lie over the elastic one
-        volumes.plot(*places, marker, color=colour, label=MODELS[model], **look)
-        if model == BARE:
-            share = limits.set_index("patch").loc[of.patch]
-            low, high = (share[end] / share.pressure_MPa for end in ("low_MPa", "high_MPa"))
-            ends = places[1].to_numpy() * np.array([low, high])
-            volumes.vlines(places[0], *ends, color=colour, lw=0.8)
-            named = list(of.patch), list(zip(*places, strict=True))
-    most = 1.05 * max(1e-9, volumes.dataLim.x1, volumes.dataLim.y1)
-    volumes.plot([0, most], [0, most], color=GREY, lw=0.6)
-    volumes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
-    style.write_all(volumes, *named, color=[BLUE] * len(named[0]))
-    volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
-    volumes.set_title("How much did each patch lose?")
+    counted = list(in_statistics)
+    _draw_volumes(volumes, table[table.patch.isin(counted)], limits.set_index("patch"))
     figure.legend(*volumes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    _draw_heights(heights, profile[profile.patch.isin(counted)])
+    return figure
 
+
+def _draw_volumes(axes: Axes, table: pd.DataFrame, limits: pd.DataFrame) -> None:
+    """The predicted volume of each patch over the measured one, 10⁵ µm³."""
+    names: list[str] = []
+    for model, (colour, marker) in _LOOKS.items():
+        rows = table[table.model == model]
+        if rows.empty:
+            continue
+        measured = rows.measured_volume_um3.to_numpy() / 1e5
+        predicted = rows.predicted_volume_um3.to_numpy() / 1e5
+        look = {"mfc": "none"} if model == CAPPED else {}  # it may lie over the elastic one
+        axes.plot(measured, predicted, marker, color=colour, label=MODELS[model], **look)
+        if model == BARE:
+            names, ends = list(rows.patch), list(zip(measured, predicted, strict=True))
+            own = limits.loc[rows.patch]
+            low, high = own[["low_MPa", "high_MPa"]].div(own.pressure_MPa, axis=0).to_numpy().T
+            axes.vlines(measured, predicted * low, predicted * high, color=colour, lw=0.8)
+    most = 1.05 * max(1e-9, axes.dataLim.x1, axes.dataLim.y1)
+    axes.plot([0, most], [0, most], color=GREY, lw=0.6)
+    axes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
+    if names:
+        style.write_all(axes, names, ends, color=[BLUE] * len(names))
+    axes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
+    axes.set_title("How much did each patch lose?")
+
+
+def _draw_heights(axes: Axes, profile: pd.DataFrame) -> None:
+    """The mean loss at each quarter of the heights."""
     means = profile.groupby(["model", "band"], sort=False).loss_um.mean()
     for model, (colour, marker) in ({"measured": (BLACK, "x")} | _LOOKS).items():
         if model in means:
             look = {"mfc": "none", "ls": "--"} if model == CAPPED else {}
-            heights.plot(means[model], means[model].index, color=colour, marker=marker, **look)
-    style.write_beside(heights, "× measured", (means["measured"][3], 3), (8, 0), fontsize=8)
+            axes.plot(means[model], means[model].index, color=colour, marker=marker, **look)
+    style.write_beside(axes, "× measured", (means["measured"][3], 3), (8, 0), fontsize=8)
     bands = ["highest\nquarter", "second", "third", "lowest\nquarter"]
-    heights.set_yticks(range(1, len(bands) + 1), bands)
-    heights.invert_yaxis()
-    heights.set_xlim(left=0)
-    heights.set_xlabel("mean loss (µm)")
-    heights.set_title("At which heights?")
-    return figure
+    axes.set_yticks(range(1, len(bands) + 1), bands)
+    axes.invert_yaxis()
+    axes.set_xlim(left=0)
+    axes.set_xlabel("mean loss (µm)")
+    axes.set_title("At which heights?")

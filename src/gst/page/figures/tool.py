@@ -67,14 +67,14 @@ def cut_tool(
     from trimesh.remesh import subdivide_to_size
 
     margin = 3 * float(np.median(mesh.edges_unique_length))
-    keep = over_face(mesh, frame, field, margin)[1]
+    _, keep = over_face(mesh, frame, field, margin)
     mesh = coarsen(mesh, faces=faces, keep=keep if keep.sum() < faces / 2 else None)
-    on_face = over_face(mesh, frame, field, margin)[1][mesh.faces].all(axis=1)
+    _, is_over = over_face(mesh, frame, field, margin)
+    on_face = is_over[mesh.faces].all(axis=1)
     points, cut = subdivide_to_size(mesh.vertices, mesh.faces[on_face], edge_mm, 30)
-    triangles = [mesh.faces[~on_face], cut + len(mesh.vertices)]
-    whole = trimesh.Trimesh(
-        np.concatenate([mesh.vertices, points]), np.concatenate(triangles), process=False
-    )
+    vertices = np.concatenate([mesh.vertices, points])
+    triangles = np.concatenate([mesh.faces[~on_face], cut + len(mesh.vertices)])
+    whole = trimesh.Trimesh(vertices, triangles, process=False)
     whole.merge_vertices()
     return whole
 
@@ -113,10 +113,6 @@ def _colours(
     return np.round(255 * colours).astype(np.uint8)
 
 
-def _size_of(pressure: xr.DataArray) -> float:
-    return float(pressure.x[-1] + pressure.x[0])
-
-
 def outline_on(
     mesh: "trimesh.Trimesh", frame: Frame, corners: np.ndarray, size: float
 ) -> np.ndarray:
@@ -127,15 +123,14 @@ def outline_on(
     """
     square = make_surface(np.zeros((2, 2)), size / 2)
     places, is_over = over_face(mesh, frame, square, 0.1 * size)
-    sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    along = [
-        np.linspace(start, end, max(2, round(20 * np.linalg.norm(end - start) / size)), False)
-        for start, end in sides
-    ]
-    flat = np.concatenate(along)
-    _, nearest = scipy.spatial.KDTree(places[is_over, :2]).query(flat)
-    heights = places[is_over, 2][nearest]
-    return np.column_stack([flat, heights]) @ frame.axes + np.array(frame.origin)
+    sides = []
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = max(2, round(20 * np.linalg.norm(end - start) / size))
+        sides.append(np.linspace(start, end, count, endpoint=False))
+    flat = np.concatenate(sides)
+    *plane, heights = places[is_over].T
+    _, nearest = scipy.spatial.KDTree(np.transpose(plane)).query(flat)
+    return np.column_stack([flat, heights[nearest]]) @ frame.axes + np.array(frame.origin)
 
 
 def draw_stone(
@@ -152,17 +147,20 @@ def draw_stone(
     normals = mesh.vertex_normals[mesh.faces].mean(axis=1) @ view.axes.T
     front = np.flatnonzero(normals[:, 2] > 0)
     # Painted from the farthest to the nearest.
-    front = front[np.argsort(corners[front, :, 2].mean(axis=1))]
+    depths = corners[front, :, 2].mean(axis=1)
+    front = front[np.argsort(depths)]
     paint = np.array(to_rgb(STONE))
     if colours is not None:
         paint = colours[mesh.faces[front]].mean(axis=1) / 255
     shade = 0.35 + 0.75 * (normals[front] @ _LIGHT).clip(0)
     tone = (paint * shade[:, np.newaxis]).clip(0, 1)
-    faces = PolyCollection(corners[front][:, :, :2], facecolors=tone, edgecolors=tone)
+    flat = corners[..., :2]
+    faces = PolyCollection(flat[front], facecolors=tone, edgecolors=tone)
     faces.set(linewidths=0.3, rasterized=True)
     axes.add_collection(faces)
-    reach = 1.1 * float(np.linalg.norm(corners[..., :2], axis=-1).max())
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xticks=[], yticks=[], aspect="equal")
+    reach = 1.1 * float(np.linalg.norm(flat, axis=-1).max())
+    limits = -reach, reach
+    axes.set(xlim=limits, ylim=limits, xticks=[], yticks=[], aspect="equal")
     axes.spines[:].set_visible(False)
     maps.scale_bar(axes)
 
@@ -171,11 +169,13 @@ def draw_square(
     axes: Axes, view: Frame, frame: Frame, size: float, *, names: Sequence[str] = ("x", "y")
 ) -> None:
     """Outline the square of a side (mm) in a view, with the names of its axes at their ends."""
-    corners = view.to_frame(frame.origin + size * _UNIT @ frame.axes[:2])[:, :2]
-    look = {"path_effects": maps.OUTLINE, "fontsize": 8, "ha": "center", "va": "center"}
+    on_tool = frame.origin + size * _UNIT @ frame.axes[:2]
+    corners = view.to_frame(on_tool)[:, :2]
     axes.add_patch(Polygon(corners, fill=False, edgecolor=VERMILION, lw=1.2))
-    for corner, name in zip(corners[1::2], names, strict=False):
-        axes.text(*(corners[0] + 1.35 * (corner - corners[0])), name, **look)
+    look = {"path_effects": maps.OUTLINE, "fontsize": 8, "ha": "center", "va": "center"}
+    for name, corner in zip(names, corners[1::2], strict=False):
+        place = corners[0] + 1.35 * (corner - corners[0])
+        axes.text(*place, name, **look)
 
 
 def draw_tool(
@@ -185,7 +185,8 @@ def draw_tool(
     whole, colours = coloured_tool(mesh, frame, pressure)
     view = tool_view(whole, frame)
     draw_stone(axes, whole, view, colours=colours)
-    draw_square(axes, view, frame, _size_of(pressure), names=())
+    size_mm = float(pressure.x[-1] + pressure.x[0])
+    draw_square(axes, view, frame, size_mm, names=())
 
 
 class PressedFace(NamedTuple):

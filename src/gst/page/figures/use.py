@@ -18,6 +18,7 @@ _BINS = 24
 _STRIKES = 500
 # Of the radius, what is drawn.
 _SHOWN = 0.005, 0.995
+_LOSSES = ["loss_um", "predicted_um", "low_um", "high_um"]
 
 
 @styled
@@ -61,33 +62,33 @@ def use_figure(
 def _draw_radius(axes: Axes, use: xr.Dataset, table: pd.DataFrame) -> None:
     """How likely each radius of the active tool is."""
     axes.set_title("radius of the active tool")
-    known = table.set_index("parameter")
-    if "radius" not in known.index:
+    stated = table.set_index("parameter").prior
+    if "radius" not in stated:
         axes.text(0.5, 0.5, "not asked for", ha="center", transform=axes.transAxes)
         axes.set_axis_off()
         return
-    values, told = use.radius_mm.values, known.prior["radius"]
-    ends = np.quantile(values, _SHOWN, weights=use.weight.values, method="inverted_cdf")
-    edges = np.geomspace(min(ends[0], told) / 1.5, 1.5 * max(ends[1], told), _BINS + 1)
-    axes.hist(values, edges, weights=use.weight.values, color=VERMILION, label="from the wear")
+    told = stated["radius"]
+    radii, weights = use.radius_mm.values, use.weight.values
+    low, high = np.quantile(radii, _SHOWN, weights=weights, method="inverted_cdf")
+    edges = np.geomspace(min(low, told) / 1.5, 1.5 * max(high, told), _BINS + 1)
+    axes.hist(radii, edges, weights=weights, color=VERMILION, label="from the wear")
     axes.axvline(told, color=BLUE, label="stated")
-    axes.set_xscale("log")
+    axes.set(xscale="log", xlabel="radius (mm)", ylabel="probability")
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter("")
-    axes.set_xlabel("radius (mm)")
-    axes.set_ylabel("probability")
     axes.legend()
 
 
 def _draw_losses(axes: Axes, losses: pd.DataFrame) -> None:
     """The loss of each patch beside what the others predict."""
     axes.set_title("loss, predicted by the other patches")
-    axes.vlines(losses.loss_um, losses.low_um, losses.high_um, color=GREY, linewidth=0.8)
-    axes.plot(losses.loss_um, losses.predicted_um, "o", color=BLUE, markersize=4)
-    most = 1.1 * float(losses[["loss_um", "predicted_um"]].to_numpy().max())
+    measured, predicted, low, high = losses[_LOSSES].to_numpy().T
+    axes.vlines(measured, low, high, color=GREY, linewidth=0.8)
+    axes.plot(measured, predicted, "o", color=BLUE, markersize=4)
+    most = 1.1 * max(measured.max(), predicted.max())
     axes.plot([0, most], [0, most], color=BLACK, linewidth=0.7)
     axes.set_xlim(0, most)
-    axes.set_ylim(min(0.0, float(losses.low_um.min())), max(most, float(losses.high_um.max())))
+    axes.set_ylim(min(0.0, low.min()), max(most, high.max()))
     axes.set_xlabel("measured mean depth lost (µm)")
     axes.set_ylabel("predicted (µm), 95 % interval")
