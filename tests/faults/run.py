@@ -17,6 +17,7 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
+import h5py
 import psutil
 
 ROOT = Path(__file__).parents[2]
@@ -32,14 +33,15 @@ class Study:
 
     def __init__(self, folder, reference, finished=None):
         self.folder, self.results, self.reference = folder, folder / RESULTS, reference
-        # a finished one with its dates and Snakemake's records
-        names = [] if finished else [".*", "results*", "build"]
-        leave_out = shutil.ignore_patterns(*names)
-        shutil.copytree(
-            finished or ROOT, folder, symlinks=True, ignore=leave_out, dirs_exist_ok=True
-        )
-        if not finished:
-            (folder / ".venv").symlink_to(sys.prefix)
+        if finished:  # dates and Snakemake's records included
+            shutil.copytree(finished, folder, symlinks=True)
+            return
+        listed = ["git", "-C", ROOT, "ls-files", "--cached", "--others", "--exclude-standard"]
+        names = subprocess.run(listed, capture_output=True, text=True, check=True).stdout
+        for name in filter(lambda name: (ROOT / name).is_file(), names.splitlines()):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+        (folder / ".venv").symlink_to(sys.prefix)
 
     def start(self):
         """`make study` in a session of its own, so that all of it can be killed at once."""
@@ -57,21 +59,21 @@ class Study:
         """Whether `make study`, once jobs of a killed run had ended, ended well; and its words."""
         while True:
             process = self.start()
-            text = process.communicate()[0]
-            if process.returncode == 0 or "are still at work" not in text:
-                return process.returncode == 0, text
+            said = process.communicate()[0]
+            if process.returncode == 0 or "are still at work" not in said:
+                return process.returncode == 0, said
             time.sleep(2)
 
     def processes(self, kind):
         """The run's jobs (`job`), or its Snakemake (`run`), as they are now."""
-        own = []
+        found = []
         for process in psutil.process_iter(["cwd", "cmdline"]):
             command = process.info["cmdline"] or []
             is_job = any("/.snakemake/scripts/" in word for word in command)
             is_run = "gst.run.scheduler" in command and not is_job
             here = process.info["cwd"] == str(self.folder.resolve())
-            own += [process] if here and (is_job if kind == "job" else is_run) else []
-        return own
+            found += [process] if here and (is_job if kind == "job" else is_run) else []
+        return found
 
     def files(self):
         """Every result by its name; hidden files are none."""
@@ -90,13 +92,13 @@ class Study:
 
     def end(self):
         """What is amiss once the study has been run to its end."""
-        done, text = self.make()
+        done, said = self.make()
         missing = sorted(self.reference.keys() - self.files().keys())
         left = [file.name for file in self.results.rglob("*.part")]
         amiss = "" if done else "the study does not end"
         amiss = amiss or self.half_written() or ", ".join(missing + left)
         if amiss:
-            print("\n".join("    | " + line for line in text.splitlines()[-40:]), flush=True)
+            print("\n".join("    | " + line for line in said.splitlines()[-40:]), flush=True)
         return amiss
 
 
@@ -113,8 +115,8 @@ def kill_at_random(study, kind, choose, duration):
         if kind == "all":  # whatever they start: Snakemake has a group of its own
             for each in [*psutil.Process(process.pid).children(recursive=True), process]:
                 each.kill()
-        elif own := study.processes(kind):
-            choose.choice(own).kill()
+        elif found := study.processes(kind):
+            choose.choice(found).kill()
         else:
             time.sleep(0.05)
             continue
@@ -138,9 +140,9 @@ def fill_disk(folder, reference):
         for share in (None, 0.0, 0.3, 0.6, 0.9):
             options = "ro" if share is None else f"rw,size={int(share * size) + 24 * 1024}"
             subprocess.run(["mount", "-o", f"remount,{options}", disk], check=True)
-            done, text = study.make()
+            done, said = study.make()
             words = ("the disk is read-only",) if share is None else FULL
-            clear = not done and any(word in text for word in words)
+            clear = not done and any(word in said for word in words)
             amiss = study.half_written() if clear else "no clear error"
             count("read-only disk" if share is None else "full disk", amiss)
         subprocess.run(["mount", "-o", "remount,size=1g", disk], check=True)
@@ -149,23 +151,50 @@ def fill_disk(folder, reference):
         subprocess.run(["umount", "--lazy", disk], check=True)
 
 
-DAMAGED = [
-    "surfaces/T0/1/7_T0.h5",
-    "microscale/1/7.h5",
-    "specimen/scans/7_T0.plu",
-    "specimen/mesh.stl",
-    "tables/patch_pressures.csv",
-]
+def cut_off(path):
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def flip_bit(path):
+    """One bit in the middle of the largest array."""
+    with h5py.File(path) as file:
+        largest = max(file.values(), key=lambda variable: variable.id.get_storage_size())
+        chunk = largest.id.get_chunk_info(largest.id.get_num_chunks() // 2)
+    content = bytearray(path.read_bytes())
+    content[chunk.byte_offset + chunk.size // 2] ^= 1
+    path.write_bytes(content)
+
+
+def lose_column(path):
+    """The column of the pressures."""
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    at = rows[0].index("pressure_MPa")
+    path.write_text("".join(",".join(row[:at] + row[at + 1 :]) + "\n" for row in rows))
+
+
+DAMAGES = {
+    "HDF5, scan or mesh cut off": (
+        cut_off,
+        [
+            "surfaces/T0/1/7_T0.h5",
+            "microscale/1/7.h5",
+            "specimen/scans/7_T0.plu",
+            "specimen/mesh.stl",
+        ],
+    ),
+    "one bit of an array flipped": (flip_bit, ["macroscale/contact.h5", "microscale/1/7.h5"]),
+    "table without a column": (
+        lose_column,
+        ["tables/patch_pressures.csv", "coupling/pressures.csv"],
+    ),
+}
 
 
 def after_damage(study, file):
-    """What is amiss after the study has met one wrong bit in a file, which it makes again."""
-    content = bytearray((study.results / file).read_bytes())
-    content[len(content) // 2] ^= 1
-    (study.results / file).write_bytes(content)
-    done, text = study.make()
-    if not done or f"again: {file} is not as it was made" not in text:
-        return f"not seen: {text[-2000:]}"
+    """What is amiss after the study has met a damaged file, which it makes again."""
+    done, said = study.make()
+    if not done or f"again: {file} is not as it was made" not in said:
+        return f"not seen: {said[-2000:]}"
     return study.end()
 
 
@@ -179,9 +208,9 @@ def main():
         folder = Path(name)
         started = time.monotonic()
         finished = Study(folder / "undisturbed", {})
-        done, text = finished.make()
+        done, said = finished.make()
         if not done:
-            raise SystemExit(text)
+            raise SystemExit(said)
         duration, reference = time.monotonic() - started, finished.files()
         for number in range(arguments.kills):
             kind = ("job", "run", "all")[number % 3]
@@ -190,12 +219,17 @@ def main():
             count(f"SIGKILL ({kind})", amiss or study.end())
         if os.geteuid() == 0:
             fill_disk(folder / "disk", reference)
-        for file in DAMAGED:
-            study = Study(folder / file.replace("/", "-"), reference, finished.folder)
-            count("one bit of a file flipped", after_damage(study, file))
+        for fault, (damage, files) in DAMAGES.items():
+            for file in files:
+                place = folder / f"{damage.__name__}-{file.replace('/', '-')}"
+                study = Study(place, reference, finished.folder)
+                damage(study.results / file)
+                count(fault, after_damage(study, file))
+    lost = 0
     for fault, outcomes in OUTCOMES.items():
+        lost += len([amiss for amiss in outcomes if amiss])
         print(f"{fault}: {len(outcomes)} tried, {sum(map(bool, outcomes))} lost")
-    return int(any(map(any, OUTCOMES.values())))
+    return int(lost > 0)
 
 
 if __name__ == "__main__":

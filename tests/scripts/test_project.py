@@ -1,6 +1,8 @@
 """The project's own tools, beside whatever a user keeps in its folder; and its documents."""
 
+import contextlib
 import importlib.metadata
+import io
 import os
 import re
 import shutil
@@ -8,32 +10,94 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
+DOCUMENTS = [
+    *sorted(ROOT.glob("*.md")),
+    *sorted(ROOT.glob("docs/**/*.md")),
+    ROOT / "config/README.md",
+    ROOT / "benchmarks/README.md",
+]
 
 
 def test_a_config_of_the_users_own_makes_no_document_stale(tmp_path):
     for name in ("src", "workflow", "config", "docs"):
         shutil.copytree(ROOT / name, tmp_path / name)
+    shutil.copy(ROOT / "README.md", tmp_path)
     (tmp_path / "config/mine.yaml").write_text("title: mine\n")
     command = [sys.executable, "workflow/document.py", "--check"]
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "src")}
-    subprocess.run(command, cwd=tmp_path, env=environment, check=True)
+    result = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
 
 
-def test_the_lines_of_readme_print_what_they_say(tmp_path, monkeypatch, capsys):
+def test_the_layout_names_what_there_is():
+    """Every room, and the modules that the row of a room names."""
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    for package in ("gstlib", "gst"):
+        table = re.search(rf"^## .*`src/{package}`\n(.*?)^## ", text, re.MULTILINE | re.DOTALL)[1]
+        folder, named = ROOT / "src" / package, set()
+        for first, says in re.findall(r"^\| (`.*?) \| (.*?) \|", table, re.MULTILINE):
+            rooms, modules = (set(re.findall(r"`(\w+[\w./]*)`", cell)) for cell in (first, says))
+            named |= rooms
+            if len(rooms) == 1 and (folder / min(rooms)).is_dir():
+                beside = {file.stem for file in (folder / rooms.pop()).glob("*.py")}
+                assert {name for name in modules if "/" not in name} <= beside, first
+        there = {file.name for file in folder.glob("[!_]*.py")}
+        assert named == there | {f"{file.parent.name}/" for file in folder.glob("*/__init__.py")}
+
+
+# What the terms of the field took the place of. "mats" and "ceilings" stand in no compound, either.
+PRIVATE = (
+    r"rivals?|foretell\w*|foretold|knows? as much|hardest pressed|wanders?|believed|own_area"
+    r"|(active|second|other) stones?|point of force|minded|mats?|ceilings?|yielding|pressure_limit"
+    r"|hardness_MPa|TipsOver|InvalidContactInput|judge\w*|most_noise|expected_worst|\w+_share"
+    r"|loss_per_area_um|loss_depth_um|generated (specimen|stone)s?"
+)
+
+
+def test_terms_are_those_of_the_field():
+    places = "src", "workflow", "config", "docs", "README.md"
+    command = ["git", "grep", "-nwiE", PRIVATE, "--", *places]
+    said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    assert said == ""
+
+
+def links_of(document):
+    """The files of the repository to which a document links."""
+    links = re.findall(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)", document.read_text("utf-8"))
+    return [(document.parent / link).resolve() for link in links if "://" not in link]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_links_lead_to_files(document):
+    assert [link for link in links_of(document) if not link.is_file()] == []
+
+
+def test_the_index_lists_every_document_once():
+    listed = links_of(ROOT / "docs/index.md")[1:]  # the first link stands in its first sentence
+    assert sorted(listed) == sorted({*DOCUMENTS} - {ROOT / "docs/index.md"})
+
+
+def test_the_lines_of_readme_print_what_they_say(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text = (ROOT / "README.md").read_text("utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    exec(compile(code, "README.md", "exec"), {})
-    numbers = re.findall(r"print\(.*\)  # (\S+)", code)
-    assert len(numbers) == 2
-    for number, line in zip(numbers, capsys.readouterr().out.splitlines(), strict=True):
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    said = re.findall(r"print\(.*\)  # (\S+)", code)
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(compile(code, "README.md", "exec"), {})
+    assert len(said) == 2
+    for number, line in zip(said, printed.getvalue().splitlines(), strict=True):
         assert f" {number} " in line
+    assert (tmp_path / "contact.png").is_file()
 
 
-PERMISSIVE = r"\b(0BSD|Apache|BSD|CC0|ISC|MIT|PSF|Public Domain|Python Software Foundation|Zlib)\b"
+PERMISSIVE = re.compile(
+    r"\b(0BSD|Apache|BSD|CC0|ISC|MIT|PSF|Public Domain|Python Software Foundation|Zlib)\b"
+)
 
 
 def is_permissive(package):
@@ -43,8 +107,7 @@ def is_permissive(package):
     expression = package.get("License-Expression")
     stated = [expression] if expression else classes or field.splitlines()[:1]
     parts = [part for text in stated for part in re.split(" AND | OR ", text)]
-    is_each = all(re.search(PERMISSIVE, part) for part in parts)
-    return bool(parts) and field != "UNKNOWN" and is_each
+    return bool(parts) and field != "UNKNOWN" and all(map(PERMISSIVE.search, parts))
 
 
 def test_licences_that_are_not_permissive_are_listed():
@@ -52,11 +115,11 @@ def test_licences_that_are_not_permissive_are_listed():
     locked = set(re.findall(r"^([\w.-]+)==", locks, re.MULTILINE))
     page = (ROOT / "docs/how-to/install.md").read_text("utf-8")
     section = re.search(r"^## Licences\n(.*?)^## ", page, re.MULTILINE | re.DOTALL)[1]
-    cells = " ".join(re.findall(r"^\| (`.*?) \|", section, re.MULTILINE))
-    listed = set(re.findall(r"`([\w.-]+)`", cells))
+    cells = re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
+    listed = set(re.findall(r"`([\w.-]+)`", " ".join(cells)))
     assert listed <= locked
-    for distribution in importlib.metadata.distributions():
-        about = distribution.metadata
-        name = canonicalize_name(about["Name"])
-        if name in locked:
-            assert is_permissive(about) == (name not in listed), name
+    every = (one.metadata for one in importlib.metadata.distributions())
+    packages = {canonicalize_name(about["Name"]): about for about in every}
+    installed = locked & packages.keys()
+    strict = {name for name in installed if not is_permissive(packages[name])}
+    assert strict == listed & installed

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,41 +19,83 @@ def test_a_failed_step_shows_its_own_error_and_nothing_else(tiny):
     )
     result = tiny.run()
     assert result.returncode != 0
-    text = result.stdout + result.stderr
-    assert text.count("240 MPa cannot be reached") == 1, text
-    assert "log:  results-tiny/logs/solve_macroscale.log" in text
-    assert not [word for word in NOT_FOR_USERS if word in text], text
+    said = result.stdout + result.stderr
+    assert said.count("240 MPa cannot be reached") == 1, said
+    assert "log:  results-tiny/logs/solve_macroscale.log" in said
+    assert "Stopped with " in said
+    assert not [word for word in NOT_FOR_USERS if word in said], said
     assert not (tiny.results / "macroscale/contact.h5").exists()
 
 
 def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
     """And nothing else; the plan says why. A deleted log is missed by nobody."""
-    results = tiny.results
-    names = ("change/1/7.h5", "tables/wear.csv", "figures/patch/7.png")
-    whole = {results / name: (results / name).read_bytes() for name in names}
-    cut, edited, gone = whole
+    results, folder = tiny.results, tiny.results.name
+    cut, edited = results / "change/1/7.h5", results / "tables/wear.csv"
+    gone, record = results / "figures/patch/7.png", results / "logs/compare_scales.json"
+    lost = results / "microscale/paper/1/7.h5"
+    whole = {file: file.read_bytes() for file in (cut, edited, gone, lost)}
+    before = tiny.tables()
     cut.write_bytes(whole[cut][:9])
     edited.write_bytes(whole[edited].replace(b"0.", b"99.", 1))
-    record = results / "logs/compare_scales.json"
-    for file in (gone, record, results / "logs/solve_macroscale.log"):
+    for file in (gone, lost, record, results / "logs/solve_macroscale.log"):
         file.unlink()
-    plan = tiny.gst("study", tiny.config, "--plan").stdout
+    said = tiny.gst("study", tiny.config, "--plan").stdout
     for step, why in (
         ("register_patches", "change/1/7.h5 is not as it was made"),
         ("score_wear", "change/1/7.h5 has changed"),
+        ("draw_validation", "change/1/7.h5 has changed"),
         ("compare_scales", "no record says how it was made"),
     ):
-        assert re.search(rf"^{step}: .*\n    {re.escape(why)}; last took \d", plan, re.MULTILINE)
-    assert "compose_surface" not in plan
-    before = tiny.tables()
+        assert re.search(rf"^{step}: .*\n    {re.escape(why)}; last took \d", said, re.MULTILINE)
+    assert "compose_surface" not in said
     result = tiny.gst("study", tiny.config)
     assert result.returncode == 0, result.stderr
     assert "again: change/1/7.h5 is not as it was made" in result.stderr
     assert {file: file.read_bytes() for file in whole} == whole
-    assert tiny.tables() == before | {edited.name: whole[edited].decode()}
+    assert tiny.tables() == before
     assert record.is_file()
-    check = tiny.gst("check", tiny.config).stdout
-    assert f"results in  {results.name}: finished, with this config" in check
+    assert "Nothing to do." in tiny.gst("study", tiny.config, "--plan").stdout
+    assert (
+        f"results in  {folder}: finished, with this config" in tiny.gst("check", tiny.config).stdout
+    )
+
+
+def test_stale_results_are_not_certified_without_the_records_of_snakemake(tiny):
+    """A folder that was copied, and another config. Asked for less, the study says so."""
+    shutil.rmtree(tiny.folder / ".snakemake")
+    tiny.change(load={"force_N": 200.0})
+    assert "made with another config" in tiny.gst("check", tiny.config).stdout
+    said = tiny.gst("study", tiny.config, "--until", "solve_macroscale")
+    assert said.returncode == 0, said.stderr
+    assert "again: force_N was 550.0, is 200.0" in said.stderr
+    assert "Done" not in said.stdout
+    assert "The study is not finished: the results were made with another config." in said.stdout
+    for command in (["export"], ["package"]):
+        refused = tiny.gst(*command, tiny.results.name)
+        assert refused.returncode == 2
+        assert "was made with other params or files than the config gives" in refused.stderr
+    assert not list(tiny.folder.glob("*.zip"))
+
+
+def test_nothing_outside_the_results_is_deleted(tiny):
+    """By a run on a copy of the results, whose records another program might have made."""
+    first, other = tiny.results, tiny.folder / "results-b"
+    shutil.copytree(first, other)
+    shutil.rmtree(tiny.folder / ".snakemake")
+    (first / "wear/1/7.h5").unlink()
+    before = {file: file.stat().st_mtime_ns for file in first.rglob("*")}
+    tiny.change(results=other.name)
+    said = tiny.gst("study", tiny.config, "--plan").stdout
+    assert said.splitlines()[-1] == "Nothing to do."
+    assert tiny.gst("study", tiny.config).returncode == 0
+    assert {file: file.stat().st_mtime_ns for file in first.rglob("*")} == before
+    assert (other / "wear/1/7.h5").is_file()
+    (other / "wear").rename(tiny.folder / "elsewhere")
+    (other / "wear").symlink_to(tiny.folder / "elsewhere")
+    refused = tiny.gst("study", tiny.config)
+    assert refused.returncode == 2
+    assert "results-b/wear: is a link to" in refused.stderr
+    assert (tiny.folder / "elsewhere/1/7.h5").is_file()
 
 
 def test_ctrl_c_ends_a_run_in_a_sentence(study):
@@ -68,27 +111,29 @@ def test_ctrl_c_ends_a_run_in_a_sentence(study):
         start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    text = ""
-    while "Making the specimen" not in text:
-        text += process.stdout.readline()
+    said = ""
+    while "Making the specimen" not in said:
+        said += process.stdout.readline()
     os.killpg(process.pid, signal.SIGINT)
-    text += process.communicate()[0]
+    said += process.communicate()[0]
     assert process.returncode == 1
-    assert text.endswith("Repeat the same command to continue from there.\n")
-    assert len(text.splitlines()) < 8
+    assert said.endswith("Repeat the same command to continue from there.\n")
+    assert len(said.splitlines()) < 8
     assert not (study.results / LOCK).exists()
 
 
 def test_a_first_run_writes_in_place_of_no_file(study):
-    """What a study would not write is in nobody's way."""
+    """Also the plan says so; what a study would not write is in nobody's way."""
     mine, beside = study.results / "figures/overview.png", study.results / "figures/photo.jpg"
     mine.parent.mkdir(parents=True)
     for file in (mine, beside):
         file.write_text("mine")
-    result = study.gst("study", study.config)
-    assert result.returncode == 2
-    assert f"ERROR: {mine.relative_to(study.folder)}: " in result.stderr
-    assert {file for file in study.results.rglob("*") if file.is_file()} == {mine, beside}
+    for options in ([], ["--plan"]):
+        result = study.gst("study", study.config, *options)
+        assert result.returncode == 2
+        assert f"ERROR: {mine.relative_to(study.folder)}: " in result.stderr
+    files = [file for file in study.results.rglob("*") if file.is_file()]
+    assert sorted(files) == [mine, beside]
     mine.unlink()
     assert study.gst("study", study.config, "--plan").returncode == 0
 
@@ -102,12 +147,15 @@ def test_a_study_folder_runs_no_code_of_its_own(study):
     for name in ("json", "numpy", "random", "sitecustomize", "snakemake", "pickle"):
         for folder in (study.folder, scripts):
             (folder / f"{name}.py").write_text(code)
-    profile = study.folder / "profiles/default/config.yaml"
-    profile.parent.mkdir(parents=True)
-    profile.write_text(f"__use_yte__: true\ncores: ?open({str(mark)!r}, 'w') and 1\n")
-    result = study.gst("study", study.config, "--until", "generate_specimen")
-    assert result.returncode == 0, result.stderr
-    assert not mark.exists()
+    for folder in ("profiles/default", "default"):
+        (study.folder / folder).mkdir(parents=True)
+        profile = f"__use_yte__: true\ncores: ?open({str(mark)!r}, 'w') and 1\n"
+        (study.folder / folder / "config.yaml").write_text(profile)
+    for command in (["check"], ["study", "--plan"], ["study", "--until", "generate_specimen"]):
+        name, *options = command
+        result = study.gst(name, study.config, *options)
+        assert result.returncode == 0, result.stderr
+        assert not mark.exists(), command
     assert (study.results / CLAIMS).is_file()
     named = study.gst("study", study.config, "--plan", "--profile", "./profiles/default")
     assert named.returncode == 0, named.stderr

@@ -22,6 +22,7 @@ from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import spacing_of
+from gstlib.validation.summary import statistic_names
 from specimens import merged
 
 from .conftest import Study, fresh, in_memory

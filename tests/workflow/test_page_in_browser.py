@@ -1,13 +1,20 @@
 """The page of the tiny study in a real browser, opened from its file."""
 
+import base64
+import io
+import itertools
 import re
 
+import numpy as np
 import pytest
 from gstlib.io.tables import read_table
+from PIL import Image, ImageChops, ImageStat
 
 from .conftest import middle_of, opened
 
 pytestmark = pytest.mark.browser
+
+PHONE = {"width": 390, "height": 844}
 
 
 @pytest.fixture
@@ -18,21 +25,23 @@ def page(browser, finished_tiny):
 
 def test_turning_the_tool_and_its_light_change_the_picture(page):
     canvas = page.locator("#viewer canvas")
-    pictures = {canvas.screenshot()}
-    canvas.press("ArrowLeft")
-    pictures.add(canvas.screenshot())
-    page.locator("#azimuth").fill("120")
-    pictures.add(canvas.screenshot())
-    page.click("#see-square")
-    pictures.add(canvas.screenshot())
-    assert len(pictures) == 4
+    pictures = [canvas.screenshot()]
+    for change in (
+        lambda: canvas.press("ArrowLeft"),
+        lambda: page.locator("#azimuth").fill("120"),
+        lambda: page.click("#see-square"),
+    ):
+        change()
+        pictures.append(canvas.screenshot())
+    assert len(set(pictures)) == 4
 
 
 def opened_card(page):
     """The patch whose card is open; the card is closed again."""
     card = page.locator("dialog[open]")
     card.wait_for()
-    number = re.match(r"Patch \S+", card.locator("h2").inner_text())[0]
+    title = card.locator("h2").inner_text()
+    number = re.match(r"Patch \S+", title)[0]
     assert page.url.endswith(f"#{number.lower().replace(' ', '-')}")  # to be passed on
     page.keyboard.press("Escape")
     card.wait_for(state="detached" if card.count() == 0 else "hidden")
@@ -50,38 +59,148 @@ def test_a_click_or_a_key_opens_the_card_of_the_patch(page):
     page.wait_for_function("element => element.style.opacity === '1'", arg=number.element_handle())
     page.mouse.click(*middle_of(number))
     assert opened_card(page) == "Patch 16"
-    page.locator("#map a[href='#patch-5']").focus()
-    page.keyboard.press("Enter")
-    assert opened_card(page) == "Patch 5"
+    for place in ("#patch-table a[href='#patch-5']", "#map a[href='#patch-5']"):
+        page.locator(place).focus()
+        page.keyboard.press("Enter")
+        assert opened_card(page) == "Patch 5"
+
+
+def test_a_card_has_its_pictures_and_they_open_large(page):
+    page.click("#patch-table a[href='#patch-13']")
+    page.locator("#patch-13 .enlarge").click()
+    wide = page.evaluate("document.querySelector('#large img').naturalWidth")
+    assert wide > 700
+    assert page.locator("#large img").bounding_box()["width"] == wide
+
+
+def test_a_card_opened_by_its_address_closes_and_fits_the_screen(browser, finished_tiny):
+    address = (finished_tiny.results / "index.html").as_uri() + "#patch-13"
+    page = browser.new_page(viewport={"width": 1366, "height": 768})
+    page.goto(address)
+    card = page.locator("#patch-13")
+    assert card.is_visible()
+    picture = card.locator(".enlarge img").bounding_box()
+    assert picture["y"] + picture["height"] < 768
+    assert "13_T0.plu → 13_T1.plu" in card.inner_text()
+    card.locator("form button").click()
+    card.wait_for(state="hidden")
+    page.close()
 
 
 def test_the_map_shows_pressure_or_measured_loss(page):
-    display = "all => all.map(one => one.getAttribute('display'))"
-    assert page.locator("#map image").evaluate_all(display) == ["inline", "none"]
+    shown = "all => all.map(one => one.getAttribute('display'))"
+    assert page.locator("#map image").evaluate_all(shown) == ["inline", "none"]
     page.get_by_label("measured loss").check()
-    assert page.locator("#map image").evaluate_all(display) == ["none", "inline"]
+    assert page.locator("#map image").evaluate_all(shown) == ["none", "inline"]
     assert page.locator(".scale.field:visible").inner_text().endswith("µm")
 
 
-def test_a_card_compares_t0_and_t1(page):
+def picture_in(data):
+    return Image.open(io.BytesIO(data)).convert("RGB")
+
+
+def test_thumbnails_lead_to_cards_where_t0_and_t1_are_compared(page):
+    strip = page.locator(".thumbnails a[href='#patch-13'] img").get_attribute("src")
+    strip = picture_in(base64.b64decode(strip.partition("base64,")[2]))
     page.click(".thumbnails a[href='#patch-13']")
     page.click("#patch-13 .blink")
     picture = page.locator("#blink-picture")
-    for epoch in ("T0", "T1"):
+    for number, epoch in enumerate(("T0", "T1")):  # the first two of the strip's three maps
+        shown = picture_in(picture.screenshot())
+        maps = [
+            strip.crop((k * strip.height, 0, (k + 1) * strip.height, strip.height))
+            for k in range(3)
+        ]
+        off = [
+            ImageStat.Stat(ImageChops.difference(shown, one.resize(shown.size))).sum for one in maps
+        ]
+        assert np.sum(off, axis=1).argmin() == number
         assert epoch in picture.get_attribute("aria-label")
         page.click("#blink-now")
+    page.click("#blink-now")
+    page.check("#blink-on")
+    page.wait_for_function("document.getElementById('blink-now').dataset.epoch === '0'")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_stands_out_in_both_colour_schemes(browser, finished_tiny, scheme):
+    """By WCAG's contrast of at least 4.5, of the answer, links and notes on their ground."""
+    page = browser.new_page(color_scheme=scheme)
+    page.goto((finished_tiny.results / "index.html").as_uri())
+    contrast = """one => {
+      const parse = (colour) => colour.match(/[\\d.]+/g).map(Number);
+      const ground = (node) => {
+        for (; node; node = node.parentElement) {
+          const colour = parse(getComputedStyle(node).backgroundColor);
+          if (colour.length === 3 || colour[3] > 0) return colour;
+        }
+        return [255, 255, 255];
+      };
+      const bright = (colour) => colour.slice(0, 3).map((part) => part / 255)
+        .map((part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4)
+        .reduce((sum, part, k) => sum + part * [0.2126, 0.7152, 0.0722][k], 0);
+      const both = [bright(parse(getComputedStyle(one).color)), bright(ground(one))];
+      return (Math.max(...both) + 0.05) / (Math.min(...both) + 0.05);
+    }"""
+    for place in (".verdict dd", ".verdict dt", "nav a", "figcaption", ".mark", "th", "footer p"):
+        assert page.locator(place).first.evaluate(contrast) >= 4.5, place
+    page.close()
+
+
+def test_a_print_has_the_cards_and_the_whole_table(page):
+    page.emulate_media(media="print")
+    assert page.locator("dialog.card").evaluate_all("all => all.every(one => one.offsetHeight > 0)")
+    assert page.locator("#blink, #large").evaluate_all("all => all.every(one => !one.offsetHeight)")
+    table = page.locator("#patch-table")
+    page.set_viewport_size({"width": 720, "height": 1000})  # A4 less its margins
+    assert table.bounding_box()["width"] <= 720
 
 
 def test_the_table_sorts(page, finished_tiny):
     table = read_table(finished_tiny.results / "tables/patch_pressures.csv")
     heading = page.locator("#patch-table th", has_text="Pressure")
-    for order in ("descending", "ascending"):
+
+    def patches():
+        return page.locator("#patch-table tbody th").all_inner_texts()
+
+    assert patches() == list(table.patch)
+    for order, ascending in (("descending", False), ("ascending", True)):
         heading.locator("button").click()
         assert heading.get_attribute("aria-sort") == order
-        is_ascending = order == "ascending"
-        ordered = table.sort_values("pressure_MPa", ascending=is_ascending, kind="stable")
-        names = page.locator("#patch-table tbody th").all_inner_texts()
-        assert names == list(ordered.patch)
+        ordered = table.sort_values("pressure_MPa", ascending=ascending, kind="stable")
+        assert patches() == list(ordered.patch)
+    page.locator("#patch-table th button", has_text="Patch").click()
+    assert heading.get_attribute("aria-sort") == "none"
+    assert patches() == sorted(table.patch, key=int)
+
+
+@pytest.mark.parametrize("size", [None, PHONE], ids=["screen", "phone"])
+def test_nothing_sticks_out_of_the_page(page, size):
+    page.set_viewport_size(size or page.viewport_size)
+    width = page.viewport_size["width"]
+    for details in page.locator("summary").all():
+        details.click()
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    page.evaluate("document.querySelectorAll('dialog.card').forEach(card => card.show())")
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    # every picture is there, whole
+    assert page.locator("main .enlarge img").count() > 8
+    assert page.locator("main .enlarge img").evaluate_all(
+        "all => all.every(one => Math.abs(one.width / one.height"
+        " - one.naturalWidth / one.naturalHeight) < 0.01 * one.width / one.height)"
+    )
+
+
+def test_headings_names_and_labels_are_as_accessibility_asks(page):
+    levels = page.locator("h1, h2, h3").evaluate_all("all => all.map(one => +one.tagName[1])")
+    assert levels.count(1) == 1
+    assert levels[0] == 1
+    assert all(after - before <= 1 for before, after in itertools.pairwise(levels))
+    assert page.locator("html").get_attribute("lang") == "en"
+    nameless = "img:not([alt]), main img[alt=''], th:not([scope]), input:not([aria-label])"
+    assert page.locator(nameless).count() == 0
+    missing = "all => all.filter(one => !document.querySelector(one.getAttribute('href'))).length"
+    assert page.locator("a[href^='#']").evaluate_all(missing) == 0
 
 
 def test_without_scripts_the_answer_and_the_figures_are_there(browser, finished_tiny):

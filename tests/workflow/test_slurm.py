@@ -79,9 +79,9 @@ class Run:
         """Id of the first job of a rule, or of its group, once submitted, or even at its work."""
         deadline = time.monotonic() + LIMIT
         while self.process.poll() is None and time.monotonic() < deadline:
-            submitted = re.search(rf"slurm_logs/\w*{rule}[\w/]*/(\d+).log", self.record())
-            if submitted and (not running or f"{submitted[1]}.0" in self.steps()):
-                return submitted[1]
+            found = re.search(rf"slurm_logs/\w*{rule}[\w/]*/(\d+).log", self.record())
+            if found and (not running or f"{found[1]}.0" in self.steps()):
+                return found[1]
             time.sleep(0.2)
         raise AssertionError(f"no job of {rule}:\n{self.record()}")
 
@@ -90,7 +90,7 @@ class Run:
         """What runs, as JOB.STEP: a rule is at work in step 0 of its job."""
         return run("squeue", "--noheader", "--steps", "--format=%i").stdout.split()
 
-    def log_of(self, job: str) -> str:
+    def said(self, job: str) -> str:
         """Slurm's own log of a job that failed."""
         return next(self.log.parent.glob(f".snakemake/slurm_logs/**/{job}.log")).read_text()
 
@@ -103,24 +103,41 @@ class Run:
         return {job["JobId"]: job["JobState"] for job in records if job["Name"] == self.name}
 
 
+def freeze(job: str) -> None:
+    """Stop every process of a job but Slurm's own, as when a file system hangs."""
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            environment = (folder / "environ").read_bytes().split(b"\0")
+            name = (folder / "comm").read_text().strip()
+            if f"SLURM_JOB_ID={job}".encode() in environment and name != "slurmstepd":
+                os.kill(int(folder.name), signal.SIGSTOP)
+        except OSError:
+            continue  # it has ended meanwhile, or is none of ours
+
+
 def test_a_study_with_faults_of_jobs_is_the_one_of_one_machine(finished_tiny, tmp_path):
-    """Two jobs are given too little memory, one is cancelled; a second attempt mends them."""
+    """Two jobs are given too little memory, one hangs past its time limit, one is cancelled; a
+    second attempt mends them."""
     study = fresh(tmp_path / "study")
     memory = "prepare_scans:mem_mb=100 * attempt ** 4"
-    run = Run(study, "run", "--set-resources", memory)
+    minutes = "grid_macroscale:runtime=attempt ** 5"  # 1, and 32
+    run = Run(study, "run", "--set-resources", memory, minutes)
     try:
+        frozen = run.job("grid_macroscale", running=True)
+        freeze(frozen)
         starved = [run.job(f"prepare_scans/{epoch}_1") for epoch in ("T0", "T1")]
         cancelled = run.job("register_patches", running=True)
         subprocess.run(["scancel", cancelled], check=True)
         assert run.finish() == 0, run.log.read_text()
     finally:
         run.kill()
-    assert all("exceeded memory limit" in run.log_of(job) for job in starved)
+    assert "DUE TO TIME LIMIT" in run.said(frozen)
+    assert all("exceeded memory limit" in run.said(job) for job in starved)
     states = run.states()
     assert states[cancelled] == "CANCELLED"
-    faulty = {cancelled, *starved}
+    faulty = {frozen, cancelled, *starved}
     others = [states[job] for job in run.submitted() if job not in faulty]
-    assert others == ["COMPLETED"] * (len(run.submitted()) - 3)
+    assert others == ["COMPLETED"] * (len(run.submitted()) - 4)
     # short jobs are grouped, and nothing but the target is left to the machine that submits
     assert 5 < len(others) < 20
     assert set(re.findall(r"localrule (\w+)", run.record())) == {"all", "pass_inputs"}

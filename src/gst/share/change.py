@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -40,7 +41,7 @@ def compare_scans(
     settings = Settings()
     before, after = (_prepared(path, unit, spacing_um) for path in (t0, t1))
     sides = np.multiply(spacing_of(before.height), before.height.shape)
-    search = {
+    search: dict[str, Any] = {
         "maximum_shift_mm": _LARGEST_SHIFT * float(max(sides)),
         "minimum_cluster_points": settings.detection.minimum_cluster_points,
     }

@@ -102,7 +102,7 @@ def plain_ply(path: Path, content: bytes) -> PlainText:
     if header is None or not re.search(of_faces, header[0], re.MULTILINE):
         raise _no_header(path)
     lines = header[0].translate(_BLANKS).split(b"\n")
-    # and empty lines
+    passed_over: list[list[bytes]] = [[], [b"comment"], [b"obj_info"]]
     passed_over = [], [b"comment"], [b"obj_info"]
     kept = [line for line in lines if line.split()[:1] not in passed_over]
     head = b"\n".join([*kept, b""])

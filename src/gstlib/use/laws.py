@@ -103,8 +103,8 @@ def law_scores(
             return likelihood(evidence, pressures(standard[:, :variables]), standard[:, end:])
 
         size = end + losses.variables
-        samples = [tempered(log_likelihood, size, _DRAWS, generator) for _ in range(_SAMPLES)]
-        samples = [sample for sample in samples if sample is not None]
+        drawn = [tempered(log_likelihood, size, _DRAWS, generator) for _ in range(_SAMPLES)]
+        samples = [sample for sample in drawn if sample is not None]
         scores.append(np.full(len(losses.depth_um), -np.inf))
         parameters.append([np.nan] * len(_STATISTICS))
         if not samples:

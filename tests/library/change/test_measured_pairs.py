@@ -1,13 +1,16 @@
-"""Measured pairs of which the right answer is known: nothing changed.
+"""Measured pairs whose right answer is known: nothing changed, or the surfaces are not the same.
 
 They are skipped where the files are absent. PROVENANCE.md beside them says whose they are.
 """
 
+from itertools import combinations, starmap
 from pathlib import Path
 
 import numpy as np
 import pytest
 from gstlib.change.change import estimate_detection_limit, measured_change, wear_summary
+from gstlib.change.registration import register
+from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.grid import make_surface, spacing_of
 
@@ -20,52 +23,93 @@ pytestmark = pytest.mark.skipif(
 # Trace and retrace of an atomic force microscope: file, channels, and the shift (y, x) in points
 # at which their details correlate best. The two share their lines, so nothing moves far along y.
 REPEATS = {
+    "di-1": ("repeat-mit/di-1.di", (0, 1), (0, 6)),
     "di-2": ("repeat-mit/di-2.di", (0, 1), (0, 14)),
     "di-6": ("repeat-mit/di-6.di", (0, 1), (0, 0)),
     "nid-1, Z axis": ("repeat-mit/nid-1.nid", (0, 2), (0, 6)),
+    "nid-1, Z sensor": ("repeat-mit/nid-1.nid", (1, 3), (-1, 2)),
+    "spot_1": ("repeat-mit/spot_1-1000nm.ibw", (0, 1), (0, -1)),
+    "uncd35": ("repeat-ccby/uncd35.di", (0, 1), (0, 6)),
 }
 # Of these, errors are alike over more points than the others': their loss is stated, but as noise.
 AS_NOISE = {"di-2", "di-6"}
 # Lengths are so many times as large as measured, because the limits are those of confocal scans.
 LARGER = 1000
+# First row and column of a piece of the impression of a breech face, hardly any of it undefined.
+PIECE = 78
+IMPRESSIONS = {
+    "TW01-01": (181, 15),
+    "TW02-01": (465, 257),
+    "TW03-02": (449, 281),
+    "TW04-01": (329, 81),
+    "TW05-01": (202, 48),
+}
+# The same places on other castings, and how these are turned (degrees).
+SAME_FACE = {"TW02-01": ("TW02-02", (466, 253), -2.0), "TW03-02": ("TW03-03", (457, 245), 2.0)}
 
 
-def scans_of(name):
-    """Both measurements, prepared."""
+@pytest.fixture(scope="module", params=REPEATS)
+def repeat(request):
+    """The name, both measurements, the settings, and the expected shift (y, x), mm."""
     pytest.importorskip("SurfaceTopography", reason="it reads the files")
     from SurfaceTopography import open_topography
     from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
 
-    file, channels, _ = REPEATS[name]
+    file, channels, shift = REPEATS[request.param]
+    scans = []
     for number in channels:
         topography = open_topography(DATA / file).topography(channel_index=number)
         mm = LARGER * get_unit_conversion_factor(topography.unit, "mm")
         heights = np.asarray(topography.heights(), dtype=float).T * mm
         spacing = topography.physical_sizes[0] * mm / heights.shape[1]
-        yield prepare_scan(make_surface(heights, spacing))
+        scans.append(prepare_scan(make_surface(heights, spacing)))
+    settings = {"maximum_shift_mm": 0.7 * len(heights) * spacing, "minimum_cluster_points": 8}
+    return request.param, scans, settings, spacing * np.array(shift)
 
 
 def shows_wear(name, change):
-    """Whether more than 0.5 % is lost or gained; unknown points are neither."""
-    summary = wear_summary(change)
-    # the limit of the default study
-    if name in AS_NOISE and summary["gain_to_loss_ratio"] > 0.2:
+    """Whether more than 0.5 % is lost or gained; what is unknown is neither."""
+    found = wear_summary(change)
+    if name in AS_NOISE and found["gain_to_loss_ratio"] > 0.2:  # the limit of the default study
         return False
-    return max(summary["loss_fraction"], summary["gain_fraction"]) > 0.005
+    return max(found["loss_fraction"], found["gain_fraction"]) > 0.005
 
 
-@pytest.mark.parametrize("name", REPEATS)
-def test_a_repeat_is_registered_where_its_details_match_and_shows_no_wear(name):
-    """Neither by the error of its unchanged part nor by the error that it shows as a repeat."""
-    first, second = scans_of(name)
-    spacing = spacing_of(first.height)[0]
-    field_mm = len(first.y) * spacing
-    settings = {"maximum_shift_mm": 0.7 * field_mm, "minimum_cluster_points": 8}
+def test_a_repeat_is_registered_where_its_details_match_and_shows_no_wear(repeat):
+    name, (first, second), settings, shift_mm = repeat
     match, change = measured_change(first, second, **settings)
-    shift = np.array([match.shift_y_mm, match.shift_x_mm]) / spacing
-    assert np.abs(shift - REPEATS[name][2]).max() < 5
+    off_mm = np.array([match.shift_y_mm, match.shift_x_mm]) - shift_mm
+    assert np.abs(off_mm).max() < 5 * spacing_of(first.height)[0]
     assert abs(match.rotation_deg) < 0.5
     assert not shows_wear(name, change)
+
+
+def test_a_repeat_shows_no_wear_by_the_error_that_it_shows(repeat):
+    name, (first, second), settings, _ = repeat
     detection = estimate_detection_limit({"": first}, {"": second}, **settings)
     _, change = measured_change(first, second, detection=detection, **settings)
     assert not shows_wear(name, change)
+
+
+def piece_of(name, corner):
+    scan = read_scan(DATA / f"breechface-ccby/{name}.x3p")
+    row, column = corner
+    piece = scan.values[row : row + PIECE, column : column + PIECE]
+    return prepare_scan(make_surface(piece, spacing_of(scan))).height
+
+
+def matched(first, second):
+    return register(first, second, maximum_shift_mm=0.3)
+
+
+def test_impressions_of_two_breech_faces_are_not_found_on_each_other():
+    pieces = starmap(piece_of, IMPRESSIONS.items())
+    assert not any(matched(*pair).is_reliable for pair in combinations(pieces, 2))
+
+
+def test_impressions_of_one_breech_face_are_found_on_each_other():
+    for name, (other, corner, turn_deg) in SAME_FACE.items():
+        match = matched(piece_of(name, IMPRESSIONS[name]), piece_of(other, corner))
+        assert match.is_reliable
+        assert match.rotation_deg == pytest.approx(turn_deg, abs=0.1)
+        assert np.hypot(match.shift_y_mm, match.shift_x_mm) < 0.01
