@@ -21,7 +21,9 @@ BEGIN, END = "<!-- age: begin -->\n", "<!-- age: end -->\n"
 _SOLVER = ("codes/gstlib_bem.py", "problems.py")
 SCRIPTS = {
     **dict.fromkeys(("hertz-256", "hertz-512", "rough-22", "rough-76"), _SOLVER),
-    **dict.fromkeys(("path-22", "path-76", "periodic-76", "periodic-2000", "growth"), _SOLVER),
+    **dict.fromkeys(
+        ("path-22", "path-76", "periodic-76", "periodic-2000", "growth"), _SOLVER
+    ),
     "transforms": ("transforms.py", "problems.py"),
     "statistics_of_contact": ("statistics_of_contact.py",),
     "registration": ("registration.py",),
@@ -69,7 +71,9 @@ def _program(name):
 def ages():
     """Which rows the program as it stands made, and which an earlier one: a line for each."""
     made = read()
-    now = [name for name in SCRIPTS if made.get(name, {}).get("program") == _program(name)]
+    now = [
+        name for name in SCRIPTS if made.get(name, {}).get("program") == _program(name)
+    ]
     earlier = [name for name in SCRIPTS if name not in now]
     parts = {
         "Made by the program as it stands": now,

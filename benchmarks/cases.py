@@ -38,7 +38,14 @@ CODES = {
         Code("aspher, FFT mixed precision", *_ASPHER, "mixed", "load", 3.16e-10),
         Code("aspher, H2", *_ASPHER, "h2", "load", 1e-9),
         Code("aspher, FFT warm", *_ASPHER, "warm", "load", 3.16e-10),
-        Code("aspher native, FFT", "aspher-native", "aspher_nested", "fft", "load", 3.16e-10),
+        Code(
+            "aspher native, FFT",
+            "aspher-native",
+            "aspher_nested",
+            "fft",
+            "load",
+            3.16e-10,
+        ),
         Code(
             "aspher native, FFT mixed precision",
             "aspher-native",
@@ -99,7 +106,9 @@ class Growth:
 
 _NATIVE = ("aspher native, FFT", "aspher native, FFT mixed precision")
 _SINGLE = tuple(
-    label for label in CODES if not label.startswith("aspher native") and "warm" not in label
+    label
+    for label in CODES
+    if not label.startswith("aspher native") and "warm" not in label
 )
 _PERIODIC = tuple(label for label in _SINGLE if label != "aspher, H2")
 _PATH = (
@@ -109,7 +118,11 @@ _PATH = (
     "aspher, FFT warm",
     "slippy, BCCG",
 )
-_PATH_MORE = ("aspher native, FFT warm", "ContactMechanics, CCG", "Tamaas, Polonsky–Keer–Rey")
+_PATH_MORE = (
+    "aspher native, FFT warm",
+    "ContactMechanics, CCG",
+    "Tamaas, Polonsky–Keer–Rey",
+)
 _P2 = Surface("rough", 512)
 _P2_PERIODIC = Surface("rough", 512, periodic=True)
 _SEEDS = (0, 1, 2, 3, 4)
@@ -117,8 +130,22 @@ _SEEDS = (0, 1, 2, 3, 4)
 CASES = {
     case.name: case
     for case in (
-        Case("rough-76", "Rough 512² at 76 MPa, cold, one thread", _P2, 76.0, _SINGLE, _NATIVE),
-        Case("rough-22", "Rough 512² at 22 MPa, cold, one thread", _P2, 22.0, _SINGLE, _NATIVE),
+        Case(
+            "rough-76",
+            "Rough 512² at 76 MPa, cold, one thread",
+            _P2,
+            76.0,
+            _SINGLE,
+            _NATIVE,
+        ),
+        Case(
+            "rough-22",
+            "Rough 512² at 22 MPa, cold, one thread",
+            _P2,
+            22.0,
+            _SINGLE,
+            _NATIVE,
+        ),
         Case(
             "hertz-256",
             "Smooth sphere 256², cold, one thread",

@@ -50,7 +50,9 @@ def waves(rng):
     for patch in map(str, range(PATCHES)):
         masks = []
         for share in (PREDICTED, LOST):
-            wide = self_affine_field(rng, WIDE, 1.0, hurst_exponent=0.8, roll_off=longest)
+            wide = self_affine_field(
+                rng, WIDE, 1.0, hurst_exponent=0.8, roll_off=longest
+            )
             piece = make_surface(wide[:POINTS, :POINTS].astype(float), 1e-3)
             level = remove_plane(piece)[0].values
             masks.append(highest(level, float(np.exp(rng.uniform(*np.log(share))))))
@@ -61,14 +63,18 @@ def waves(rng):
 
 def neighbours(rng):
     """Two unrelated fields over patches of a square."""
-    places = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
+    places = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(
+        -1, 2
+    )
     places = places[rng.permutation(len(places))[:PATCHES]]
     distance = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
     covariance = np.exp(-((distance / DISTANCES) ** 2)) + JITTER * np.eye(PATCHES)
     fields = np.linalg.cholesky(covariance) @ rng.standard_normal((PATCHES, 2))
     names = ["x_mm", "y_mm", "pressure", "loss"]
     table = pd.DataFrame(np.hstack([places, fields]), columns=names)
-    return [{"p_value": rank_correlation(table, "pressure", "loss", Draws(rng, 2)).p_value}]
+    return [
+        {"p_value": rank_correlation(table, "pressure", "loss", Draws(rng, 2)).p_value}
+    ]
 
 
 def mean(rng, count):

@@ -11,7 +11,13 @@ from runner import ROOT
 
 def snakemake_command(folder, config, *arguments):
     """Snakemake on the config `config` in `folder`, by this interpreter, with more arguments."""
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")]
+    command = [
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--snakefile",
+        str(ROOT / "Snakefile"),
+    ]
     command += ["--directory", str(folder), *arguments]
     return [*command, "--configfile", str(folder / config)]
 

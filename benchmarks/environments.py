@@ -54,7 +54,10 @@ class Environment:
             _run(*install, "-r", self._list(".build"))
             # One compiler at a time: its memory, and the other work on the machine.
             settings = {"CMAKE_BUILD_PARALLEL_LEVEL": "1", **self.settings}
-            options = ("--no-build-isolation", *(("--no-cache",) if self.settings else ()))
+            options = (
+                "--no-build-isolation",
+                *(("--no-cache",) if self.settings else ()),
+            )
             _run(*install, *options, "-r", self._list(), **settings)
         else:
             _run(*install, "-r", self._list())
@@ -117,7 +120,9 @@ def _run(*command, **settings):
     )
     if done.returncode:
         lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-        raise UnavailableError(" | ".join(lines[-3:]) or f"exit status {done.returncode}")
+        raise UnavailableError(
+            " | ".join(lines[-3:]) or f"exit status {done.returncode}"
+        )
 
 
 ENVIRONMENTS = {

@@ -71,7 +71,9 @@ def periodic_displacement(pressure, spacing, modulus):
     return scipy.fft.irfft2(spectrum, pressure.shape)
 
 
-def evaluate(pressure, heights, spacing, modulus, *, load=None, far_field=None, periodic=False):
+def evaluate(
+    pressure, heights, spacing, modulus, *, load=None, far_field=None, periodic=False
+):
     """Accuracy of a pressure under load control (`load`, MPa) or displacement control (mm).
 
     Under load control the displacement is not prescribed: the one that suits the field best is
@@ -92,6 +94,8 @@ def evaluate(pressure, heights, spacing, modulus, *, load=None, far_field=None, 
         force_error=float(abs(pressure.mean() / load - 1))
         if load is not None
         else float("nan"),
-        negative_pressure=float(max(0.0, -pressure.min()) / max(pressure.max(), 1e-300)),
+        negative_pressure=float(
+            max(0.0, -pressure.min()) / max(pressure.max(), 1e-300)
+        ),
         contact_fraction=float(contact.mean()),
     )

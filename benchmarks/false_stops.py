@@ -85,7 +85,10 @@ def config_of(seed):
     if seed == STOPPED:
         return merged(specimen_config(), changes | OF_STOPPED)
     generator = np.random.default_rng([seed, 13])
-    (worn, worn_radius_mm), (stated, radius_mm) = drawn_use(generator), drawn_use(generator)
+    (worn, worn_radius_mm), (stated, radius_mm) = (
+        drawn_use(generator),
+        drawn_use(generator),
+    )
     changes["specimen"] |= ({} if seed in FINE else COARSE) | {
         "worn_off_middle_mm": tuple(map(float, worn)),
         "worn_radius_mm": worn_radius_mm,
@@ -129,7 +132,9 @@ def registered(change, at):
     return {
         "found": change["registration_found"],
         "error_um": float(np.hypot(*(shift_um - true_um))),
-        "turn_error_deg": abs(change["rotation_deg"] - (t1.rotation_deg - t0.rotation_deg)),
+        "turn_error_deg": abs(
+            change["rotation_deg"] - (t1.rotation_deg - t0.rotation_deg)
+        ),
         "correlation": change["detail_correlation"],
         "dale_depth_ratio": change["dale_depth_ratio"],
         "residual_um": change["residual_um"],
@@ -164,7 +169,9 @@ def stone_rows(seed):
     study = study_of(config, patches, specimen)
     rows = list(patch_rows(study, specimen.truth))
     whole["change"] = message_of(
-        lambda: raise_unless_accepted(exchanged_epochs(study.registration), config["accept"])
+        lambda: raise_unless_accepted(
+            exchanged_epochs(study.registration), config["accept"]
+        )
     )
     whole["placement"] = message_of(lambda: study.placement)
     whole["use"] = message_of(lambda: study.use)
@@ -180,9 +187,13 @@ def stone_rows(seed):
     whole["worn_y_mm"], whole["worn_x_mm"] = worn
     whole["worn_radius_mm"] = parameters.worn_radius_mm
     whole["cpu_s"] = time.process_time() - start
-    table = pd.DataFrame([whole, *rows]).assign(seed=seed, scan_points=parameters.scan_points)
+    table = pd.DataFrame([whole, *rows]).assign(
+        seed=seed, scan_points=parameters.scan_points
+    )
     columns = ["seed", "scan_points", "patch", *STAGES, *_COLUMNS.split()]
-    return table.reindex(columns=columns).replace({name: {"": np.nan} for name in STAGES})
+    return table.reindex(columns=columns).replace(
+        {name: {"": np.nan} for name in STAGES}
+    )
 
 
 def summary(rows):
@@ -222,7 +233,12 @@ def stops(rows):
 
 
 def main():
-    seeds = {"type": int, "nargs": 2, "default": (STOPPED, SEEDS[-1]), "help": "these alone"}
+    seeds = {
+        "type": int,
+        "nargs": 2,
+        "default": (STOPPED, SEEDS[-1]),
+        "help": "these alone",
+    }
     chosen = options(__doc__, ROWS, seeds=seeds)
     if not chosen.tables:
         (first, last), there = chosen.seeds, in_file(chosen.output)

@@ -31,8 +31,12 @@ def draw(tables, path):
     for index, (name, title) in enumerate(PANELS):
         own = labels if index < 3 else _labels([tables[name]])
         _times(axes[index], tables[name], title, own, named=index in (0, 3))
-    _growth(axes[4], tables["growth"], "convolutions", "finer grids, 76 MPa: convolutions")
-    _growth(axes[5], tables["growth"], "cpu_median", "finer grids, 76 MPa: CPU time (s)")
+    _growth(
+        axes[4], tables["growth"], "convolutions", "finer grids, 76 MPa: convolutions"
+    )
+    _growth(
+        axes[5], tables["growth"], "cpu_median", "finer grids, 76 MPa: CPU time (s)"
+    )
     figure.suptitle(
         "CPU time, set-up and solve, one thread, every code at the same accuracy: gap within "
         "1e-9 of the r.m.s. height (open marks: never reached)",
@@ -52,7 +56,9 @@ def _labels(tables):
     """Codes, ours first, then the cheapest of the first table on top."""
     labels = {}  # in order
     for rows in tables:
-        for row in sorted(rows, key=lambda row: (row["reached"] != "yes", row["cpu_median"])):
+        for row in sorted(
+            rows, key=lambda row: (row["reached"] != "yes", row["cpu_median"])
+        ):
             labels.setdefault(row["code"])
     return sorted(labels, key=lambda label: not label.startswith("gstlib"))
 

@@ -41,9 +41,15 @@ DATA = ROOT.parent / "shared/data"
 CONFIG = specimen_config()
 SQUARE, AROUND = CONFIG["square"]["size_mm"], 1.5  # mm
 OVERVIEW, PATCH, POINTS = (1.9, 2.5), 0.85, 160  # mm, and points along a patch
-PATCHES, APART, OFF, TURNED = 6, 1.0, 0.5, 10.0  # mm, and how far off places by hand are
+PATCHES, APART, OFF, TURNED = (
+    6,
+    1.0,
+    0.5,
+    10.0,
+)  # mm, and how far off places by hand are
 PARAMETERS = SpecimenParameters(
-    **CONFIG["specimen"] | {"scan_points": POINTS, "scan_spacing_um": 1e3 * PATCH / POINTS}
+    **CONFIG["specimen"]
+    | {"scan_points": POINTS, "scan_spacing_um": 1e3 * PATCH / POINTS}
 )
 SMOOTH_UM = 0.1  # roughness of the smooth stone, less than the noise of the mesh
 WRONG_UM = 100
@@ -113,14 +119,18 @@ def of_stone(seed):
         rows += timed("overview", seed, name, [whole], alone, surface, large)
         for way, (match, start) in ways.items():
             rows += timed(way, seed, name, places, match, surface, scans, start)
-    wide = SQUARE - 1.5 * PATCH  # the last is taken half of this from its place along both axes
+    wide = (
+        SQUARE - 1.5 * PATCH
+    )  # the last is taken half of this from its place along both axes
     margin = 0.75 * PATCH
     elsewhere = PatchPosition(*(at[-1] - margin + wide / 2) % wide + margin, turn)
     taken = *places[:-1], elsewhere
     scans = [stones["own"].scan(next(names), place, mirrored) for place in taken]
     for way, (match, start) in ways.items():
         surface = stones["own"].view
-        *_, last = timed(way, seed, "one elsewhere", places, match, surface, scans, start)
+        *_, last = timed(
+            way, seed, "one elsewhere", places, match, surface, scans, start
+        )
         rows.append(last)
     return rows
 
@@ -192,14 +202,24 @@ def summary_of(group, way, name):
         off = placed[["off_x_um", "off_y_um"]].to_numpy()
         stated = placed.stated_um.to_numpy()
         held = abs(off) <= 1.96 * stated[:, None]
-        errors = placed.off_um.median(), placed.off_um.quantile(0.95), *map(rms, (stated, off))
+        errors = (
+            placed.off_um.median(),
+            placed.off_um.quantile(0.95),
+            *map(rms, (stated, off)),
+        )
         row |= dict(zip(_ERRORS, (*errors, held.mean()), strict=True))
         row["found_and_wrong"] = (placed.off_um > WRONG_UM).sum()
         row["turn_median_deg"] = placed.turn_deg.median()
     return row
 
 
-_ERRORS = ["off_median_um", "off_p95_um", "stated_rms_um", "true_rms_um", "held_fraction"]
+_ERRORS = [
+    "off_median_um",
+    "off_p95_um",
+    "stated_rms_um",
+    "true_rms_um",
+    "held_fraction",
+]
 
 
 def rms(values):
@@ -213,7 +233,9 @@ def middle_of(surface, scans, readings):
 def of_pebble():
     """The measured pebble: its map on the whole stone and on its face, six pieces by the stage."""
     config = yaml.safe_load((ROOT / "config/pebble.yaml").read_text(encoding="utf-8"))
-    patches = read_patches(ROOT / "config/patches_pebble.tsv", size_mm=5.0, patch_size_mm=0.85)
+    patches = read_patches(
+        ROOT / "config/patches_pebble.tsv", size_mm=5.0, patch_size_mm=0.85
+    )
     frame = frame_from_points(config["square"]["points_mm"])
     whole = read_mesh(DATA / "pebble-mesh-3dhop/lithic_tool_model_full.ply")
     scan = read_scan(DATA / "pebble-usewear/confoc_3d_grid10um.xyz", unit="um")
@@ -226,7 +248,9 @@ def of_pebble():
     cpu_s = time.process_time() - start
     match = stone.on_stone
     at = stone.frame.origin + match.place.x_mm * stone.frame.axes[0]
-    ((x, y, _),) = frame.to_frame(np.array([at + match.place.y_mm * stone.frame.axes[1]]))
+    ((x, y, _),) = frame.to_frame(
+        np.array([at + match.place.y_mm * stone.frame.axes[1]])
+    )
     off = {"off_um": 1e3 * np.hypot(y - right.y_mm, x - right.x_mm), "cpu_s": cpu_s}
     seen = timed("map on the whole stone", 0, "pebble", [right], list, [match])
     rows += [row | off for row in seen]
@@ -237,7 +261,11 @@ def of_pebble():
     rows += timed(way, 0, "pebble", [right], middle_of, face, pieces, readings)
     table = pd.DataFrame(rows).assign(number=1)
     table["least_correlation"], table["least_lead"] = table.correlation, table.lead
-    names = {"found": "found_fraction", "off_um": "off_median_um", "stated_um": "stated_rms_um"}
+    names = {
+        "found": "found_fraction",
+        "off_um": "off_median_um",
+        "stated_um": "stated_rms_um",
+    }
     return table.rename(columns=names)
 
 
@@ -253,7 +281,9 @@ def main():
     if DATA.is_dir():
         table = pd.concat([table, of_pebble().reindex(columns=table.columns)])
     whom = resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN
-    table["peak_memory_MB"] = max(resource.getrusage(who).ru_maxrss // 1024 for who in whom)
+    table["peak_memory_MB"] = max(
+        resource.getrusage(who).ru_maxrss // 1024 for who in whom
+    )
     print(table.to_string(index=False))
     save(chosen.output, table, digits=3)
 

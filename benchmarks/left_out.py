@@ -76,11 +76,17 @@ def against_two_radii(stated):
     middle = stated.config["square"]["size_mm"] / 2
     radii = radius * ASPECT**0.5, radius / ASPECT**0.5
     for angle in ANGLES_DEG:
-        over = rounded_counterface(stated.composite.height, radii, (middle, middle), angle)
+        over = rounded_counterface(
+            stated.composite.height, radii, (middle, middle), angle
+        )
         other = as_stated(stated)
         other.composite = stated.composite.assign(counterface=over)
         share = moved(stated.pressures.force_N, other.pressures.force_N)
-        yield {"patch": f"all, {angle:g}°", "changed": "two radii", "force_moved": share}
+        yield {
+            "patch": f"all, {angle:g}°",
+            "changed": "two radii",
+            "force_moved": share,
+        }
 
 
 def on_wider_faces(stated):
@@ -91,7 +97,8 @@ def on_wider_faces(stated):
     for times in (1, 2):
         tool = {"counterface": {"radius_mm": times * radius}}
         forces = [
-            as_stated(stated, **changes).pressures.force_N for changes in (tool, tool | wider)
+            as_stated(stated, **changes).pressures.force_N
+            for changes in (tool, tool | wider)
         ]
         name = f"wider face, {times} x radius"
         yield {"patch": "all", "changed": name, "force_moved": moved(*forces)}
@@ -112,7 +119,11 @@ def worn(stated, *, is_held):
     of_patches = patch_means(contact.pressure, stated.patches, size_mm=size_mm)
     lost = np.zeros(contact.pressure.shape)
     for _ in range(steps):
-        options = {"mean_pressure": pressure, "mean_loss": KAPPA * pressure / steps, "steps": 1}
+        options = {
+            "mean_pressure": pressure,
+            "mean_loss": KAPPA * pressure / steps,
+            "steps": 1,
+        }
         depth = wear_contact(contact, "", **options).depth
         lost += depth
         lower = replace(contact.interface, height=contact.interface.height - depth)

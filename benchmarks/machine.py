@@ -44,7 +44,9 @@ def _processor():
             if key in wanted and key not in parts:
                 parts[key] = wanted[key] + value
     cache = _first_line("getconf", "LEVEL3_CACHE_SIZE")
-    level3 = [f"L3 {int(cache) / 2**20:.0f} MiB"] if cache.isdigit() and int(cache) else []
+    level3 = (
+        [f"L3 {int(cache) / 2**20:.0f} MiB"] if cache.isdigit() and int(cache) else []
+    )
     return ", ".join([*(parts[key] for key in wanted if key in parts), *level3])
 
 

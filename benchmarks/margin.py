@@ -40,7 +40,10 @@ RUNS = {"2 cores": 2, "1 core": 1, "older processor": 1}
 def older_processor():
     """Environment in which NumPy and OpenBLAS use what every processor of the kind has."""
     extensions = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
-    return {"NPY_DISABLE_CPU_FEATURES": " ".join(extensions), "OPENBLAS_CORETYPE": "Prescott"}
+    return {
+        "NPY_DISABLE_CPU_FEATURES": " ".join(extensions),
+        "OPENBLAS_CORETYPE": "Prescott",
+    }
 
 
 def last_unit(value, digits):
@@ -93,7 +96,9 @@ def main():
                 results[run] = run_study(folder, chosen.config, cores, environment)
             first, *others = RUNS
             tables = {run: margins(results[first], results[run]) for run in others}
-            rows = [{"run": run} | row for run, table in tables.items() for row in table]
+            rows = [
+                {"run": run} | row for run, table in tables.items() for row in table
+            ]
         save(chosen.output, pd.DataFrame(rows), digits=2)
     print(chosen.output.read_text("utf-8"))
 

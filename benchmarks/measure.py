@@ -70,7 +70,9 @@ def run(code, surface, levels, tolerance):
             "record": f"{folder}/record.json",
         }
         Path(folder, "task.json").write_text(json.dumps(task), encoding="utf-8")
-        one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        one = dict.fromkeys(
+            ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+        )
         try:
             done = subprocess.run(
                 [python, CODES_FOLDER / f"{code.script}.py", f"{folder}/task.json"],
@@ -129,7 +131,10 @@ def levels_of(surface, pressure, steps):
             periodic=surface.periodic,
             tolerance=1e-11,
         )
-        levels = {"load": list(path.mean_pressure), "displacement": list(path.displacement)}
+        levels = {
+            "load": list(path.mean_pressure),
+            "displacement": list(path.displacement),
+        }
         store.write_text(json.dumps(levels), encoding="utf-8")
     return json.loads(store.read_text(encoding="utf-8"))
 
@@ -154,7 +159,9 @@ class Calibration:
         stored = self.tolerances.get((case, code.label))
         tolerance = stored or code.start
         best = attempt(tolerance)
-        if best.reached and (stored is None or self.again or code.environment == "gstlib"):
+        if best.reached and (
+            stored is None or self.again or code.environment == "gstlib"
+        ):
             while (looser := attempt(tolerance * RUNG)).reached:
                 tolerance = tolerance * RUNG
                 best = looser
@@ -163,7 +170,10 @@ class Calibration:
             while not best.reached and len(tried) <= MOST_RUNGS:
                 tolerance, best = tolerance / RUNG, attempt(tolerance / RUNG)
                 tried.append((tolerance, best))
-                stuck = len(tried) > 2 and best.gap_error > LEAST_GAIN * tried[-3][1].gap_error
+                stuck = (
+                    len(tried) > 2
+                    and best.gap_error > LEAST_GAIN * tried[-3][1].gap_error
+                )
                 if stuck and not best.reached:
                     tolerance, best = tried[-3]
                     break
@@ -207,7 +217,8 @@ def measure_case(case, labels, calibration, most_repeats):
                 except RunError as problem:
                     print(f"{code.label}: {problem}", flush=True)
         print(
-            f"{case.name}: round {number + 1} done at {time.strftime('%H:%M:%S')}", flush=True
+            f"{case.name}: round {number + 1} done at {time.strftime('%H:%M:%S')}",
+            flush=True,
         )
     rows = [row(*entry) for entry in entries if entry[-1]]
     own = next((r["cpu_median"] for r in rows if r["code"] == "gstlib, load"), None)
@@ -256,7 +267,9 @@ def measure_growth(case, runs, calibration, keep):
                     tolerance = reached.get((label, seed, cut_off), first)
                     for _ in range(8):
                         result = run(code, surface, levels, tolerance)
-                        say(f"{case.name} {size}² seed {seed}", label, tolerance, result)
+                        say(
+                            f"{case.name} {size}² seed {seed}", label, tolerance, result
+                        )
                         if result.reached:
                             # a finer grid starts with what the coarser one needed
                             reached[label, seed, cut_off] = tolerance

@@ -147,7 +147,9 @@ def repeat_row(name):
         row |= dict(neighbours(change))
         noise = np.random.default_rng(1).standard_normal(first.height.shape)
         noisy = first.height + noise * change.attrs["change_sigma_um"] / MM_TO_UM
-        white = register_patch(first, first.assign(height=noisy), patch=name, **settings)
+        white = register_patch(
+            first, first.assign(height=noisy), patch=name, **settings
+        )
         row |= {
             f"white_{kind}": wear_summary(white)[f"{kind}_fraction"]
             for kind in ("loss", "gain")
@@ -205,7 +207,9 @@ def places(name):
     """Places (y, x) of the common grid about which a casting is defined."""
     share = scipy.ndimage.uniform_filter(casting(name).on_grid().astype(float), SIDE)
     inside = range(SIDE, GRID - SIDE, STEP)
-    return frozenset((y, x) for y, x in product(inside, inside) if share[y, x] >= 1 - UNDEFINED)
+    return frozenset(
+        (y, x) for y, x in product(inside, inside) if share[y, x] >= 1 - UNDEFINED
+    )
 
 
 def evenly(common, count):
@@ -227,7 +231,9 @@ def breech_rows(first, second, *, is_related):
         v, u, turn = generator.uniform(-1, 1, 3) * (SHIFT * SIDE, SHIFT * SIDE, TURN)
         moved = PatchPosition(other_y + v, other_x + u, turn)
         pieces = casting(first).piece(PatchPosition(y, x)), casting(second).piece(moved)
-        t0, t1 = (prepare_scan(piece, maximum_unmeasured=1.0).height for piece in pieces)
+        t0, t1 = (
+            prepare_scan(piece, maximum_unmeasured=1.0).height for piece in pieces
+        )
         row = {"first": first, "second": second, "y": y, "x": x}
         row |= {"shift_y_points": v, "shift_x_points": u, "turn_deg": turn}
         spacing = spacing_of(t0)[0]
@@ -273,7 +279,14 @@ def summary(rows):
 
 MAKERS = {"repeats": lambda: map(repeat_row, REPEATS), "breech_faces": breech_face_rows}
 SHOWN = ["pair", "found", "shift_y_um", "shift_x_um", "loss_fraction", "gain_fraction"]
-SHOWN += ["above_noise", "serves", "neighbours_y", "neighbours_x", "white_loss", "white_gain"]
+SHOWN += [
+    "above_noise",
+    "serves",
+    "neighbours_y",
+    "neighbours_x",
+    "white_loss",
+    "white_gain",
+]
 
 
 def main():

@@ -21,7 +21,13 @@ from specimens import merged, specimen_config, specimen_studies
 
 from gst.config.reading import read_study
 from gstlib.coupling.comparison import AGREES
-from gstlib.coupling.orientations import AS_GIVEN, ORIENTATIONS, TABLES, as_measured, oriented
+from gstlib.coupling.orientations import (
+    AS_GIVEN,
+    ORIENTATIONS,
+    TABLES,
+    as_measured,
+    oriented,
+)
 from gstlib.coupling.placement import check_placement
 from gstlib.errors import InputsError
 from gstlib.io.tables import read_table
@@ -66,7 +72,9 @@ def of_stone(seed):
         specimen = COARSE | changes | {"placement_error_um": error_um}
         config = merged(config, {"specimen": specimen, "macroscale": {"face_mm": 7.0}})
         [(_, study)] = specimen_studies(config, patches, seed, ["summits"])
-        scans = {patch: study.prepared[patch, "T0"][["height"]] for patch in patches.patch}
+        scans = {
+            patch: study.prepared[patch, "T0"][["height"]] for patch in patches.patch
+        }
         for count in COUNTS if stone == "default" else COUNTS[:2]:
             is_all = stone == "default" and count == ALL
             chosen = np.sort(generator.choice(len(patches), count, replace=False))
@@ -84,7 +92,9 @@ def mistaken(table, scans, mistake, generator):
     one, other = generator.permutation(list(own))[:2]
     if mistake in ORIENTED:
         height = scans[one].height
-        laid = height.copy(data=oriented(height.values, mistake)).to_dataset(name="height")
+        laid = height.copy(data=oriented(height.values, mistake)).to_dataset(
+            name="height"
+        )
         return Mistaken(table, own | {one: laid}, (one,), f"mesh {undoing(mistake)} (")
     if mistake == EXCHANGED:
         exchanged = {one: scans[other], other: scans[one]}
@@ -92,7 +102,9 @@ def mistaken(table, scans, mistake, generator):
     if mistake == NONE:
         return Mistaken(table, own, (), NONE)
     if mistake == ELSEWHERE:
-        unused = generator.choice([patch for patch in scans if patch not in own] or [other])
+        unused = generator.choice(
+            [patch for patch in scans if patch not in own] or [other]
+        )
         return Mistaken(table, own | {one: scans[unused]}, (one,), "")
     x, y = as_measured(table.x_mm, table.y_mm, SQUARE_MM, mistake)
     return Mistaken(
@@ -110,7 +122,8 @@ def undoing(mistake):
 def undoing_table(mistake):
     """The mistake of a table that undoes another one."""
     again = {
-        name: as_measured(*as_measured(0.1, 0.3, 1.0, mistake), 1.0, name) for name in TABLES
+        name: as_measured(*as_measured(0.1, 0.3, 1.0, mistake), 1.0, name)
+        for name in TABLES
     }
     return next(name for name, place in again.items() if np.allclose(place, (0.1, 0.3)))
 

@@ -61,12 +61,16 @@ def specimen_p_values(config, patches, specimen_seed, interlayer, wears=tuple(WE
     if not interlayer:
         config = {**config, "interlayer": None}
     tables = []
-    kinds = [wear for wear in (OF_INTERLAYER if interlayer else OF_BARE) if wear in wears]
+    kinds = [
+        wear for wear in (OF_INTERLAYER if interlayer else OF_BARE) if wear in wears
+    ]
     for wear, study in specimen_studies(config, patches, specimen_seed, kinds):
         table = p_values(study, seed=[config["seed"], specimen_seed])
         adopted = study.use is not None and bool(study.use.attrs["adopted"])
         names = table.test + WITH_INTERLAYER * interlayer
-        tables.append(table.assign(wear=wear, adopted=adopted, test=names, seed=specimen_seed))
+        tables.append(
+            table.assign(wear=wear, adopted=adopted, test=names, seed=specimen_seed)
+        )
     columns = ["seed", "test", "drawn", "wear", "adopted", "p_value"]
     return pd.concat(tables, ignore_index=True)[columns]
 
@@ -101,7 +105,9 @@ def p_values(study, *, seed):
     order = generator.permutation(len(statistics))
     for drawn in (count for count in _PATCH_COUNTS if count <= len(statistics)):
         chosen = statistics.iloc[np.sort(order[:drawn])]
-        pair = rank_correlation(chosen, _PREDICTOR, _EXTENT, Draws(generator, _RESAMPLES))
+        pair = rank_correlation(
+            chosen, _PREDICTOR, _EXTENT, Draws(generator, _RESAMPLES)
+        )
         rows.append((_PAIR, drawn, pair.n, pair.p_value))
     return pd.DataFrame(rows, columns=["test", "drawn", "patches", "p_value"])
 
@@ -157,10 +163,15 @@ def main(arguments=None):
     )
     if not chosen.tables:
         config = specimen_config(*chosen.config)
-        make = partial(specimen_p_values, config, worn_patches(config), wears=chosen.wears)
+        make = partial(
+            specimen_p_values, config, worn_patches(config), wears=chosen.wears
+        )
         tasks = [
             (chosen.first_seed + number, interlayer)
-            for interlayer, count in ((False, chosen.specimens), (True, chosen.interlayers))
+            for interlayer, count in (
+                (False, chosen.specimens),
+                (True, chosen.interlayers),
+            )
             for number in range(count)
         ]
         for rows in pooled(make, tasks, chosen.processes):

@@ -37,7 +37,9 @@ class Surface:
     @property
     def name(self):
         rough = f"-seed{self.seed}-cut{self.cut_off}" if self.kind == "rough" else ""
-        return f"{self.kind}-{self.size}{rough}" + ("-periodic" if self.periodic else "")
+        return f"{self.kind}-{self.size}{rough}" + (
+            "-periodic" if self.periodic else ""
+        )
 
     @property
     def spacing(self):

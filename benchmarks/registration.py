@@ -50,7 +50,9 @@ def scans(size, *, shift, turn, seed, wear=0.0, spikes=0.0, tilt=1e-3, noise=0.1
     whole = 2 * size
     wave = np.hypot(*np.meshgrid(*[np.fft.fftfreq(whole) * whole] * 2, indexing="ij"))
     amplitude = np.where(wave > 0, np.maximum(wave, 6) ** -1.8, 0) * (wave < whole / 4)
-    stone = np.fft.ifft2(np.fft.fft2(rng.standard_normal((whole, whole))) * amplitude).real
+    stone = np.fft.ifft2(
+        np.fft.fft2(rng.standard_normal((whole, whole))) * amplitude
+    ).real
     stone *= 5e-3 / stone.std()
     middle = slice((whole - size) // 2, (whole + size) // 2)
     top = np.quantile(stone[middle, middle], 1 - wear)
@@ -103,7 +105,11 @@ def masked_correlation(t0, t1):
     coarse0, coarse1 = (detail(h)[::factor, ::factor] for h in (t0, t1))
     everywhere = np.ones(coarse0.shape, dtype=bool)
     shift, _, _ = phase_cross_correlation(
-        coarse0, coarse1, reference_mask=everywhere, moving_mask=everywhere, overlap_ratio=0.3
+        coarse0,
+        coarse1,
+        reference_mask=everywhere,
+        moving_mask=everywhere,
+        overlap_ratio=0.3,
     )
     return Pose(factor * np.asarray(shift, dtype=float), 0.0)
 
@@ -158,7 +164,9 @@ def stackreg(t0, t1):
 
     start = masked_correlation(t0, t1).shift.astype(int)
     side = min(size - abs(s) for size, s in zip(t0.shape, start, strict=True))
-    part0, part1 = (part[:side, :side] for part in common(smooth(t0), smooth(t1), start))
+    part0, part1 = (
+        part[:side, :side] for part in common(smooth(t0), smooth(t1), start)
+    )
     matrix = np.asarray(StackReg(StackReg.RIGID_BODY).register(part0, part1))
     first0 = np.maximum(start, 0)
     first1 = np.maximum(-start, 0)
@@ -184,7 +192,9 @@ def settled(t0, t1, pose):
     inside = np.isfinite(moved)
     left = (moved - t0)[inside]
     # in T1's coordinates, where the plane is taken off
-    design = np.stack([np.ones(left.size), y[inside] - centre, x[inside] - centre], axis=1)
+    design = np.stack(
+        [np.ones(left.size), y[inside] - centre, x[inside] - centre], axis=1
+    )
     plane = np.array([np.median(left), 0.0, 0.0])
     for _ in range(10):
         off = left - design @ plane
@@ -218,7 +228,9 @@ def ecc(t0, t1):
             mask = np.ones(t1.shape, dtype=np.uint8)
         a = a.astype(np.float32)
         b = b.astype(np.float32)
-        _, warp = cv2.findTransformECC(a, b, warp, cv2.MOTION_EUCLIDEAN, stop, mask, smoothing)
+        _, warp = cv2.findTransformECC(
+            a, b, warp, cv2.MOTION_EUCLIDEAN, stop, mask, smoothing
+        )
         pose = from_matrix(np.vstack([warp, [0, 0, 1]]).astype(float), centre)
     return pose
 
@@ -306,11 +318,20 @@ def measure(label, method, condition, case, size):
     start = time.process_time()
     try:
         pose = method(t0, t1)
-        errors = float(np.hypot(*(pose.shift - shift))), math.degrees(abs(pose.turn - turn))
+        errors = (
+            float(np.hypot(*(pose.shift - shift))),
+            math.degrees(abs(pose.turn - turn)),
+        )
     except Exception as failure:  # whatever a library raises where it does not converge
-        print(f"{label}, {condition}, case {case}: {str(failure).strip().splitlines()[-1]}")
+        print(
+            f"{label}, {condition}, case {case}: {str(failure).strip().splitlines()[-1]}"
+        )
         errors = math.inf, math.inf
-    row = {"method": label, "condition": condition, "cpu_s": time.process_time() - start}
+    row = {
+        "method": label,
+        "condition": condition,
+        "cpu_s": time.process_time() - start,
+    }
     return row | dict(zip(("error_points", "turn_error_deg"), errors, strict=True))
 
 
@@ -322,7 +343,9 @@ def summary(table):
     columns = {
         "cases": errors.size(),
         "error_median_points": errors.median(),
-        "error_p95_points": errors.apply(lambda e: sorted(e)[math.ceil(0.95 * len(e)) - 1]),
+        "error_p95_points": errors.apply(
+            lambda e: sorted(e)[math.ceil(0.95 * len(e)) - 1]
+        ),
         "error_largest_points": errors.max(),
         "within_a_fifth": errors.apply(lambda e: (e < 0.2).mean()),
         "lost": errors.apply(lambda e: (~(e < LOST)).mean()),

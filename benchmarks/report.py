@@ -43,7 +43,9 @@ def read_table(path):
 
 def machine_line(machine):
     codes = "; ".join(f"{name} {version}" for name, version in machine["codes"].items())
-    own = ", ".join(f"{name} {version}" for name, version in machine["gstlib_with"].items())
+    own = ", ".join(
+        f"{name} {version}" for name, version in machine["gstlib_with"].items()
+    )
     return (
         f"Measured on {machine['date']}: {machine['processor']}; {machine['cores']} cores, "
         f"{machine['memory_gib']} GiB, {machine['system']}. {codes}. gstlib with {own}."
@@ -55,7 +57,9 @@ def case_table(rows):
     rows = sorted(rows, key=lambda row: (row["reached"] != "yes", row["cpu_median"]))
     cells = {
         "code": lambda row: row["code"],
-        "CPU s, median (min)": lambda row: f"{row['cpu_median']:.3g} ({row['cpu_min']:.3g})",
+        "CPU s, median (min)": lambda row: (
+            f"{row['cpu_median']:.3g} ({row['cpu_min']:.3g})"
+        ),
         "CPU to gstlib's": lambda row: (
             f"{row['ratio']:.1f}" if row["ratio"] and row["reached"] == "yes" else ""
         ),
@@ -77,7 +81,9 @@ def growth_table(rows):
 
     def grid(group):
         _, size, cut_off = _key(group[0])
-        return f"{size:.0f}²" + (f", waves of {size / 2:.0f}²" if cut_off != CUT_OFF else "")
+        return f"{size:.0f}²" + (
+            f", waves of {size / 2:.0f}²" if cut_off != CUT_OFF else ""
+        )
 
     def factor(group):
         mean, worst = factors.get(_key(group[0]), (None, None))
@@ -112,7 +118,10 @@ def growth_factors(rows):
         half = counts.get((code, size / 2, CUT_OFF, seed))
         if count and half:
             ratios.setdefault((code, size, cut_off), []).append(count / half)
-    return {key: (statistics.geometric_mean(each), max(each)) for key, each in ratios.items()}
+    return {
+        key: (statistics.geometric_mean(each), max(each))
+        for key, each in ratios.items()
+    }
 
 
 def _key(row):
@@ -140,17 +149,28 @@ def target_table(tables):
     for name, (words, factors) in TARGETS.items():
         for (part, called), factor in zip(PEERS.items(), factors, strict=False):
             lines += against_peer(tables[name], part, words + called, factor)
-    for (code, size, cut_off), (mean, worst) in growth_factors(tables["growth"]).items():
+    for (code, size, cut_off), (mean, worst) in growth_factors(
+        tables["growth"]
+    ).items():
         if code == OWN:
             waves = "" if cut_off == CUT_OFF else ", with the same waves"
             sizes = f"Convolutions from {size / 2:.0f}² to {size:.0f}²{waves}: mean over seeds"
             measured = f"{mean:.2f} (single surface {worst:.2f})"
             lines.append((sizes, "≤ 1.25", measured, MET[mean <= 1.25]))
     for row in tables["growth"]:
-        if _key(row)[::2] == (OWN, CUT_OFF) and row["size"] >= 2048 and row["seed"] == 0:
+        if (
+            _key(row)[::2] == (OWN, CUT_OFF)
+            and row["size"] >= 2048
+            and row["seed"] == 0
+        ):
             measured = f"{row['wall_median']:.0f} s, {row['peak_mb'] / 1e3:.2f} GB"
             lines.append(
-                (f"{row['size']:.0f}²", "solved", measured, MET[row["reached"] == "yes"])
+                (
+                    f"{row['size']:.0f}²",
+                    "solved",
+                    measured,
+                    MET[row["reached"] == "yes"],
+                )
             )
     return _lines(["", "asked", "measured", "met"], lines)
 
@@ -176,7 +196,9 @@ def against_peer(rows, part, words, factor):
 
 def _range(rows, name):
     counts = [row[name] for row in rows if row[name] is not None]
-    ends = {f"{count:.0f}": None for count in (min(counts), max(counts))} if counts else {}
+    ends = (
+        {f"{count:.0f}": None for count in (min(counts), max(counts))} if counts else {}
+    )
     return "–".join(ends)
 
 
@@ -191,4 +213,6 @@ def _markdown(cells, rows):
 
 
 def _lines(head, rows):
-    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *rows))
+    return "\n".join(
+        f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *rows)
+    )

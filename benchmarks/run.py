@@ -96,7 +96,9 @@ def write_table(path, rows):
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
         writer.writeheader()
-        writer.writerows({key: rounded(key, value) for key, value in r.items()} for r in rows)
+        writer.writerows(
+            {key: rounded(key, value) for key, value in r.items()} for r in rows
+        )
     record(path)
 
 
@@ -104,13 +106,20 @@ def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--case", nargs="+", choices=CASES, help="only these cases")
     parser.add_argument(
-        "--codes", nargs="+", default=[""], help="only codes whose name holds one of these"
+        "--codes",
+        nargs="+",
+        default=[""],
+        help="only codes whose name holds one of these",
     )
-    parser.add_argument("--repeats", type=int, default=15, help="at most so many (default 15)")
+    parser.add_argument(
+        "--repeats", type=int, default=15, help="at most so many (default 15)"
+    )
     parser.add_argument(
         "--all", action="store_true", help="slow codes and sizes, other builds too"
     )
-    parser.add_argument("--calibrate", action="store_true", help="search all tolerances afresh")
+    parser.add_argument(
+        "--calibrate", action="store_true", help="search all tolerances afresh"
+    )
     parser.add_argument("--report", action="store_true", help="tables and figure only")
     return parser.parse_args()
 

@@ -59,7 +59,9 @@ def pooled(make, tasks, processes):
             yield pd.concat([tables[key] for key in sorted(tables)], ignore_index=True)
             print(f"{count} of {len(jobs)}: {tasks[number][0]}", flush=True)
     if failed:
-        raise SystemExit(f"{len(failed)} tasks failed and have no rows: {', '.join(failed)}")
+        raise SystemExit(
+            f"{len(failed)} tasks failed and have no rows: {', '.join(failed)}"
+        )
 
 
 def add_rows(file, make, tasks, processes, *, order):

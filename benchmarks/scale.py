@@ -64,13 +64,21 @@ def write_study(patches, folder, *, scans):
         "results": "results-scale",
         "patches": "config/patches.tsv",
         "specimen": None,
-        "inputs": {"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"},
+        "inputs": {
+            "mesh": "data/mesh.stl",
+            "mesh_unit": "mm",
+            "scan_folder": "data/scans",
+        },
         "square": {"size_mm": float(side), "points_mm": corners},
         # a flat on the whole square, so that all patches bear load
         "counterface": None,
         "load": {"pressure_MPa": 22.0},
         "macroscale": tiny["macroscale"]
-        | {"grid": GRID * side, "face_mm": float(side), "maximum_displacement_um": 2000.0},
+        | {
+            "grid": GRID * side,
+            "face_mm": float(side),
+            "maximum_displacement_um": 2000.0,
+        },
         "selection": {"minimum_pressure_MPa": 0.01, "minimum_overlap": 0.1},
         "pressure_cap_MPa": 5000.0,
     }
@@ -80,7 +88,9 @@ def write_study(patches, folder, *, scans):
         # flat, as the face of a larger stone is over a few mm, and no scan lost: all can be studied
         pebble._CONCAVITY_MM = scanning._POOR_FRACTION = 0.0
         enlarge_pebble(max(1.0, side / LARGEST_SQUARE_MM))
-        places = read_patches(table, size_mm=side, patch_size_mm=default["scans"]["size_mm"])
+        places = read_patches(
+            table, size_mm=side, patch_size_mm=default["scans"]["size_mm"]
+        )
         specimen = make_specimen(
             places, SpecimenParameters(**made), square_mm=float(side), grid=GRID * side
         )
@@ -151,7 +161,9 @@ def plan(folder):
 def steps(logs):
     """CPU time (s) and peak memory (MB) of each step, from the last line of its log."""
     last = r"INFO took .*, (?P<cpu_s>\S+) s of CPU, (?P<memory_mb>\S+) MB of memory$"
-    lines = {log.stem: log.read_text("utf-8").splitlines()[-1] for log in logs.rglob("*.log")}
+    lines = {
+        log.stem: log.read_text("utf-8").splitlines()[-1] for log in logs.rglob("*.log")
+    }
     return pd.Series(lines).str.extract(last).astype(float)
 
 

@@ -99,7 +99,9 @@ def specimen_studies(config, patches, specimen_seed, wears=BY_RULE):
         study = study_of(config, patches, specimen)
         if first is not None:
             take(study, first, _BEFORE_USE)
-            scans = {key: scan for key, scan in first.prepared.items() if key[1] != "T1"}
+            scans = {
+                key: scan for key, scan in first.prepared.items() if key[1] != "T1"
+            }
             study.prepared.update(scans)
             if config["use"] is None:
                 take(study, first, _OF_STATED_USE)

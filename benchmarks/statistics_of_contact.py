@@ -65,17 +65,23 @@ def summary(rows):
     groups = rows.groupby(["shortest", "load"])
     table = groups[["nayak", "contact", "kappa", "gamma", "gap"]].mean()
     table["error"] = groups.kappa.sem()
-    table["published"] = [PUBLISHED[wave].get(load, math.nan) for wave, load in table.index]
+    table["published"] = [
+        PUBLISHED[wave].get(load, math.nan) for wave, load in table.index
+    ]
     table["deviation_percent"] = 100 * (table.kappa / table.published - 1)
     table["error_percent"] = 100 * table.error / table.kappa
-    table["persson"] = [persson_contact_fraction(load, 1.0, 1.0) for _, load in table.index]
+    table["persson"] = [
+        persson_contact_fraction(load, 1.0, 1.0) for _, load in table.index
+    ]
     return table.reset_index()
 
 
 def main():
     chosen = options(__doc__, ROWS)
     if not chosen.tables:
-        rows = [row for case in product(PUBLISHED, range(SEEDS)) for row in measured(*case)]
+        rows = [
+            row for case in product(PUBLISHED, range(SEEDS)) for row in measured(*case)
+        ]
         save(chosen.output, pd.DataFrame(rows).round(6))
     print(summary(read_table(chosen.output)).round(4).to_string(index=False))
 

@@ -35,9 +35,14 @@ def solved(contact, rough=0.0, **options):
     heights, spacing = contact.interface.for_solver
     options = {"contact_modulus": contact.modulus} | options
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ContactWarning)  # its surroundings are in its heights
+        warnings.simplefilter(
+            "ignore", ContactWarning
+        )  # its surroundings are in its heights
         return solve_contact(
-            heights + rough, spacing, mean_pressure=contact.load.mean_pressure, **options
+            heights + rough,
+            spacing,
+            mean_pressure=contact.load.mean_pressure,
+            **options,
         )
 
 
@@ -140,7 +145,9 @@ def run(text, rows_of, file, summary):
     """Make the rows of both stones, unless only the tables are asked for, and print their means."""
     chosen = options(text, file, seeds=SEEDS)
     if not chosen.tables:
-        for rows in pooled(rows_of, [(seed,) for seed in chosen.seeds], chosen.processes):
+        for rows in pooled(
+            rows_of, [(seed,) for seed in chosen.seeds], chosen.processes
+        ):
             save(chosen.output, rows.round(4))
     print(summary(read_table(chosen.output)).round(3).to_string(index=False))
 

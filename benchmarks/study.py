@@ -75,7 +75,9 @@ def noted_study(folder, config, cores):
     (hook / "sitecustomize.py").write_text(NOTE_USE)
     path = os.pathsep.join(filter(None, [str(hook), os.environ.get("PYTHONPATH")]))
     start = time.perf_counter()
-    results = run_study(folder, config, cores, {"PYTHONPATH": path, "STUDY_NOTES": str(notes)})
+    results = run_study(
+        folder, config, cores, {"PYTHONPATH": path, "STUDY_NOTES": str(notes)}
+    )
     wall = time.perf_counter() - start
     cpu_s = defaultdict(float)
     modules = defaultdict(list)
@@ -92,8 +94,12 @@ def job_walls(results, rules):
     walls = defaultdict(list)
     for file in sorted((results / "logs").rglob("*.log")):
         name = file.relative_to(results / "logs").parts[0].removesuffix(".log")
-        rule = max((each for each in rules if f"{name}_".startswith(f"{each}_")), key=len)
-        took = re.findall(r"^INFO took ([0-9.]+) s,", file.read_text("utf-8"), re.MULTILINE)
+        rule = max(
+            (each for each in rules if f"{name}_".startswith(f"{each}_")), key=len
+        )
+        took = re.findall(
+            r"^INFO took ([0-9.]+) s,", file.read_text("utf-8"), re.MULTILINE
+        )
         walls[rule] += [float(wall) for wall in took]
     return walls
 
@@ -136,7 +142,13 @@ def main():
     table = pd.DataFrame(rows, columns=["rule", "jobs", "wall_s", "cpu_s", "start_s"])
     table = table.sort_values("cpu_s", ascending=False)
     every = table.drop(columns="rule").sum()
-    table.loc[len(table)] = ["all", int(every.jobs), every.wall_s, every.cpu_s, every.start_s]
+    table.loc[len(table)] = [
+        "all",
+        int(every.jobs),
+        every.wall_s,
+        every.cpu_s,
+        every.start_s,
+    ]
     table.loc[len(table)] = ["snakemake", 1, wall, cpu_s["snakemake"], own]
     table["start_fraction"] = table.start_s / table.cpu_s
     header = (

@@ -56,7 +56,10 @@ def study_of(config, folder=Path()):
     if second:
         table = (config["gesture"] or {}).get("table")
         moved = {"gesture": {"table": str(folder / table)}} if table else {}
-        second |= {"mesh": folder / second["mesh"], "reach_mm": reach_of({**config, **moved})}
+        second |= {
+            "mesh": folder / second["mesh"],
+            "reach_mm": reach_of({**config, **moved}),
+        }
     return Study(
         config,
         patches,
@@ -77,7 +80,9 @@ def outcomes(study):
     loss; the rank correlation of pressure with loss; the mean change of Sq from T0 to T1, µm.
     With 95 % intervals where there are any.
     """
-    rows = [(_PRESSURE, row.patch, row.pressure_MPa) for row in study.selected.itertuples()]
+    rows = [
+        (_PRESSURE, row.patch, row.pressure_MPa) for row in study.selected.itertuples()
+    ]
     rows.append(("studied", "", int(study.selected.in_study.sum())))
     if study.worn:
         summary = study.scored()["summary"]
@@ -91,7 +96,9 @@ def outcomes(study):
         **study.config["texture"],
     )
     if len(texture):
-        rows.append(("mean_change(Sq_um)", "", texture.Sq_um[texture.epoch == "change"].mean()))
+        rows.append(
+            ("mean_change(Sq_um)", "", texture.Sq_um[texture.epoch == "change"].mean())
+        )
     table = pd.DataFrame(rows).reindex(columns=range(5))
     table.columns = ["output", "patch", "result", "low", "high"]
     return table.dropna(subset="result", ignore_index=True)
@@ -131,7 +138,9 @@ def main(arguments=None):
     )
     config = read_config(chosen.config)
     if config["patches"] is None:
-        raise SystemExit(f"{chosen.config} has no patch table, and a sweep needs patches")
+        raise SystemExit(
+            f"{chosen.config} has no patch table, and a sweep needs patches"
+        )
     configs = {("", ""): config}
     for factor, changes in yaml.safe_load(chosen.settings.read_text()).items():
         for change in changes:

@@ -28,7 +28,9 @@ def test_kernel_is_the_integral_over_the_element():
         epsabs=1e-14,
     )
     influence = kernel((4, 4), SPACING, MODULUS)
-    assert influence[row, column] == pytest.approx(integral / (np.pi * MODULUS), rel=1e-9)
+    assert influence[row, column] == pytest.approx(
+        integral / (np.pi * MODULUS), rel=1e-9
+    )
     own = 4 * np.arcsinh(1) * SPACING / (np.pi * MODULUS)
     assert influence[0, 0] == pytest.approx(own, rel=1e-14)
 
@@ -39,7 +41,9 @@ def test_displacement_is_the_direct_sum():
     row, column = np.indices(pressure.shape).reshape(2, -1)
     dense = influence[abs(row[:, None] - row), abs(column[:, None] - column)]
     direct = (dense @ pressure.ravel()).reshape(pressure.shape)
-    np.testing.assert_allclose(displacement(pressure, SPACING, MODULUS), direct, rtol=1e-13)
+    np.testing.assert_allclose(
+        displacement(pressure, SPACING, MODULUS), direct, rtol=1e-13
+    )
 
 
 def test_displacement_of_a_wave():
@@ -75,7 +79,11 @@ def test_a_wrong_pressure_is_seen():
 
 @pytest.mark.parametrize(
     ("label", "steps", "periodic"),
-    [("gstlib, load", 1, True), ("gstlib, displacement", 1, False), ("gstlib, load", 3, False)],
+    [
+        ("gstlib, load", 1, True),
+        ("gstlib, displacement", 1, False),
+        ("gstlib, load", 3, False),
+    ],
 )
 def test_runner_of_gstlib(label, steps, periodic):
     surface = Surface("rough", 32, periodic=periodic)
@@ -87,7 +95,13 @@ def test_runner_of_gstlib(label, steps, periodic):
 
 
 def test_growth_is_taken_surface_by_surface():
-    counts = (256, 0, 4, 20), (256, 1, 4, 30), (512, 0, 4, 40), (512, 1, 4, 30), (512, 0, 8, 25)
+    counts = (
+        (256, 0, 4, 20),
+        (256, 1, 4, 30),
+        (512, 0, 4, 40),
+        (512, 1, 4, 30),
+        (512, 0, 8, 25),
+    )
     names = "code", "size", "seed", "cut_off", "convolutions"
     rows = [dict(zip(names, ("a", *count), strict=True)) for count in counts]
     factors = {("a", 512, 4): (pytest.approx(2**0.5), 2.0), ("a", 512, 8): (1.25, 1.25)}

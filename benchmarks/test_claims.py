@@ -31,9 +31,13 @@ from gst.config.tables import TABLES as LISTED
 from gstlib.io.files import sha256
 from gstlib.io.tables import read_table
 
-EVIDENCE, SOLVER = ROOT / "docs/explanation/evidence.md", ROOT / "docs/explanation/solver.md"
+EVIDENCE, SOLVER = (
+    ROOT / "docs/explanation/evidence.md",
+    ROOT / "docs/explanation/solver.md",
+)
 CLUSTER, README, PAPER = (
-    ROOT / file for file in ("docs/how-to/cluster.md", "benchmarks/README.md", "paper.md")
+    ROOT / file
+    for file in ("docs/how-to/cluster.md", "benchmarks/README.md", "paper.md")
 )
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 SHOWN_TESTS = [
@@ -50,7 +54,9 @@ SHOWN_TESTS = [
 def numbers(shown):
     """The numbers in a text, as they are printed; those of a list are its own."""
     if isinstance(shown, str):
-        return NUMBER.findall(re.sub(r"(?<=\d),(?=\d{3}\b)", "", shown.replace("−", "-")))
+        return NUMBER.findall(
+            re.sub(r"(?<=\d),(?=\d{3}\b)", "", shown.replace("−", "-"))
+        )
     return shown if isinstance(shown, list) else [shown]
 
 
@@ -95,7 +101,9 @@ def words(pattern, document=EVIDENCE):
 
 @functools.cache
 def rows_of(name):
-    return use.made(use.RESULT) if name == "use" else read_table(RESULTS / f"{name}.csv")
+    return (
+        use.made(use.RESULT) if name == "use" else read_table(RESULTS / f"{name}.csv")
+    )
 
 
 @functools.cache
@@ -121,7 +129,9 @@ def rates(name):
 
 def values_of(frame, columns, factors=()):
     """The columns of a table, row by row; some of them times a factor."""
-    scaled = frame[columns].mul(pd.Series(dict(factors)).reindex(columns, fill_value=1.0))
+    scaled = frame[columns].mul(
+        pd.Series(dict(factors)).reindex(columns, fill_value=1.0)
+    )
     return scaled.astype(float).to_numpy().tolist()
 
 
@@ -150,7 +160,9 @@ def two_scales_by_error():
             )
             paper = percent(other.misplaced)[:1] + values(other.f1)[:1]
             cells = percent(row.misplaced), row.f1, row.area_ratio, row.volume_error
-            tilts = values(row.tilt_error_mrad)[:1] + values(row.stated_tilt_error_mrad)[:1]
+            tilts = (
+                values(row.tilt_error_mrad)[:1] + values(row.stated_tilt_error_mrad)[:1]
+            )
             yield *cells, tilts, paper
 
 
@@ -163,7 +175,9 @@ def strengths():
     caps = verdict.strength_table(rows_of("verdict")).set_index(["worn_by", "model"])
     models = "archard", "2000 MPa", "1000 MPa", "300 MPa"
     for worn_by in verdict.WORN_BY:
-        yield [[*caps.loc[(worn_by, model), ["mcc", "map_error_um"]]] for model in models]
+        yield [
+            [*caps.loc[(worn_by, model), ["mcc", "map_error_um"]]] for model in models
+        ]
 
 
 def claims_of_tests(name, wears):
@@ -181,7 +195,13 @@ def rough_contact():
 
 def places_of_scans():
     own = found_places().xs("own", level="scans")
-    columns = ["found_fraction", "off_median_um", "off_p95_um", "stated_rms_um", "true_rms_um"]
+    columns = [
+        "found_fraction",
+        "off_median_um",
+        "off_p95_um",
+        "stated_rms_um",
+        "true_rms_um",
+    ]
     shares = {"found_fraction": 100, "held_fraction": 100}
     return values_of(own, [*columns, "held_fraction", "found_and_wrong"], shares)
 
@@ -210,7 +230,13 @@ def breech_faces():
 
 def many_patches():
     sizes = pd.read_csv(RESULTS / "scale.csv", index_col="quantity").T
-    names = ["plan_jobs", "plan_cpu_s", "plan_peak_mb", "run_cpu_s", "run_cpu_s_per_patch"]
+    names = [
+        "plan_jobs",
+        "plan_cpu_s",
+        "plan_peak_mb",
+        "run_cpu_s",
+        "run_cpu_s_per_patch",
+    ]
     return values_of(sizes, [*names, "run_wall_s", "run_largest_job_mb"])
 
 
@@ -220,9 +246,7 @@ def columns(module, names):
 
 
 USED = "stones pressed y_mm x_mm log_radius held_50 held_95 told inferred known"
-STRUCK = (
-    "rms_um area_ratio correlation_smooth correlation_halves mcc_smooth mcc_halves mcc_height"
-)
+STRUCK = "rms_um area_ratio correlation_smooth correlation_halves mcc_smooth mcc_halves mcc_height"
 STOPPED = "studies stop patches found wrong covered missed"
 LEFT_OUT = "contact_ratio f1 deepest_ratio map_difference force_moved loss_moved cases"
 TABLES = {
@@ -238,7 +262,9 @@ TABLES = {
     "## What a patch's contact leaves out": columns(left_out, LEFT_OUT),
     "**Is the contact with a smooth tool": columns(strikes, STRUCK),
     "| claim |": lambda: claims_of_tests("power", power.OF_BARE),
-    "| claim, use inferred |": lambda: claims_of_tests("power_inferred", power.BY_RULE[1:]),
+    "| claim, use inferred |": lambda: claims_of_tests(
+        "power_inferred", power.BY_RULE[1:]
+    ),
     "| way | found |": places_of_scans,
     "**Repeats.**": repeats,
     "**Breech faces.**": breech_faces,
@@ -264,7 +290,11 @@ def claims_of_uses():
 
 
 def uses_beyond_the_square():
-    rows, side, reach = rows_of("use"), 5.0, 1.96  # mm, of config/config.yaml; deviations
+    rows, side, reach = (
+        rows_of("use"),
+        5.0,
+        1.96,
+    )  # mm, of config/config.yaml; deviations
     middles, reaches, truths = (
         rows[[f"{name}_{axis}_mm" for axis in "yx"]].to_numpy()
         for name in ("mean", "sd", "true")
@@ -276,7 +306,11 @@ def uses_beyond_the_square():
     is_beyond = named.any(axis=(0, 2))
     outside = rows.case == "outside"
     law = rows.case == "law"
-    counts = [count for case in (outside, law) for count in (is_beyond[case].sum(), case.sum())]
+    counts = [
+        count
+        for case in (outside, law)
+        for count in (is_beyond[case].sum(), case.sum())
+    ]
     right = (named & over).any(axis=(0, 2)) & outside
     return *counts, right.sum(), (is_beyond & outside).sum()
 
@@ -297,19 +331,29 @@ def scales_in_detail():
             ("equilibrium", "S-filter none"),
         )
     )
-    pairs = [part for row in (equilibrium, paper) for part in (percent(row.misplaced), row.f1)]
+    pairs = [
+        part
+        for row in (equilibrium, paper)
+        for part in (percent(row.misplaced), row.f1)
+    ]
     return *pairs, highest.f1, unfiltered.f1
 
 
 def edges():
     square = scale_of("paper")
     face = scale_of("equilibrium", radius=1000)
-    shares = square.edge_of_square, scale_of("true face").edge_of_square, face.edge_of_face
+    shares = (
+        square.edge_of_square,
+        scale_of("true face").edge_of_square,
+        face.edge_of_face,
+    )
     return map(percent, shares)
 
 
 def by_patches():
-    fewer = rates("power")[rates("power").test == SHOWN_TESTS[-2]].query("wear == 'summits'")
+    fewer = rates("power")[rates("power").test == SHOWN_TESTS[-2]].query(
+        "wear == 'summits'"
+    )
     fewer = fewer.dropna(subset="drawn").set_index("drawn").rate
     assert fewer[4] == 0
     return map(percent, fewer[[6, 8, 10, 12]])
@@ -319,7 +363,11 @@ def chances():
     rates = chance.rates(rows_of("chance"))
     claims = rates["claim", "mean"]
     held = rates["held", "mean"]
-    return {"waves": claims["waves"], "pairs": claims["neighbours"], "mean": held["mean of 6"]}
+    return {
+        "waves": claims["waves"],
+        "pairs": claims["neighbours"],
+        "mean": held["mean of 6"],
+    }
 
 
 def peers():
@@ -362,9 +410,7 @@ def runs_of_a_study():
     return count, int(rows.margin.min())
 
 
-HELD = (
-    "true pressure of (\\S+ % \\[.*?\\]) of 500 patches, and of (\\S+ % \\[.*?\\]) of the 236"
-)
+HELD = "true pressure of (\\S+ % \\[.*?\\]) of 500 patches, and of (\\S+ % \\[.*?\\]) of the 236"
 WORDS = [
     (
         r"\((\d+) % of its load lies .*? the truth has (\S+) % .*? carry too much \((\d+) %\)",
@@ -375,10 +421,18 @@ WORDS = [
         r"have F1 (\S+) in equilibrium\..*?F1 (\S+), and a quarter",
         scales_in_detail,
     ),
-    (HELD, lambda: map(percent, scale_of("equilibrium", distance=1)[["held", "loaded_held"]])),
+    (
+        HELD,
+        lambda: map(
+            percent, scale_of("equilibrium", distance=1)[["held", "loaded_held"]]
+        ),
+    ),
     (
         r"at 200 mm is (\S+) \[.*?equilibrium, (\S+) \[.*?and (\S+) with",
-        lambda: [scale_of(name).volume_error for name in ("equilibrium", "paper", "true face")],
+        lambda: [
+            scale_of(name).volume_error
+            for name in ("equilibrium", "paper", "true face")
+        ],
     ),
     (
         r"in (\d+) such cases, a use was claimed in (\d+)\..*?"
@@ -391,7 +445,10 @@ WORDS = [
         uses_beyond_the_square,
     ),
     (r"a round one on (\d+) of (\d+) stones", better_forms),
-    (r"smooth contact at (\S+) to (\S+), (\S+) to (\S+) and (\S+) to (\S+)\.", strikes_apart),
+    (
+        r"smooth contact at (\S+) to (\S+), (\S+) to (\S+) and (\S+) to (\S+)\.",
+        strikes_apart,
+    ),
     (
         r"six in (\S+) % of cases, with eight in (\S+) %, with ten in (\S+) %, .* (\S+) %\.",
         by_patches,
@@ -401,12 +458,18 @@ WORDS = [
         r"r\.m\.s\. errors of (\S+), (\S+) and (\S+) µm",
         lambda: read_table(ROOT / "tests/baseline/tables/gridding.csv").left_out_rms_um,
     ),
-    (r"the stage shows it on (\d+) of 20; .*?hand, (\d+) of these 20", placed_elsewhere),
+    (
+        r"the stage shows it on (\d+) of 20; .*?hand, (\d+) of these 20",
+        placed_elsewhere,
+    ),
     (
         r"test at 5 % claims a relation on (\S+) % of patches",
         lambda: [percent(chances()["waves"])],
     ),
-    (r"a relation in (\S+) % of cases with twelve", lambda: [percent(chances()["pairs"])]),
+    (
+        r"a relation in (\S+) % of cases with twelve",
+        lambda: [percent(chances()["pairs"])],
+    ),
     (r"of normal numbers in (\S+) % of cases", lambda: [percent(chances()["mean"])]),
     (
         r"cold contact takes (\S+) times as long, the path (\S+) times",
@@ -484,7 +547,9 @@ def test_names_in_the_first_column_are_those_of_the_rows():
     ):
         assert [cells[0] for cells in table(heading)] == list(names)
     sizes = pd.read_csv(RESULTS / "scale.csv", index_col="quantity")
-    assert [cells[0] for cells in table("## Hundreds of patches", CLUSTER)] == list(sizes)
+    assert [cells[0] for cells in table("## Hundreds of patches", CLUSTER)] == list(
+        sizes
+    )
 
 
 def test_repeats_say_which_serve():
@@ -492,7 +557,8 @@ def test_repeats_say_which_serve():
     rows = rows_of("repeats")
     shown = [cells[4:6] for cells in table("**Repeats.**")]
     assert shown == [
-        [answers[answer] for answer in row] for row in rows[["above_noise", "serves"]].values
+        [answers[answer] for answer in row]
+        for row in rows[["above_noise", "serves"]].values
     ]
 
 
@@ -543,7 +609,10 @@ def test_mistakes_in_the_places():
     noisy, coarse = ((stone, 25) for stone in ("mesh noise 3 µm", "mesh edges 0.45 mm"))
     text = " ".join(EVIDENCE.read_text().partition("Mistakes in the places")[2].split())
     for share, sentence in (
-        (every.right_agree["none"], "In studies of 25 patches, {} of the patches agree"),
+        (
+            every.right_agree["none"],
+            "In studies of 25 patches, {} of the patches agree",
+        ),
         (turned.stopped, "orientations, {} of the studies stop, and the fault"),
         (turned.named, "names that orientation in {}"),
         (every.stopped[placement.ELSEWHERE], "another place stops {}"),

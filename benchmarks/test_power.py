@@ -20,7 +20,8 @@ from gstlib.specimen.stone import Stone
 from gstlib.validation.summary import separated
 
 DEFAULT, TINY = (
-    yaml.safe_load((ROOT / f"config/{name}.yaml").read_text()) for name in ("config", "tiny")
+    yaml.safe_load((ROOT / f"config/{name}.yaml").read_text())
+    for name in ("config", "tiny")
 )
 CONFIG = merged(DEFAULT, TINY)
 
@@ -29,7 +30,9 @@ def rates_of(by_specimen):
     """Rates by level, for lists of the p-values of each specimen."""
     rows = [(seed, p) for seed, values in enumerate(by_specimen) for p in values]
     table = pd.DataFrame(rows, columns=["seed", "p_value"])
-    return rejection_rates(table.assign(test="f1", drawn=np.nan, wear="")).set_index("level")
+    return rejection_rates(table.assign(test="f1", drawn=np.nan, wear="")).set_index(
+        "level"
+    )
 
 
 def exact_interval(claims, trials):
@@ -42,16 +45,27 @@ def test_one_trial_a_specimen_is_counted_as_it_is():
     assert list(rates.index) == list(LEVELS)
     for level, row in rates.iterrows():
         claims = int((drawn <= level).sum())
-        assert (row.claims, row.of, row.specimens, row.rate) == (claims, 40, 40, claims / 40)
-        assert (row.low, row.high) == pytest.approx(exact_interval(claims, 40), abs=1e-9)
+        assert (row.claims, row.of, row.specimens, row.rate) == (
+            claims,
+            40,
+            40,
+            claims / 40,
+        )
+        assert (row.low, row.high) == pytest.approx(
+            exact_interval(claims, 40), abs=1e-9
+        )
 
 
 def test_trials_that_repeat_each_other_count_once_and_independent_ones_each():
     """Ten patches of a specimen with one p-value tell no more than one patch would."""
     drawn = np.random.default_rng(2).random((30, 1))
-    once, tenfold = (rates_of(np.repeat(drawn, times, axis=1)).loc[0.3] for times in (1, 10))
+    once, tenfold = (
+        rates_of(np.repeat(drawn, times, axis=1)).loc[0.3] for times in (1, 10)
+    )
     assert tenfold.rate == once.rate
-    assert tenfold[["low", "high"]].to_list() == pytest.approx([once.low, once.high], abs=0.01)
+    assert tenfold[["low", "high"]].to_list() == pytest.approx(
+        [once.low, once.high], abs=0.01
+    )
     row = rates_of(np.random.default_rng(3).random((200, 10))).loc[0.3]
     assert row.high - row.low == pytest.approx(
         np.ptp(exact_interval(row.claims, 2000)), rel=0.1
@@ -71,7 +85,10 @@ class Scored:
     rising = number % 5.0  # also over the first four of the nine
     patches = pd.DataFrame({"patch": number.astype(str)})
     registration = patches.assign(
-        loss_fraction=rising, mean_wear_depth_um=rising, above_noise=True, known_fraction=1.0
+        loss_fraction=rising,
+        mean_wear_depth_um=rising,
+        above_noise=True,
+        known_fraction=1.0,
     )
     selected = patches.assign(
         x_mm=1.0 * (number % 3),
@@ -92,7 +109,10 @@ class Scored:
         )
         columns = columns_of("validation_summary")
         patches = self.patches.assign(contact_fraction=0.1, predicted_loss_um=0.1)
-        return {"patches": patches, "summary": summary.reindex(columns=columns).assign(n=9)}
+        return {
+            "patches": patches,
+            "summary": summary.reindex(columns=columns).assign(n=9),
+        }
 
 
 def test_a_difference_is_claimed_on_the_side_where_it_lies():
@@ -115,7 +135,14 @@ def test_a_difference_is_claimed_on_the_side_where_it_lies():
 def test_the_later_studies_share_what_precedes_use_and_nothing_else(is_inferred):
     """The contact does not, where the wear says how the tool was used."""
     config = CONFIG if is_inferred else merged(CONFIG, {"use": None})
-    row = {"patch": ["a"], "x_mm": 2.5, "y_mm": 2.5, "rotation_deg": 0.0, "t0": "a", "t1": "b"}
+    row = {
+        "patch": ["a"],
+        "x_mm": 2.5,
+        "y_mm": 2.5,
+        "rotation_deg": 0.0,
+        "t0": "a",
+        "t1": "b",
+    }
     patches = pd.DataFrame(row | {"crop_x_mm": np.nan, "crop_y_mm": np.nan})
     stages = {}
     for wear, study in specimen_studies(config, patches, 3):
@@ -134,7 +161,9 @@ def test_the_later_studies_share_what_precedes_use_and_nothing_else(is_inferred)
     of_use = set() if is_inferred else {"contact", "square", "pressures"}
     first, *others = stages.values()
     for other in others:
-        assert {stage for stage in first if other[stage] is first[stage]} == {"T0"} | of_use
+        assert {stage for stage in first if other[stage] is first[stage]} == {
+            "T0"
+        } | of_use
         assert not any(other[stage].equals(first[stage]) for stage in ("change", "T1"))
 
 
@@ -145,7 +174,9 @@ def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights():
         stone = Stone(replace(parameters, seed=seed), 5.0)
         depths = {name: WEARS[name](stone).astype(float) for name in relation}
         for placement, depth in depths.items():
-            relation[placement].append(np.corrcoef(depth.ravel(), stone.detail.ravel())[0, 1])
+            relation[placement].append(
+                np.corrcoef(depth.ravel(), stone.detail.ravel())[0, 1]
+            )
         # the modulus of the spectrum is that of all shifts, and of hardly anything else
         summits, moved = (
             np.abs(np.fft.rfft2(depths[name] - depths[name].mean()))
@@ -157,7 +188,9 @@ def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights():
     for placement in ("random", "waves"):
         mean = np.mean(relation[placement])
         spread = np.std(relation[placement], ddof=1)
-        assert abs(mean) < 3 * spread / np.sqrt(6)  # on each, few and broad waves allow more
+        assert abs(mean) < 3 * spread / np.sqrt(
+            6
+        )  # on each, few and broad waves allow more
         assert min(relation["summits"]) > 3 * np.abs(relation[placement]).max()
 
 

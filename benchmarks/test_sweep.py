@@ -15,7 +15,10 @@ CONFIGS = ROOT / "config"
 
 def test_merged_replaces_what_is_stated_and_nothing_else():
     config = {"a": {"b": 1, "c": 2}, "d": [1, 2]}
-    assert merged(config, {"a": {"b": {"e": 3}}}) == {"a": {"b": {"e": 3}, "c": 2}, "d": [1, 2]}
+    assert merged(config, {"a": {"b": {"e": 3}}}) == {
+        "a": {"b": {"e": 3}, "c": 2},
+        "d": [1, 2],
+    }
     assert config == {"a": {"b": 1, "c": 2}, "d": [1, 2]}
 
 

@@ -36,7 +36,12 @@ from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import place_scans, sample, take_scan
 from gstlib.specimen.stone import Stone
 from gstlib.study import Study
-from gstlib.surfaces.footprints import PatchPosition, footprint_weights, places_of, square_of
+from gstlib.surfaces.footprints import (
+    PatchPosition,
+    footprint_weights,
+    places_of,
+    square_of,
+)
 from gstlib.surfaces.grid import make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 from gstlib.validation.single_scale import (
@@ -118,9 +123,15 @@ def scanned(stone, surface, patches, parameters):
     for row in patches.itertuples():
         nominal = PatchPosition(row.y_mm, row.x_mm, row.rotation_deg)
         place, _ = place_scans(
-            row.patch, nominal, parameters, square_mm=stone.square_mm, poor_overlap=False
+            row.patch,
+            nominal,
+            parameters,
+            square_mm=stone.square_mm,
+            poor_overlap=False,
         )
-        true = sample(surface, stone, place, parameters.scan_points, order=3, patch=row.patch)
+        true = sample(
+            surface, stone, place, parameters.scan_points, order=3, patch=row.patch
+        )
         plane = remove_plane(make_surface(true, parameters.scan_spacing_mm))[1]
         scans[row.patch], _ = take_scan(true, row.patch, "T0", parameters)
         slopes = {"true_slope_y": plane.slope_y, "true_slope_x": plane.slope_x}
@@ -269,7 +280,9 @@ def rows_of(predicted, truth):
 def losses(truth, predicted):
     """True mean loss of each patch, mm."""
     places = places_of(predicted.places).values()
-    weights = [footprint_weights(truth.lost, place, predicted.patch_mm) for place in places]
+    weights = [
+        footprint_weights(truth.lost, place, predicted.patch_mm) for place in places
+    ]
     return np.array([np.average(truth.lost.values, weights=each) for each in weights])
 
 
@@ -305,7 +318,10 @@ def tilt_errors(composite, places):
     scans = composite.known.values
     stated = composite.tilt_error_mrad.values[scans]
     errors = np.array(
-        [composite[f"slope_{axis}"].values - places[f"true_slope_{axis}"] for axis in "yx"]
+        [
+            composite[f"slope_{axis}"].values - places[f"true_slope_{axis}"]
+            for axis in "yx"
+        ]
     )
     return {
         "tilt_error_mrad": 1e3 * float(np.sqrt(np.mean(errors[:, scans] ** 2))),
@@ -340,7 +356,9 @@ def specimen(config, seed, cases, bounded):
     """The rows of each case of one specimen."""
     size_mm = config["square"]["size_mm"]
     patches = read_patches(
-        ROOT / config["patches"], size_mm=size_mm, patch_size_mm=config["scans"]["size_mm"]
+        ROOT / config["patches"],
+        size_mm=size_mm,
+        patch_size_mm=config["scans"]["size_mm"],
     ).assign(t1="")  # they are scanned before use alone
     config = merged(config, {"specimen": {"seed": seed}})
     parameters = SpecimenParameters(**config["specimen"])
@@ -354,14 +372,20 @@ def specimen(config, seed, cases, bounded):
             for case in of_form:
                 form = radius_mm, case.distance_mm
                 if form not in truths:
-                    truths[form] = truth_of(predicted.study, stone, surface, case.distance_mm)
+                    truths[form] = truth_of(
+                        predicted.study, stone, surface, case.distance_mm
+                    )
                 rows = rows_of(predicted, truths[form])
                 if case in bounded:
                     rows[EQUILIBRIUM] |= held_by_intervals(
                         predicted, truths[form], case.distance_mm
                     )
-                table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("variant")
-                values = dict(zip(KEY, [parameters.scan_points, seed, *case], strict=True))
+                table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(
+                    "variant"
+                )
+                values = dict(
+                    zip(KEY, [parameters.scan_points, seed, *case], strict=True)
+                )
                 table = table.reset_index().assign(**values)
                 yield table[[*KEY, *table.columns.drop(KEY)]]
 
@@ -400,7 +424,9 @@ def summary(rows):
 
 def missing_cases(rows, seed, scan_points, cases):
     """Cases of a specimen that the rows do not hold."""
-    there = rows[(rows.seed == seed) & (rows.scan_points == scan_points)][[*Case._fields]]
+    there = rows[(rows.seed == seed) & (rows.scan_points == scan_points)][
+        [*Case._fields]
+    ]
     return [case for case in cases if not (there == case).all(axis=1).any()]
 
 
@@ -415,7 +441,9 @@ def main():
         config = merged(specimen_config(), changes | {"use": None})
         config["microscale"]["tolerance"] = 1e-6  # no point of contact changes
         for seed in chosen.seeds:
-            cases_left = missing_cases(rows, seed, config["specimen"]["scan_points"], cases)
+            cases_left = missing_cases(
+                rows, seed, config["specimen"]["scan_points"], cases
+            )
             for made in specimen(config, seed, cases_left, bounded):
                 rows = pd.concat([rows, made], ignore_index=True)
                 save(chosen.output, rows, digits=5, adds=adds)

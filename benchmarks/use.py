@@ -86,7 +86,12 @@ ASPECT = 169 / 108
 FORCE = 2.0
 UNEVEN, UNEVEN_MM = 0.4, 2.0
 # Widths of blobs, tilts of planes and the share of the patches above them, lengths of waves.
-BLOB_MM, TILT_MRAD, ABOVE_PLANE, WAVE_MM = (0.4, 1.2), (2.0, 8.0), (0.3, 0.6), (0.8, 3.0)
+BLOB_MM, TILT_MRAD, ABOVE_PLANE, WAVE_MM = (
+    (0.4, 1.2),
+    (2.0, 8.0),
+    (0.3, 0.6),
+    (0.8, 3.0),
+)
 SMOOTH_MM = (0.5, 1.0, 2.0, 3.0)
 # Loss over the mean loss, above which a patch counts as worn.
 WORN = 0.05
@@ -140,7 +145,10 @@ def drawn_use(config, seed):
     off = np.clip(off, EDGE_MM - half, half - EDGE_MM)
     log_radius = errors["radius_log_sd"] * generator.standard_normal()
     radius = config["counterface"]["radius_mm"] * np.exp(log_radius)
-    return {"worn_off_middle_mm": tuple(map(float, off)), "worn_radius_mm": float(radius)}
+    return {
+        "worn_off_middle_mm": tuple(map(float, off)),
+        "worn_radius_mm": float(radius),
+    }
 
 
 def worn_stone(config, patches, seed, faces):
@@ -156,7 +164,9 @@ def worn_stone(config, patches, seed, faces):
     else:
         config = merged(config, {"specimen": use})
         ((_, study),) = specimen_studies(config, patches, seed, [LAW])
-        measured = losses_of(study.patches, asked(lambda study: study.registration, study))
+        measured = losses_of(
+            study.patches, asked(lambda study: study.registration, study)
+        )
         worn = study.composite[["height", "counterface", "size_mm"]].load(), *measured
     if file:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -178,9 +188,13 @@ def pressures_of(stone, strikes, force=1.0, losses=None):
     """
     stated = stone.stated._replace(force_N=force * stone.stated.force_N)
     settings = {name: stone.settings[name] for name in ("modulus", "patch_mm")}
-    pressed = partial(use_pressures, strikes, stone.face, stone.patches, stated, **settings)
+    pressed = partial(
+        use_pressures, strikes, stone.face, stone.patches, stated, **settings
+    )
     losses = losses or Losses(np.full(len(stone.patches), MADE_UM))
-    return np.asarray(pressed(springs=losses.springs(pressed().mean(axis=0))).mean(axis=0))
+    return np.asarray(
+        pressed(springs=losses.springs(pressed().mean(axis=0))).mean(axis=0)
+    )
 
 
 def truth(point, scatter_mm=0.0, stroke_mm=0.0):
@@ -262,7 +276,9 @@ def two_radii(stone, generator, *, is_told):
 
 def by_patch(stone, field):
     """Mean of a field on the face (y, x) over each patch."""
-    means = patch_means(stone.face.height, stone.patches, size_mm=stone.settings["patch_mm"])
+    means = patch_means(
+        stone.face.height, stone.patches, size_mm=stone.settings["patch_mm"]
+    )
     return np.asarray(means @ field.ravel())
 
 
@@ -275,7 +291,9 @@ def random_field(stone, generator, length_mm):
     """A Gaussian field on the face, of variance 1 and of a correlation length."""
     spacing = float(stone.face.y[1] - stone.face.y[0])
     noise = generator.standard_normal(stone.face.height.shape)
-    field = scipy.ndimage.gaussian_filter(noise, length_mm / spacing / 2**0.5, mode="wrap")
+    field = scipy.ndimage.gaussian_filter(
+        noise, length_mm / spacing / 2**0.5, mode="wrap"
+    )
     return np.asarray(field / field.std())
 
 
@@ -330,7 +348,9 @@ def smooth(stone, generator):
 
 def without_contact(stone, generator, *, field):
     """Losses that go with a field that knows no contact."""
-    return Trial(stone, made_losses(by_patch(stone, field(stone, generator)), generator), {})
+    return Trial(
+        stone, made_losses(by_patch(stone, field(stone, generator)), generator), {}
+    )
 
 
 def fewer(stone, generator, *, count):
@@ -371,7 +391,9 @@ def graded(stone, generator, *, make):
 
 _FIELDS = {"blobs": blob, "tilted": tilted, "gradients": gradient, "waves": wave}
 _FIELDS |= {"smooth": smooth}
-_OF_FIELDS = {name: partial(without_contact, field=field) for name, field in _FIELDS.items()}
+_OF_FIELDS = {
+    name: partial(without_contact, field=field) for name, field in _FIELDS.items()
+}
 # How many stones are tried in each case, and what is made of each.
 CASES = {
     "law": (40, law),
@@ -421,7 +443,9 @@ def row_of(trial, case):
     """What the wear of one stone tells in one case."""
     stone = trial.stone
     evidence = trial.evidence
-    settings = {key: value for key, value in stone.settings.items() if key != "wear_law"}
+    settings = {
+        key: value for key, value in stone.settings.items() if key != "wear_law"
+    }
     sampling = Sampling(**settings.pop("sampling"))
     row = {"seed": stone.seed, "case": case, "patches": len(stone.patches)}
     start = time.process_time()
@@ -495,14 +519,19 @@ def summary(rows):
                 row[f"{name}_ratio"] = (answered[name] / answered.known).median()
         row |= answered[["told", "inferred", "known"]].median()
         row["within_95"] = answered.within_95.mean()
-        row |= answered[["log_score_gain", "contacts", "contact_error", "cpu_s"]].median()
+        row |= answered[
+            ["log_score_gain", "contacts", "contact_error", "cpu_s"]
+        ].median()
         summaries[case] = row | {"least_draws": answered.least_draws.min()}
     return pd.DataFrame(summaries).T
 
 
 def coverage(rows):
     """How far the truths lie from the means of the draws, and how many inside their regions."""
-    row = {name: abs(rows[f"mean_{name}"] - rows[f"true_{name}"]).median() for name in _POINT}
+    row = {
+        name: abs(rows[f"mean_{name}"] - rows[f"true_{name}"]).median()
+        for name in _POINT
+    }
     names = _POINT + ["spread_mm"] * bool((rows.true_spread_mm > 0).any())
     off = abs(rows[[f"below_{name}" for name in names]] - 0.5).set_axis(names, axis=1)
     for share in (50, 95):
@@ -524,7 +553,9 @@ def write_grades(file):
         "# Made by `python benchmarks/use.py --grades FILE`: losses of a synthetic stone, as an "
         "eye would grade them.\n"
     )
-    text = table.to_csv(sep="\t", index=False, float_format="%.10g", lineterminator="\n")
+    text = table.to_csv(
+        sep="\t", index=False, float_format="%.10g", lineterminator="\n"
+    )
     file.write_text(head + text, encoding="utf-8")
 
 

@@ -65,7 +65,9 @@ def rows_of(seed, strengths):
     config = specimen_config()
     tables = [
         scored(study, strengths).assign(seed=seed, worn_by=worn_by)
-        for worn_by, study in specimen_studies(config, worn_patches(config), seed, WORN_BY)
+        for worn_by, study in specimen_studies(
+            config, worn_patches(config), seed, WORN_BY
+        )
     ]
     return pd.concat(tables, ignore_index=True)
 
@@ -106,10 +108,16 @@ def strength_table(rows):
     """By kind of wear: the elastic prediction and those with caps, on the same patches."""
     names = [f"{limit:g} MPa" for limit in STRENGTHS]
     tried = rows[rows.seed.isin(rows.seed[rows.model.isin(names)]) & rows.in_statistics]
-    groups = tried[tried.model.isin([BARE, *names])].groupby(["worn_by", "model"], sort=False)
+    groups = tried[tried.model.isin([BARE, *names])].groupby(
+        ["worn_by", "model"], sort=False
+    )
     table = groups[["predicted_worn_fraction", "mcc", "map_error_um"]].mean()
     table.insert(0, "stones", groups.seed.nunique())
-    return table.rename(columns={"predicted_worn_fraction": "marked"}).reset_index().round(3)
+    return (
+        table.rename(columns={"predicted_worn_fraction": "marked"})
+        .reset_index()
+        .round(3)
+    )
 
 
 def _shown(estimate):

@@ -31,7 +31,9 @@ def main():
     elastic = surface.spacing, MODULUS
 
     def worn():
-        return wear_path(heights, *elastic, mean_pressure=PRESSURE, mean_loss=LOSS, steps=10)
+        return wear_path(
+            heights, *elastic, mean_pressure=PRESSURE, mean_loss=LOSS, steps=10
+        )
 
     once = cpu_time(lambda: solve_contact(heights, *elastic, mean_pressure=PRESSURE))
     print(f"ten implicit steps take {cpu_time(worn) / once:.1f} times one cold contact")

@@ -17,7 +17,9 @@ exclude_patterns = [".*", "build", "results*"]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 myst_heading_anchors = 3
 highlight_language = "none"  # equations stand in blocks of plain text
-default_role = "py:obj"  # names in the docstrings' single backticks are links; those that begin
+default_role = (
+    "py:obj"  # names in the docstrings' single backticks are links; those that begin
+)
 nitpicky = True  # with gstlib have to lead somewhere
 nitpick_ignore_regex = [("py:class", ".*"), ("py:.*", r"(?!gstlib\.).*")]
 numpydoc_show_class_members = False
@@ -36,7 +38,9 @@ def with_contents(found):
     entries = re.sub(
         r"^- \[(.*?)\]\((.*?)\.md\).*\n(?: .*\n)*", r"\1 <\2>\n", found[2], flags=re.M
     )
-    return f"{found[0]}\n```{{toctree}}\n:caption: {found[1]}\n:hidden:\n\n{entries}```\n"
+    return (
+        f"{found[0]}\n```{{toctree}}\n:caption: {found[1]}\n:hidden:\n\n{entries}```\n"
+    )
 
 
 def with_results(found):
@@ -61,7 +65,8 @@ def read(app, name, source):
 
 def lead_to_start(app, exception):
     (Path(app.outdir) / "index.html").write_text(
-        f'<meta http-equiv="refresh" content="0; url={root_doc}.html">', encoding="utf-8"
+        f'<meta http-equiv="refresh" content="0; url={root_doc}.html">',
+        encoding="utf-8",
     )
 
 

@@ -25,7 +25,9 @@ def main(results: Path, picture: Path) -> None:
     scores = read_table(table)
     counted = scores[scores.in_statistics].sort_values("mcc")
     patch = counted.patch.iloc[(len(counted) - 1) // 2]
-    config = json.loads((results / "provenance.json").read_text(encoding="utf-8"))["config"]
+    config = json.loads((results / "provenance.json").read_text(encoding="utf-8"))[
+        "config"
+    ]
     study = Results(
         files={
             "contacts": sorted(results.glob("microscale/[0-9]*")),

@@ -42,7 +42,12 @@ STAGE_OF = {"conditions": "contact", "bem": "contact", "io": "surfaces"}
 
 # Characters of a line of help.
 WIDTH = 110
-SIGNS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+SIGNS = {
+    "exclusiveMinimum": ">",
+    "minimum": "≥",
+    "exclusiveMaximum": "<",
+    "maximum": "≤",
+}
 
 
 def keys(node: dict, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
@@ -67,7 +72,9 @@ def default_of(node: dict) -> str:
 def allowed(node: dict) -> str:
     """The values that a key may take, in words."""
     if "enum" in node:
-        return ", ".join("null" if value is None else str(value) for value in node["enum"])
+        return ", ".join(
+            "null" if value is None else str(value) for value in node["enum"]
+        )
     kinds = node["type"] if isinstance(node["type"], list) else [node["type"]]
     kind = " or ".join(
         {"string": "text", "object": "section"}.get(kind, kind) for kind in kinds
@@ -82,7 +89,9 @@ def allowed(node: dict) -> str:
 def table(schema: dict) -> str:
     rows = ["| key | value | default | what it is |", "|---|---|---|---|"]
     for name, values, default, description in keys(schema):
-        rows.append(f"| `{name}` | {values} | {default} | {' '.join(description.split())} |")
+        rows.append(
+            f"| `{name}` | {values} | {default} | {' '.join(description.split())} |"
+        )
     return "\n".join(rows)
 
 
@@ -96,7 +105,9 @@ def config_table(schema: dict) -> str:
 def choices() -> Iterator[str]:
     """Every modelling choice marked in the code, by stage."""
     of_stage: dict[str, list[str]] = {stage: [] for stage in STAGES}
-    for file in sorted([*ROOT.glob("src/**/*.py"), *ROOT.glob("workflow/scripts/*.py")]):
+    for file in sorted(
+        [*ROOT.glob("src/**/*.py"), *ROOT.glob("workflow/scripts/*.py")]
+    ):
         name = file.relative_to(ROOT).as_posix()
         stage = stage_of(name)
         for match in ASSUMPTION.finditer(file.read_text(encoding="utf-8")):
@@ -117,7 +128,9 @@ def stage_of(name: str) -> str:
 
 def commands() -> Iterator[str]:
     """What `gst --help` says, and the help of each command without its option ``--help``."""
-    group = click.Context(gst, info_name="gst", terminal_width=WIDTH, **gst.context_settings)
+    group = click.Context(
+        gst, info_name="gst", terminal_width=WIDTH, **gst.context_settings
+    )
     yield gst.get_help(group)
     for name, command in gst.commands.items():
         text = command.get_help(click.Context(command, info_name=name, parent=group))
@@ -135,7 +148,9 @@ def results() -> Iterator[str]:
             for name, column in one.columns.items():
                 key = "**" if name in one.key else ""
                 maybe = " (not always there)" if column.optional else ""
-                rows.append(f"| {key}`{name}`{key} | {column.unit} | {column.meaning}{maybe} |")
+                rows.append(
+                    f"| {key}`{name}`{key} | {column.unit} | {column.meaning}{maybe} |"
+                )
             yield "\n".join(rows)
 
 
@@ -166,7 +181,9 @@ def main() -> None:
         },
         "docs/reference/tables.md": {"tables": "\n\n".join(results())},
         "docs/reference/choices.md": {"choices": "\n\n".join(choices())},
-        "docs/reference/cli.md": {"commands": "```\n" + "\n\n".join(commands()) + "\n```"},
+        "docs/reference/cli.md": {
+            "commands": "```\n" + "\n\n".join(commands()) + "\n```"
+        },
     }
     stale = []
     for name, parts in documents.items():

@@ -20,7 +20,9 @@ def renamed(name: str, rows: list[list[str]]) -> tuple[list[list[str]], list[str
     columns = COLUMNS.get(name, {})
     header = [columns.get(column, column) for column in rows[0]]
     changes = [
-        f"{old} -> {new}" for old, new in zip(rows[0], header, strict=True) if old != new
+        f"{old} -> {new}"
+        for old, new in zip(rows[0], header, strict=True)
+        if old != new
     ]
     for column, values in VALUES.get(name, {}).items():
         place = header.index(column)
@@ -40,7 +42,9 @@ def _separated(rows: list[list[str]]) -> list[list[str]]:
     place = rows[0].index("statistic")
     separated = [[*rows[0][: place + 1], "x", "y", *rows[0][place + 1 :]]]
     for row in rows[1:]:
-        name, x, y = re.fullmatch(r"([^(]+)(?:\(([^,]+)(?:, (.+))?\))?", row[place]).groups("")
+        name, x, y = re.fullmatch(
+            r"([^(]+)(?:\(([^,]+)(?:, (.+))?\))?", row[place]
+        ).groups("")
         separated.append([*row[:place], name, x, y, *row[place + 1 :]])
     return separated
 
@@ -52,7 +56,10 @@ def main() -> int:
     arguments = parser.parse_args()
     files = sorted(arguments.tables.glob("*.csv"))
     if not files:
-        print(f"ERROR: {arguments.tables} does not contain a table (*.csv)", file=sys.stderr)
+        print(
+            f"ERROR: {arguments.tables} does not contain a table (*.csv)",
+            file=sys.stderr,
+        )
         return 2
     if arguments.copies.exists():
         print(f"ERROR: {arguments.copies} exists: name a new folder", file=sys.stderr)
@@ -62,7 +69,9 @@ def main() -> int:
         with file.open(newline="", encoding="utf-8") as stream:
             rows = [*csv.reader(stream)]
         rows, changes = renamed(file.stem, rows) if rows else (rows, [])
-        with (arguments.copies / file.name).open("w", newline="", encoding="utf-8") as stream:
+        with (arguments.copies / file.name).open(
+            "w", newline="", encoding="utf-8"
+        ) as stream:
             csv.writer(stream, lineterminator="\n").writerows(rows)
         for change in changes:
             print(f"{file.name}: {change}")

@@ -21,10 +21,13 @@ def solve(problem, task):
         results = path(gap, problem, task)
     else:
         results = [
-            nested(gap, level, problem, task, NESTED[task.variant]) for level in task.levels
+            nested(gap, level, problem, task, NESTED[task.variant])
+            for level in task.levels
         ]
     return {
-        "pressure": [np.asarray(result.pressure) * problem.modulus for result in results],
+        "pressure": [
+            np.asarray(result.pressure) * problem.modulus for result in results
+        ],
         "iterations": sum(result.iterations for result in results),
         "convolutions": sum(
             result.matvec_count + result.verification_matvec_count for result in results

@@ -54,7 +54,13 @@ def main(solve):
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     peak = _memory_mb("VmHWM")
     np.savez(task.fields, pressure=np.stack(result.pop("pressure")))
-    record = {"cpu": cpu, "wall": wall, "peak_mb": peak, "added_mb": peak - before, **result}
+    record = {
+        "cpu": cpu,
+        "wall": wall,
+        "peak_mb": peak,
+        "added_mb": peak - before,
+        **result,
+    }
     with open(task.record, "w", encoding="utf-8") as file:
         json.dump(record, file)
 

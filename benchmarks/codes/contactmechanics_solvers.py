@@ -23,7 +23,9 @@ def solve(problem, task):
     else:
         substrate = FreeFFTElasticHalfSpace(heights.shape, problem.modulus, sizes)
     substrate.evaluate_disp = Counted(substrate.evaluate_disp)
-    system = NonSmoothContactSystem(substrate, Topography(heights, physical_sizes=sizes))
+    system = NonSmoothContactSystem(
+        substrate, Topography(heights, physical_sizes=sizes)
+    )
     gap = task.tolerance * heights.std()
     run = {"load": by_load, "displacement": by_displacement}[task.control]
     forces, iterations = run(problem, task, system, gap)

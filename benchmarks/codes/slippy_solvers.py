@@ -64,7 +64,11 @@ def by_displacement(task, relief, kernel, options):
         field = np.zeros_like(relief)
         field[domain] = pressure
         pressures.append(field)
-    return {"pressure": pressures[::-1], "iterations": None, "convolutions": convolve.calls}
+    return {
+        "pressure": pressures[::-1],
+        "iterations": None,
+        "convolutions": convolve.calls,
+    }
 
 
 def by_load(task, relief, kernel, options):

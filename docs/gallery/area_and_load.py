@@ -41,7 +41,9 @@ print(f"area: {area[-1]:.4f} last, {erf[-1]:.4f} by Persson")
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 left.loglog(loads / scale, area, ".-", label="gstlib.bem")
 left.loglog(loads / scale, erf, "--", label="Persson")
-left.loglog(loads / scale, np.minimum(BUSH_SLOPE * loads / scale, 1), ":", label="Bush et al.")
+left.loglog(
+    loads / scale, np.minimum(BUSH_SLOPE * loads / scale, 1), ":", label="Bush et al."
+)
 summits = GreenwoodWilliamson.from_roughness(numbers, modulus)
 above = summits.height * np.linspace(1.5, 0)  # the mean of the summits, mm
 spheres = summits.mean_pressure(above) / scale, summits.contact_fraction(above)

@@ -23,8 +23,12 @@ state = solve_contact(
 )
 
 found_radius = np.sqrt(state.contact_fraction * side**2 / np.pi)
-print(f"radius of the contact: {found_radius:.4f} mm, Hertz {hertz.contact_radius:.4f} mm")
-print(f"highest pressure: {state.pressure.max():.1f} MPa, Hertz {hertz.peak_pressure:.1f} MPa")
+print(
+    f"radius of the contact: {found_radius:.4f} mm, Hertz {hertz.contact_radius:.4f} mm"
+)
+print(
+    f"highest pressure: {state.pressure.max():.1f} MPa, Hertz {hertz.peak_pressure:.1f} MPa"
+)
 
 # %%
 figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")

@@ -31,7 +31,9 @@ print(
     f"contact: {100 * bare.contact_fraction:.2f} % bare, {100 * contact[-1]:.1f} % with a layer"
 )
 print(f"of a half-space as soft: {100 * soft.contact_fraction:.1f} %")
-print(f"highest pressures: {bare.pressure.max():.0f} and {states[-1].pressure.max():.0f} MPa")
+print(
+    f"highest pressures: {bare.pressure.max():.0f} and {states[-1].pressure.max():.0f} MPa"
+)
 
 # %%
 figure, axes = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")
@@ -39,5 +41,7 @@ bare.plot(axes=axes[0]).set_title("bare")
 states[3].plot(axes=axes[1]).set_title(f"a layer of {1e3 * thicknesses[3]:.0f} µm")
 axes[2].semilogx(1e3 * thicknesses, contact, ".-")
 axes[2].axhline(soft.contact_fraction, linestyle="--", color="black")
-axes[2].set(xlabel="thickness (µm)", ylabel="contact fraction", title="to a half-space as soft")
+axes[2].set(
+    xlabel="thickness (µm)", ylabel="contact fraction", title="to a half-space as soft"
+)
 figure.savefig("layer.png", dpi=120)

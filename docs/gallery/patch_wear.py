@@ -36,6 +36,8 @@ worn.plot(axes=left)
 row, x = int(worn.depth.max("x").argmax("y")), height.x
 right.plot(x, 1e3 * height[row], label="new")
 right.plot(x, 1e3 * (height - worn.depth)[row], label="worn")
-right.set(xlabel="x (mm)", ylabel="height (µm)", title="profile through the deepest wear")
+right.set(
+    xlabel="x (mm)", ylabel="height (µm)", title="profile through the deepest wear"
+)
 right.legend()
 figure.savefig("patch_wear.png", dpi=120)

@@ -19,11 +19,15 @@ modulus, pressure = contact_modulus(19500, 0.24, 19500, 0.24), 22.0  # MPa
 caps = np.geomspace(4000, 100, 9)  # MPa
 elastic = solve_contact(surface, contact_modulus=modulus, mean_pressure=pressure)
 states = [
-    solve_contact(surface, contact_modulus=modulus, mean_pressure=pressure, pressure_cap=cap)
+    solve_contact(
+        surface, contact_modulus=modulus, mean_pressure=pressure, pressure_cap=cap
+    )
     for cap in caps
 ]
 contact = np.array([state.contact_fraction for state in states])
-print(f"elastic: {100 * elastic.contact_fraction:.2f} %, {elastic.pressure.max():.0f} MPa")
+print(
+    f"elastic: {100 * elastic.contact_fraction:.2f} %, {elastic.pressure.max():.0f} MPa"
+)
 last = states[-1]
 print(f"cap of {caps[-1]:.0f} MPa: {100 * contact[-1]:.2f} % touch")
 print(

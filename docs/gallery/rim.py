@@ -14,7 +14,11 @@ spacing, n = 0.00332, 256  # mm, elements along a side of the scan
 modulus, pressure = contact_modulus(19500, 0.24, 19500, 0.24), 50.0  # MPa
 
 # A surface with waves of all lengths that repeats itself, and a quarter of it: the scan.
-waves = {"hurst_exponent": 0.8, "roll_off": 2 * n * spacing, "shortest": 0.03}  # lengths in mm
+waves = {
+    "hurst_exponent": 0.8,
+    "roll_off": 2 * n * spacing,
+    "shortest": 0.03,
+}  # lengths in mm
 rough = self_affine_field(np.random.default_rng(1), 2 * n, spacing, **waves)
 whole = 0.006 * rough / rough.std()  # mm
 scan = whole[:n, :n]
@@ -46,7 +50,11 @@ print(f"alone it warns: {said[0].message}")
 
 # %%
 figure, axes = plt.subplots(1, 3, figsize=(10, 3.6), layout="constrained")
-panels = {"in its surface": inside, "alone": alone.pressure, "lowered": embedded.pressure}
+panels = {
+    "in its surface": inside,
+    "alone": alone.pressure,
+    "lowered": embedded.pressure,
+}
 for axis, (title, field) in zip(axes, panels.items(), strict=True):
     axis.imshow(field > 0, cmap="gray_r", origin="lower")
     axis.set(title=f"contact {title}", xticks=[], yticks=[])

@@ -38,7 +38,9 @@ theories = f"{PERSSON_SLOPE:.2f} and {BUSH_SLOPE:.2f}"
 print(f"kappa: {path.contact_fraction[-1] / load[-1]:.2f} (theories: {theories})")
 
 # %%
-figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 4), layout="constrained")
+figure, (left, middle, right) = plt.subplots(
+    1, 3, figsize=(13, 4), layout="constrained"
+)
 left.imshow(height.values * 1e3, cmap="gray", origin="lower")
 left.contour(path.final.contact, [0.5], colors="tab:red", linewidths=0.8)
 left.set(title="height, and the edges of contact", xticks=[], yticks=[])

@@ -25,7 +25,9 @@ states = [
     for offset in offsets
 ]
 tilts = np.array([state.tilt[1] for state in states])
-exact = np.array([RoundPunch(force, radius, modulus).tilt(offset) for offset in offsets])
+exact = np.array(
+    [RoundPunch(force, radius, modulus).tilt(offset) for offset in offsets]
+)
 print(f"tilt: {1e3 * tilts[-1]:.4f} mrad, in closed form {1e3 * exact[-1]:.4f} mrad")
 
 waves = {"hurst_exponent": 0.8, "roll_off": 0.2, "shortest": 0.03}  # lengths in mm
@@ -33,7 +35,9 @@ rough = self_affine_field(np.random.default_rng(1), n, side / n, **waves)
 stone = flat + 0.002 * rough / rough.std()
 rest = solve_contact(stone, load_point=(side / 2, side / 2 + offsets[-1]), **options)
 centre = float((rest.pressure.sum("y") * x).sum() / rest.pressure.sum())
-print(f"rough: pressures have their centre {centre:.4f} mm off, the force {offsets[-1]:.4f} mm")
+print(
+    f"rough: pressures have their centre {centre:.4f} mm off, the force {offsets[-1]:.4f} mm"
+)
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")

@@ -26,7 +26,9 @@ def pressed(lower, upper):
     """Pressures (MPa) on the lower stone; the upper one is turned over onto it."""
     over = turned_over(upper, lower, source="upper", patch_source="lower")
     both = Interface(lower, over)
-    return contact_at_pressure(both, load, modulus=modulus, tolerance=1e-9).pressure.values
+    return contact_at_pressure(
+        both, load, modulus=modulus, tolerance=1e-9
+    ).pressure.values
 
 
 # %%

@@ -28,7 +28,9 @@ difference = np.abs(periodic.contact_fraction - exact).max()
 half = len(loads) // 2
 print(f"periodic: the contact differs from Westergaard's by at most {difference:.3f}")
 print(f"contact at half of full pressure: {exact[half]:.3f} by Westergaard,")
-print(f"periodic {periodic.contact_fraction[half]:.3f}, free {free.contact_fraction[half]:.3f}")
+print(
+    f"periodic {periodic.contact_fraction[half]:.3f}, free {free.contact_fraction[half]:.3f}"
+)
 print(f"a free piece bears {100 * free.states[half].rim_fraction:.0f} % on its rim")
 
 # %%

@@ -47,7 +47,9 @@ _POSITIVE = click.FloatRange(min=0, min_open=True)
 _UNITS = click.Choice(["m", "cm", "mm", "um", "nm", "in"])
 _UNIT = click.option("--unit", type=_UNITS, help="Unit of files that do not state one.")
 _SPACING = click.option(
-    "--spacing-um", type=_POSITIVE, help="Point spacing of texts that do not state it, µm."
+    "--spacing-um",
+    type=_POSITIVE,
+    help="Point spacing of texts that do not state it, µm.",
 )
 _OUTPUT = click.option(
     "--output", type=_PATH, help="The file; by default named after its source, here."
@@ -55,14 +57,18 @@ _OUTPUT = click.option(
 _RESULTS = click.argument("results", type=_PATH)
 
 
-def _in_its_folder(_context: click.Context, _parameter: click.Parameter, config: Path) -> Path:
+def _in_its_folder(
+    _context: click.Context, _parameter: click.Parameter, config: Path
+) -> Path:
     """A config; of a folder that `gst new` made, or of its ``study.yaml``, from in there."""
     folder = config if config.is_dir() else config.parent
     study = folder / "study.yaml"
     if config not in (folder, study) or not study.is_file():
         return config
     # a package has a config/study.yaml, whose paths are those of the folder around it
-    if config == study and not study.read_text("utf-8", "replace").startswith(_MADE_BY_NEW):
+    if config == study and not study.read_text("utf-8", "replace").startswith(
+        _MADE_BY_NEW
+    ):
         return config
     if folder.resolve() != Path.cwd():
         click.echo(f"In {folder}:")
@@ -106,16 +112,24 @@ def main() -> None:
 @main.command()
 @click.argument("folder", type=_PATH)
 @click.option("--mesh", type=_PATH, help="The mesh of the tool.")
-@click.option("--scans", type=_PATH, multiple=True, help="Scans, or their folder; repeatable.")
-@click.option("--overview", type=_PATH, help="A larger map of the face that shows the scans.")
+@click.option(
+    "--scans", type=_PATH, multiple=True, help="Scans, or their folder; repeatable."
+)
+@click.option(
+    "--overview", type=_PATH, help="A larger map of the face that shows the scans."
+)
 @click.option("--names", help="A pattern of the names, such as {patch}_{epoch}.")
-@click.option("--like", type=click.Choice(gst.SHIPPED), help="A shipped config, not files.")
+@click.option(
+    "--like", type=click.Choice(gst.SHIPPED), help="A shipped config, not files."
+)
 def new(folder, mesh, scans, overview, names, like) -> None:
     """Set up a study in FOLDER: from files, or as shipped."""
     if like and (mesh or scans):
         raise click.UsageError("give --like, or --mesh and --scans, not both")
     if (overview or names) and not scans:
-        raise click.UsageError("--overview and --names need the --scans that they are about")
+        raise click.UsageError(
+            "--overview and --names need the --scans that they are about"
+        )
     if scans and mesh is None:
         raise click.UsageError("--scans needs the --mesh of the tool that was scanned")
     if mesh is not None:
@@ -133,7 +147,9 @@ def new(folder, mesh, scans, overview, names, like) -> None:
 
 @main.command()
 @click.argument("folder", type=_PATH, callback=_in_its_folder)
-@click.option("--browser/--no-browser", default=True, help="Open the page in the browser.")
+@click.option(
+    "--browser/--no-browser", default=True, help="Open the page in the browser."
+)
 def place(folder, browser) -> None:
     """Take the study in FOLDER to its result, on a page."""
     from gst.setup.place import serve
@@ -143,7 +159,9 @@ def place(folder, browser) -> None:
 
 @main.command()
 @_CONFIG
-@click.option("--fix", is_flag=True, help="Show and, once confirmed, apply what has one cure.")
+@click.option(
+    "--fix", is_flag=True, help="Show and, once confirmed, apply what has one cure."
+)
 @click.option("--yes", is_flag=True, help="With --fix: confirm it at once.")
 def check(config, fix, yes) -> None:
     """Check all files of CONFIG, and say what a run would do."""
@@ -169,9 +187,13 @@ def check(config, fix, yes) -> None:
 
 @main.command(context_settings={"ignore_unknown_options": True})
 @_CONFIG
-@click.argument("options", metavar="[SNAKEMAKE OPTIONS]...", nargs=-1, type=click.UNPROCESSED)
+@click.argument(
+    "options", metavar="[SNAKEMAKE OPTIONS]...", nargs=-1, type=click.UNPROCESSED
+)
 @click.option("--cores", help="Jobs at a time; by default as in the profile: 2.")
-@click.option("--profile", default="default", help="default, slurm, or the path of your own.")
+@click.option(
+    "--profile", default="default", help="default, slurm, or the path of your own."
+)
 @click.option("--plan", is_flag=True, help="Only show what would run.")
 def study(config, options, cores, profile, plan) -> None:
     """Run CONFIG's study here, with options of Snakemake."""
@@ -179,12 +201,16 @@ def study(config, options, cores, profile, plan) -> None:
         raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
     from gst.run.running import run_study
 
-    sys.exit(run_study(config, cores=cores, profile=profile, plan=plan, options=options))
+    sys.exit(
+        run_study(config, cores=cores, profile=profile, plan=plan, options=options)
+    )
 
 
 @main.command()
 @_CONFIG
-@click.option("--intermediate", is_flag=True, help="Only what stages gave to each other.")
+@click.option(
+    "--intermediate", is_flag=True, help="Only what stages gave to each other."
+)
 def clean(config, intermediate) -> None:
     """Remove the results of CONFIG's study; asks first."""
     from gst.run.running import remove_results
@@ -196,7 +222,9 @@ def clean(config, intermediate) -> None:
 @click.argument("files", nargs=-1, required=True, type=_PATH)
 @_UNIT
 @_SPACING
-@click.option("--pictures", type=_PATH, help="A folder for a picture (PNG) of each file.")
+@click.option(
+    "--pictures", type=_PATH, help="A folder for a picture (PNG) of each file."
+)
 def inspect(files, unit, spacing_um, pictures) -> None:
     """Show what scans, meshes, and folders of them contain."""
     from gst.check.inspecting import describe_files
@@ -208,7 +236,9 @@ def inspect(files, unit, spacing_um, pictures) -> None:
 @main.command()
 @click.argument("scan", type=_PATH)
 @click.option("--pressure", type=_POSITIVE, required=True, help="Mean pressure, MPa.")
-@click.option("--modulus", type=_POSITIVE, default=10346.0, help="Contact modulus E*, MPa.")
+@click.option(
+    "--modulus", type=_POSITIVE, default=10346.0, help="Contact modulus E*, MPa."
+)
 @click.option("--periodic", is_flag=True, help="Let the surface repeat itself.")
 @_UNIT
 @_SPACING
@@ -263,7 +293,9 @@ def diff(before, after, tolerance) -> None:
     from gst.share.difference import compare_results, describe_changes
 
     changes = compare_results(before, after, tolerance)
-    click.echo(describe_changes(changes) or f"No difference between {before} and {after}.")
+    click.echo(
+        describe_changes(changes) or f"No difference between {before} and {after}."
+    )
     if differ := sorted(set(changes.table) - {"provenance"}):
         click.echo(f"Tables that differ (exit code 1): {', '.join(differ)}")
     sys.exit(bool(differ))
@@ -283,7 +315,9 @@ def export(results, to) -> None:
 @main.command()
 @_RESULTS
 @_OUTPUT
-@click.option("--author", "authors", multiple=True, help="An author of the study; repeatable.")
+@click.option(
+    "--author", "authors", multiple=True, help="An author of the study; repeatable."
+)
 @click.option("--license", "licence", help="Licence, such as CC-BY-4.0 (SPDX).")
 def package(results, output, authors, licence) -> None:
     """Pack a finished study into one zip (an RO-Crate)."""

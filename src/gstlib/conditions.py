@@ -40,7 +40,9 @@ class Law(NamedTuple):
     @property
     def is_archard(self) -> bool:
         """Whether the loss is in proportion to pressure."""
-        return np.ndim(self.threshold_MPa) == np.ndim(self.exponent) == 0 and self == Law()
+        return (
+            np.ndim(self.threshold_MPa) == np.ndim(self.exponent) == 0 and self == Law()
+        )
 
     def rate(self, pressure: Any) -> Any:
         """Loss at each pressure (MPa), but for a coefficient."""
@@ -106,7 +108,9 @@ def resolved_load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float,
     return float(y), float(x)
 
 
-def rounded_form(config: Mapping[str, Any]) -> tuple[float | Sequence[float] | None, float]:
+def rounded_form(
+    config: Mapping[str, Any],
+) -> tuple[float | Sequence[float] | None, float]:
     """What `gstlib.macroscale.active_tool.RoundedTool` takes; the paper's tool is a flat."""
     counterface = config["counterface"] or {}
     if config["coupling"] != "equilibrium":

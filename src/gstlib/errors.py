@@ -98,7 +98,9 @@ class InputError(GstError):
         self.source, self.remedy = str(source), remedy
         self.problem = problem.rstrip(".")
 
-    def about(self, source: str | Path, problem: str, remedy: str | None = None) -> Self:
+    def about(
+        self, source: str | Path, problem: str, remedy: str | None = None
+    ) -> Self:
         """The same error of another source, in other words."""
         other = copy.copy(self)
         other.source, other.problem = str(source), problem.rstrip(".")
@@ -155,7 +157,9 @@ class FaultError(InputError):
         by_patch = [f"{self.name}:{patch}" for patch in self.patches]
         accept = f"accept: [{self.name}]"
         if len(by_patch) > _MOST_LISTED:
-            accept += f" for all patches, or {by_patch[0]} and likewise for single ones,"
+            accept += (
+                f" for all patches, or {by_patch[0]} and likewise for single ones,"
+            )
         elif by_patch:
             accept = f"accept: [{', '.join(by_patch)}], or {accept} for all patches,"
         return f"{super().__str__()} If it is right as it is, write {accept} in the config."

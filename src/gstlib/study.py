@@ -194,7 +194,9 @@ class Study:
     def contact(self) -> Contact:
         """Contact of the stone in equilibrium under its load; the paper's of the square alone."""
         settings = dict(self.settings["solve_macroscale"])
-        face, settings["load_point"] = as_used(self.composite, self.use, settings["load_point"])
+        face, settings["load_point"] = as_used(
+            self.composite, self.use, settings["load_point"]
+        )
         return solve_at_load(face, **settings)
 
     @cached_property
@@ -286,7 +288,9 @@ class Study:
         """
         contacts = {patch: self.contacts[patch] for patch in self.worn}
         changes = {patch: self.changes[patch] for patch in self.worn}
-        depths = dict(predict_wear(contacts, self.worn_square, **self.settings["predict_wear"]))
+        depths = dict(
+            predict_wear(contacts, self.worn_square, **self.settings["predict_wear"])
+        )
         prediction = Prediction.from_worn(depths, self.worn_square)
         settings = self.settings["score_wear"] | drawn
         return score_wear(

@@ -36,7 +36,13 @@ _REPLACED = (
     "At least one job did not complete successfully",
     "Exiting because a job execution",
 )
-_WANTED = ("Terminating", "Will exit", "Nothing to be", "Trying to restart", "Waiting at most")
+_WANTED = (
+    "Terminating",
+    "Will exit",
+    "Nothing to be",
+    "Trying to restart",
+    "Waiting at most",
+)
 # Seconds of CPU that the longest jobs take in the default study, by rule; others take about three.
 # Only their ratios matter: the run itself shows how fast this machine is.
 _COSTS = {
@@ -45,10 +51,17 @@ _COSTS = {
     "solve_reference": 17,
     "bound_pressures": 16,
 }
-_COSTS |= {"solve_patches": 10, "predict_wear": 9, "draw_validation": 9, "draw_contact": 7}
+_COSTS |= {
+    "solve_patches": 10,
+    "predict_wear": 9,
+    "draw_validation": 9,
+    "draw_contact": 7,
+}
 _USUAL_COST = 3
 _SILENCE = 60.0  # seconds after which the running steps are shown
-_PLACE = re.compile(r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE)
+_PLACE = re.compile(
+    r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE
+)
 
 
 class LogHandler(LogHandlerBase):
@@ -88,7 +101,9 @@ class LogHandler(LogHandlerBase):
                 done = f"{self.done} of {_steps(self.total)} done, after {self._elapsed()}."
                 again = " Repeat the same command to continue from there."
                 is_whole = self.done == self.total
-                self._print(f"Finished: {done}" if is_whole else f"Stopped with {done}{again}")
+                self._print(
+                    f"Finished: {done}" if is_whole else f"Stopped with {done}{again}"
+                )
         super().close()
 
     def _show(self, record: Any) -> None:  # noqa: C901, a case for each event
@@ -104,13 +119,21 @@ class LogHandler(LogHandlerBase):
                     if rule not in ("all", "total")  # the rule "all" makes nothing
                 }
                 self.total = sum(counts.values())
-                self.cost = sum(_COSTS.get(rule, _USUAL_COST) * n for rule, n in counts.items())
+                self.cost = sum(
+                    _COSTS.get(rule, _USUAL_COST) * n for rule, n in counts.items()
+                )
                 self._print(f"{_steps(self.total)} to do.")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
                 self._finish(record.job_id)
             case LogEvent.PROGRESS:
-                before, self.done = self.done, min(record.done, self.total)  # without "all"
-                if self.total and 10 * self.done // self.total > 10 * before // self.total:
+                before, self.done = (
+                    self.done,
+                    min(record.done, self.total),
+                )  # without "all"
+                if (
+                    self.total
+                    and 10 * self.done // self.total > 10 * before // self.total
+                ):
                     progress = f"{self.done} of {self.total} steps done{self._left()}"
                     self._print(f"{self._elapsed()}  {progress}")
             case LogEvent.JOB_ERROR:
@@ -167,7 +190,11 @@ class LogHandler(LogHandlerBase):
             for text, record in steps
         }
         order = TopologicalSorter(needs).static_order()
-        return [*order, f"{_steps(len(steps))} would run."] if steps else ["Nothing to do."]
+        return (
+            [*order, f"{_steps(len(steps))} would run."]
+            if steps
+            else ["Nothing to do."]
+        )
 
     def _left(self) -> str:
         """About how long the rest takes, at the pace so far."""
@@ -176,7 +203,9 @@ class LogHandler(LogHandlerBase):
         elapsed = time.time() - self.start
         minutes = elapsed * (self.cost / self.cost_done - 1) / 60
         return (
-            f", about {minutes:.0f} min left" if minutes >= 1 else ", less than a minute left"
+            f", about {minutes:.0f} min left"
+            if minutes >= 1
+            else ", less than a minute left"
         )
 
     def _watch(self) -> None:

@@ -1,11 +1,14 @@
 """Which patches share a job: each keeps its batch when others come or go."""
 
 import pytest
-from gst.run.batches import files_of, share_out
 from hypothesis import given
 from hypothesis import strategies as st
 
-IDS = st.lists(st.text("0123456789ABEN", min_size=1), unique=True, min_size=1, max_size=80)
+from gst.run.batches import files_of, share_out
+
+IDS = st.lists(
+    st.text("0123456789ABEN", min_size=1), unique=True, min_size=1, max_size=80
+)
 
 
 def batch_of(batches):
@@ -26,15 +29,24 @@ def test_a_patch_that_comes_or_goes_moves_no_other(count):
     """Only where the number of batches changes."""
     ids = [str(number) for number in range(1, count + 1)]
     before = batch_of(share_out(ids))
-    assert batch_of(share_out([*ids, "new"])) | before == batch_of(share_out([*ids, "new"]))
+    assert batch_of(share_out([*ids, "new"])) | before == batch_of(
+        share_out([*ids, "new"])
+    )
     assert batch_of(share_out(ids[1:])).items() <= before.items()
 
 
 def test_a_file_is_found_by_its_patch_and_no_other_is_taken_for_it(tmp_path):
     changes, scans = (tmp_path / name for name in ("change/1", "surfaces/T0/2"))
     files = {"E1": scans / "E1_T0.h5", "7": changes / "7.h5"}
-    others = changes / "7_T0.h5", changes / "7 (copy).h5", scans / "7.h5", scans / "E1_T1.h5"
+    others = (
+        changes / "7_T0.h5",
+        changes / "7 (copy).h5",
+        scans / "7.h5",
+        scans / "E1_T1.h5",
+    )
     for file in (*files.values(), *others):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.touch()
-    assert list(files_of([changes, scans], ["E1", "7", "8"]).items()) == list(files.items())
+    assert list(files_of([changes, scans], ["E1", "7", "8"]).items()) == list(
+        files.items()
+    )

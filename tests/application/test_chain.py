@@ -7,6 +7,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from snakemake.iocontainers import Namedlist
+
 from gst.run.chain import (
     PAGE,
     Step,
@@ -25,7 +27,6 @@ from gst.run.chain import (
 from gst.run.logs import ASKED, run_script
 from gst.run.scheduler import order_dates
 from gstlib.errors import FaultError, InputError, refuse
-from snakemake.iocontainers import Namedlist
 
 SCAN = Path("scans/1.plu")
 
@@ -102,7 +103,9 @@ def job_of(step, results, config=()):
     files = {"input": {"scan": str(SCAN)}, "output": {"surface": str(results / "1.h5")}}
     job = {name: Namedlist(fromdict=named) for name, named in files.items()}
     log = record_of(results, step.name).with_suffix(".log")
-    return SimpleNamespace(**job, config=dict(config), params=step.params, log=[str(log)])
+    return SimpleNamespace(
+        **job, config=dict(config), params=step.params, log=[str(log)]
+    )
 
 
 def clean(scan, surface, *, flip):
@@ -130,7 +133,9 @@ def test_what_was_edited_or_removed_is_made_again(study, name, step):
     assert again.keys() == {str(made), "results/wear", "results/index.html"}
     assert f"results/{name} is not as the step {step} made it" in break_in(results)
     file.unlink()
-    assert break_in(results) == f"results/{name}, which the step {step} made, is missing"
+    assert (
+        break_in(results) == f"results/{name}, which the step {step} made, is missing"
+    )
     assert plan_again(steps, results).keys() == {"results/wear", "results/index.html"}
 
 
@@ -153,7 +158,9 @@ def test_a_step_without_a_whole_record_is_run_again(study):
     record = record_of(results, "wear")
     for content in ("[]", '{"params": {}}', record.read_text()[:-9], None):
         record.unlink() if content is None else record.write_text(content)
-        assert plan_again(steps, results) == {"results/wear": "no record says how it was made"}
+        assert plan_again(steps, results) == {
+            "results/wear": "no record says how it was made"
+        }
         assert break_in(results) == "no record says what the step wear made"
 
 
@@ -164,7 +171,9 @@ def test_results_may_be_moved_copied_and_renamed(study, tmp_path, monkeypatch):
     shutil.copytree(results, other / renamed)
     shutil.copytree(SCAN.parent, other / SCAN.parent)
     monkeypatch.chdir(other)
-    for age, name in enumerate(("wear/1.png", "index.html", "1.h5")):  # not as they were made
+    for age, name in enumerate(
+        ("wear/1.png", "index.html", "1.h5")
+    ):  # not as they were made
         os.utime(renamed / name, (age, age))
     moved = steps_in(renamed)
     assert plan_again(moved, renamed) == {}
@@ -172,7 +181,8 @@ def test_results_may_be_moved_copied_and_renamed(study, tmp_path, monkeypatch):
     order_dates(moved)
     for step in moved:
         read, made = (
-            [path.stat().st_mtime_ns for path in paths] for paths in (step.inputs, step.outputs)
+            [path.stat().st_mtime_ns for path in paths]
+            for paths in (step.inputs, step.outputs)
         )
         assert max(read) <= min(made)
 
@@ -188,7 +198,10 @@ def test_a_page_is_that_of_its_files_and_of_its_config(study):
     results, (first, *_) = study
     config = {"results": "results"}
     assert break_in(results, config) is None
-    assert break_in(results, config | {"load": 1}) == "the results were made with another config"
+    assert (
+        break_in(results, config | {"load": 1})
+        == "the results were made with another config"
+    )
     assert break_in(Path("other")) == "this folder holds no finished study"
     read = given_to(results, first)
     (results / "1.h5").write_text("as a newer program makes it")
@@ -216,7 +229,9 @@ def test_a_step_of_another_config_is_no_part_of_the_page(study, other):
     assert plan_again(edited, results).keys() == {"results/1.h5"}
 
 
-def test_a_job_whose_config_was_edited_since_the_run_began_does_not_start(study, monkeypatch):
+def test_a_job_whose_config_was_edited_since_the_run_began_does_not_start(
+    study, monkeypatch
+):
     results, steps = study
     monkeypatch.setenv(ASKED, json.dumps({str(results): hashes_of(steps, results)}))
     edited = steps_in(results, flip="x")[0]
@@ -231,7 +246,8 @@ def test_a_job_whose_config_was_edited_since_the_run_began_does_not_start(study,
 
 
 @pytest.mark.parametrize(
-    ("after", "runs"), [(["odd_scan:1"], True), (["odd_scan:2", "holes", "odd_scan:1"], False)]
+    ("after", "runs"),
+    [(["odd_scan:1"], True), (["odd_scan:2", "holes", "odd_scan:1"], False)],
 )
 def test_another_accept_runs_again_what_met_such_a_fault(study, after, runs):
     results, steps = study
@@ -258,13 +274,25 @@ def test_versions_are_those_on_which_the_steps_ran(study, monkeypatch):
     assert versions_of(results, ["clean"]) == versions
     versions["numpy"] = "2.1"
     run_script(job_of(steps[1], results), lambda **_: None)
-    assert versions_of(results, ["clean", "wear"]) == versions | {"numpy": "mixed: 2.0, 2.1"}
+    assert versions_of(results, ["clean", "wear"]) == versions | {
+        "numpy": "mixed: 2.0, 2.1"
+    }
 
 
-ELSEWHERE = ["/etc/passwd", "../private", "wear/../../private", "out/private", "\0", "", "."]
+ELSEWHERE = [
+    "/etc/passwd",
+    "../private",
+    "wear/../../private",
+    "out/private",
+    "\0",
+    "",
+    ".",
+]
 
 
-@pytest.mark.parametrize("name", [*ELSEWHERE, "é" * 200, "/".join(600 * ["wear"])], ids=len)
+@pytest.mark.parametrize(
+    "name", [*ELSEWHERE, "é" * 200, "/".join(600 * ["wear"])], ids=len
+)
 def test_no_record_makes_anything_be_written_or_deleted(study, name):
     """Records may come from anywhere: with a results folder of somebody else."""
     results, steps = study
@@ -283,9 +311,13 @@ def test_no_record_makes_anything_be_written_or_deleted(study, name):
         assert Path(os.path.normpath(made)).is_relative_to(results)
     assert contents(Path.cwd()) == before
     for check in (check_links, check_chain):
-        with pytest.raises(InputError, match=r"results/out: is a link to .*, outside the results"):
+        with pytest.raises(
+            InputError, match=r"results/out: is a link to .*, outside the results"
+        ):
             check(results)
 
 
 def contents(folder):
-    return {file: file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()}
+    return {
+        file: file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()
+    }

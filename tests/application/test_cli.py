@@ -3,10 +3,11 @@
 import math
 from pathlib import Path
 
-import gst
 import numpy as np
 import pytest
 from click.testing import CliRunner
+
+import gst
 from gst.cli import main
 from gstlib.bem.closed_forms import Sphere
 from gstlib.io.plu import write_plu

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from snakemake.utils import update_config
+
 from gst.config.contradictions import counterface_mesh
 from gst.config.reading import (
     asked_of_files,
@@ -21,7 +23,6 @@ from gst.config.reading import (
 )
 from gstlib.conditions import study_poisson
 from gstlib.errors import ConfigError, InputsError
-from snakemake.utils import update_config
 
 ROOT = Path(__file__).parents[2]
 POINTS = [[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]]
@@ -59,7 +60,11 @@ def leaves(section, prefix=""):
 
 @pytest.mark.parametrize(
     ("value", "words"),
-    [({"not": "this"}, ""), (math.nan, "give a finite number"), (10**30, "give a finite number")],
+    [
+        ({"not": "this"}, ""),
+        (math.nan, "give a finite number"),
+        (10**30, "give a finite number"),
+    ],
     ids="abc",
 )
 def test_every_key_is_typed_and_finite(config, value, words):
@@ -76,7 +81,11 @@ def test_the_template_states_every_default(config):
 
 
 def test_a_value_takes_the_place_of_a_default_as_snakemake_merges_them(config):
-    mine = {"scans": {"mould": {"invert": False}}, "pressure_cap_MPa": None, "square": {}}
+    mine = {
+        "scans": {"mould": {"invert": False}},
+        "pressure_cap_MPa": None,
+        "square": {},
+    }
     before = copy.deepcopy(mine)
     whole = complete(mine)
     update_config(config, mine)
@@ -101,22 +110,50 @@ STIFF = INTERLAYER | {"young_MPa": 19500.0}
         ("material.young_1_MPa", 19.5, "1 GPa is 1000 MPa"),
         ("results", ".", "contains the working folder"),
         ("results", "my results", "letters without accents, digits, and . _ - /"),
-        ("patches", "nowhere.tsv", "'patches': nowhere.tsv does not exist: correct the path"),
-        ("accept", ["placemnt:1"], "no fault has that name: did you mean placement? write one of"),
+        (
+            "patches",
+            "nowhere.tsv",
+            "'patches': nowhere.tsv does not exist: correct the path",
+        ),
+        (
+            "accept",
+            ["placemnt:1"],
+            "no fault has that name: did you mean placement? write one of",
+        ),
         ("pressure_cap_MPa", 22.0, "not above the mean pressure on the square, 22 MPa"),
         ("texture.l_filter_um", 8.0, "no wave passes both filters"),
         ("interlayer", STIFF, "'interlayer.young_MPa' is 19500, not below the stones'"),
-        ("counterface", {"mesh": "b.ply"}, "'counterface.mesh' needs 'counterface.pose'"),
-        ("counterface", SECOND | {"radius_mm": 200.0}, "a radius and a mesh: give one of them"),
+        (
+            "counterface",
+            {"mesh": "b.ply"},
+            "'counterface.mesh' needs 'counterface.pose'",
+        ),
+        (
+            "counterface",
+            SECOND | {"radius_mm": 200.0},
+            "a radius and a mesh: give one of them",
+        ),
         ("counterface", {"angle_deg": 30.0}, "'counterface.angle_deg' needs"),
         ("load.pressure_MPa", 22.0, "'load' has both of force_N and pressure_MPa"),
         ("load.at_mm", [10.1, 2.5], "outside the face, which reaches from -5 to 10 mm"),
-        ("macroscale.face_mm", 4.0, "'macroscale.face_mm' is 4, less than the square's 5 mm"),
+        (
+            "macroscale.face_mm",
+            4.0,
+            "'macroscale.face_mm' is 4, less than the square's 5 mm",
+        ),
         ("microscale.tolerance", "1e-9", "such as 20 or 1.0e-9) ["),
         ("microscale.steps", "2,5", "with a point"),
-        ("square.points_mm", [[2, 5, 2, 5, 0, 0], *POINTS[1:]], "decimal points, not commas"),
+        (
+            "square.points_mm",
+            [[2, 5, 2, 5, 0, 0], *POINTS[1:]],
+            "decimal points, not commas",
+        ),
         ("macroscale.steppes", 3, "did you mean steps for steppes?"),
-        ("gesture", {"table": "a.tsv", "poses": 5}, "give a table, or poses with stroke_mm or"),
+        (
+            "gesture",
+            {"table": "a.tsv", "poses": 5},
+            "give a table, or poses with stroke_mm or",
+        ),
         ("gesture", SCATTER | {"stroke_mm": 2.0}, "give one of them"),
         # what can be used
         ("gesture", {"stroke_mm": 2.0, "poses": 5}, None),
@@ -158,7 +195,9 @@ def test_the_square_alone_knows_no_active_tool_and_no_gesture(config):
     for change in ({"counterface": SECOND}, {"specimen": made}, {"gesture": SCATTER}):
         (problem,) = config_problems(alone | change)
         assert "needs a stone at rest" in problem
-    small = changed(changed(alone, "macroscale.face_mm", 4.0), "load.at_mm", [50.0, 0.0])
+    small = changed(
+        changed(alone, "macroscale.face_mm", 4.0), "load.at_mm", [50.0, 0.0]
+    )
     assert config_problems(small) == []
     # the whole square is not pressed at the scans' resolution, which takes one grid and memory
     for study, is_pressed in ((config, True), (alone, False)):
@@ -166,7 +205,11 @@ def test_the_square_alone_knows_no_active_tool_and_no_gesture(config):
 
 
 def test_a_gesture_and_an_interlayer_wear_apart_and_by_archard_s_law(config):
-    both = {"counterface": SECOND, "gesture": {"table": "poses.tsv"}, "interlayer": INTERLAYER}
+    both = {
+        "counterface": SECOND,
+        "gesture": {"table": "poses.tsv"},
+        "interlayer": INTERLAYER,
+    }
     assert "cannot wear a stone together" in "".join(config_problems(config | both))
     other = config | {"wear_law": config["wear_law"] | {"exponent": 2.0}}
     assert config_problems(other) == []
@@ -179,7 +222,10 @@ def test_strikes_that_are_inferred_stay_on_the_face_and_include_the_gesture(conf
     face_mm = config["macroscale"]["face_mm"]
     widest = config["use"] | {"scatter_mm": face_mm / 2, "stroke_mm": face_mm}
     assert config_problems(config | {"use": widest}) == []
-    for key, gesture in (("scatter_mm", SCATTER), ("stroke_mm", {"stroke_mm": 2.0, "poses": 5})):
+    for key, gesture in (
+        ("scatter_mm", SCATTER),
+        ("stroke_mm", {"stroke_mm": 2.0, "poses": 5}),
+    ):
         still = changed(config, f"use.{key}", 0.0)
         assert config_problems(still) == []
         beyond = changed(config, f"use.{key}", 1.01 * widest[key])
@@ -188,7 +234,10 @@ def test_strikes_that_are_inferred_stay_on_the_face_and_include_the_gesture(conf
             assert problem.startswith(f"'use.{key}")
 
 
-FREE = {"uncertainty": ("load_point_mm", "radius_log_sd"), "use": ("scatter_mm", "stroke_mm")}
+FREE = {
+    "uncertainty": ("load_point_mm", "radius_log_sd"),
+    "use": ("scatter_mm", "stroke_mm"),
+}
 
 
 def test_something_is_left_to_infer(config):
@@ -197,7 +246,11 @@ def test_something_is_left_to_infer(config):
         config[section] |= dict.fromkeys(keys, 0.0)
     (problem,) = config_problems(config)
     assert "leave nothing to infer" in problem
-    for key in ("uncertainty.load_point_mm", "uncertainty.radius_log_sd", "use.stroke_mm"):
+    for key in (
+        "uncertainty.load_point_mm",
+        "uncertainty.radius_log_sd",
+        "use.stroke_mm",
+    ):
         assert config_problems(changed(config, key, 0.5)) == []
     # a mesh has no radius to infer
     config["uncertainty"]["radius_log_sd"] = 0.7
@@ -207,7 +260,12 @@ def test_something_is_left_to_infer(config):
 def test_scans_need_their_folder_and_grades_do_not(config, tmp_path):
     table = tmp_path / "patches.csv"
     inputs = INPUTS | {"scan_folder": None}
-    changes = {"specimen": None, "inputs": inputs, "patches": str(table), "published": None}
+    changes = {
+        "specimen": None,
+        "inputs": inputs,
+        "patches": str(table),
+        "published": None,
+    }
     mine = complete(config | changes | {"gesture": SCATTER})
     rows = "0,1,1,2\n1,2,1,0\n2,3,1,1\n3,1,3,3\n4,2,3,0\n5,3,3,0\n"
     table.write_text(f"patch,x_mm,y_mm,wear_grade\n{rows}")
@@ -217,7 +275,9 @@ def test_scans_need_their_folder_and_grades_do_not(config, tmp_path):
         read_study(mine, "m.yaml")
 
 
-@pytest.mark.parametrize(("results", "inside"), [("a/b", "mesh"), ("a/b/scans", "scans")])
+@pytest.mark.parametrize(
+    ("results", "inside"), [("a/b", "mesh"), ("a/b/scans", "scans")]
+)
 def test_results_do_not_go_where_measured_files_are(config, results, inside):
     files = {"mesh": "a/b/stone.ply", "mesh_unit": "mm", "scan_folder": "a/b/scans"}
     mine = config | {"specimen": None, "inputs": files, "results": results}
@@ -237,15 +297,23 @@ BAD_TABLES = {
     ("change", "words"),
     [
         ({"accept": ["epochs", "placement:7"]}, None),
-        ({"accept": ["placement:77"]}, "has that name: did you mean 7? write placement for"),
+        (
+            {"accept": ["placement:77"]},
+            "has that name: did you mean 7? write placement for",
+        ),
         ({"patches": "bad.csv"}, "bad.csv: 1 problem in this table"),
         ({"gesture": {"table": "poses.csv"}}, "poses.csv: missing columns"),
         ({"published": "values.csv"}, "line 2: quantity is 'load'"),
         ({"specimen": None, "inputs": INPUTS}, "a does not exist (did you mean ab?)"),
-        ({"specimen": None, "inputs": INPUTS | {"mesh": "{1}"}}, "mesh: {1} contains braces"),
+        (
+            {"specimen": None, "inputs": INPUTS | {"mesh": "{1}"}},
+            "mesh: {1} contains braces",
+        ),
     ],
 )
-def test_what_would_stop_a_run_before_its_first_step(tmp_path, monkeypatch, change, words):
+def test_what_would_stop_a_run_before_its_first_step(
+    tmp_path, monkeypatch, change, words
+):
     for name, text in (BAD_TABLES | {"ab": ""}).items():
         (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
@@ -256,14 +324,23 @@ def test_what_would_stop_a_run_before_its_first_step(tmp_path, monkeypatch, chan
 
 
 def test_without_patches_a_mesh_is_enough_for_what_needs_none(config):
-    files = {"specimen": None, "inputs": {"mesh": "a", "mesh_unit": "mm"}, "patches": None}
+    files = {
+        "specimen": None,
+        "inputs": {"mesh": "a", "mesh_unit": "mm"},
+        "patches": None,
+    }
     assert config_problems(complete(config | files | {"gesture": SCATTER})) == []
     (problem,) = config_problems(complete(config | files))
     assert "'patches' and 'gesture' are null: where to scan depends on" in problem
 
 
 def test_poisson_stands_for_the_compliances_of_both_stones():
-    material = {"young_1_MPa": 1e3, "poisson_1": 0.0, "young_2_MPa": 9e5, "poisson_2": 0.5}
+    material = {
+        "young_1_MPa": 1e3,
+        "poisson_1": 0.0,
+        "young_2_MPa": 9e5,
+        "poisson_2": 0.5,
+    }
     tangential = 2 * 1 / 1e3 + 1.5 * 1.5 / 9e5
     normal = 1 * 1 / 1e3 + 0.5 * 1.5 / 9e5
     one = study_poisson(material)
@@ -296,5 +373,12 @@ def test_a_config_is_read_without_the_packages_of_the_stages():
     result = subprocess.run(
         [sys.executable, "-c", program], check=True, capture_output=True, text=True
     )
-    heavy = "scipy.stats", "scipy.optimize", "matplotlib", "trimesh", "shapely", "skimage"
+    heavy = (
+        "scipy.stats",
+        "scipy.optimize",
+        "matplotlib",
+        "trimesh",
+        "shapely",
+        "skimage",
+    )
     assert not {name for name in heavy if f"'{name}'" in result.stdout}

@@ -9,10 +9,11 @@ import zipfile
 from pathlib import Path
 from urllib.parse import unquote
 
-import gstlib
 import pytest
 import yaml
 from click.testing import CliRunner
+
+import gstlib
 from gst.cli import main
 from gst.run.chain import given_to, step_of, write_record
 from gst.run.provenance import program_hash
@@ -26,7 +27,11 @@ RESULTS = {
     "tables/wear.csv": b"patch\n5\n",
     "figures/wear.png": b"\x89PNG",
 }
-LEFT_OUT = {"microscale/5.h5": b"fields", "tables/old.csv": b"of another config", "check.png": b""}
+LEFT_OUT = {
+    "microscale/5.h5": b"fields",
+    "tables/old.csv": b"of another config",
+    "check.png": b"",
+}
 INPUTS = {
     "config/patches ü.tsv": b"patch\tt0\n5\ta.plu\n",
     "data/a.plu": b"heights",
@@ -60,7 +65,9 @@ def record(folder, specimen=None, program=None):
         "program": program or program_hash(),
         "packages": {"numpy": "2.0", "snakemake": "9.0"},
     }
-    inputs = {name: hashlib.sha256(content).hexdigest() for name, content in INPUTS.items()}
+    inputs = {
+        name: hashlib.sha256(content).hexdigest() for name, content in INPUTS.items()
+    }
     content = {"config": config, "inputs": inputs, "software": software}
     (folder / "provenance.json").write_text(json.dumps(content))
     made = [folder / name for name in (*RESULTS, "contents.json", "provenance.json")]
@@ -80,7 +87,10 @@ def study_in(working):
     folder = working / "out/results"
     write(folder, RESULTS | LEFT_OUT)
     write(working, {name: content for name, content in INPUTS.items() if content})
-    text = {"category": "5 Validation", "caption": "<p>Loss &amp;\n<em>pressure</em>.</p>"}
+    text = {
+        "category": "5 Validation",
+        "caption": "<p>Loss &amp;\n<em>pressure</em>.</p>",
+    }
     contents = [text | {"file": name, "title": f"title of {name}"} for name in RESULTS]
     (folder / "contents.json").write_text(json.dumps(contents))
     record(folder)
@@ -104,15 +114,26 @@ def test_what_is_packed_and_described(results):
     files, whole, entities = packed(results)
     patches, *_, poses, published = INPUTS
     tables = {patches, poses, published}
-    names = {f"results/{name}" for name in (*RESULTS, "contents.json", "provenance.json")}
+    names = {
+        f"results/{name}" for name in (*RESULTS, "contents.json", "provenance.json")
+    }
     names |= tables | {"config/study.yaml", "README.md"}
     assert {unquote(part["@id"]) for part in whole["hasPart"]} == names
     for name in names:
         assert entities[name]["sha256"] == hashlib.sha256(files[name]).hexdigest()
-    assert entities["results/tables/wear.csv"]["name"] == "Validation: title of tables/wear.csv"
+    assert (
+        entities["results/tables/wear.csv"]["name"]
+        == "Validation: title of tables/wear.csv"
+    )
     assert all(files[name] == INPUTS[name] for name in tables)
-    assert {"Snakefile", "workflow/rules/common.smk", f"results/{PAGE_RECORD}"} <= files.keys()
-    assert not any(name.endswith((".h5", "old.csv", "check.png", ".plu")) for name in files)
+    assert {
+        "Snakefile",
+        "workflow/rules/common.smk",
+        f"results/{PAGE_RECORD}",
+    } <= files.keys()
+    assert not any(
+        name.endswith((".h5", "old.csv", "check.png", ".plu")) for name in files
+    )
     provenance = json.loads(files["results/provenance.json"])
     assert provenance["inputs"].keys() == INPUTS.keys()
     assert yaml.safe_load(files["config/study.yaml"]) == provenance["config"]
@@ -224,7 +245,10 @@ BAD_JSON = {
     "no text": ("provenance.json", b"\xff\xfe{"),
     "number": ("contents.json", b"7"),
     "zero byte": ("contents.json", NUL),
-    "no steps": (PAGE_RECORD, b'{"params": {"makes": []}, "inputs": {}, "outputs": {}}'),
+    "no steps": (
+        PAGE_RECORD,
+        b'{"params": {"makes": []}, "inputs": {}, "outputs": {}}',
+    ),
 }
 
 
@@ -270,7 +294,9 @@ def run_all(working, spoil):
     assert after.keys() - before.keys() <= {packed}
     if packed in after and packed not in before:
         with zipfile.ZipFile(packed) as archive:
-            assert not any(b"SECRET" in archive.read(name) for name in archive.namelist())
+            assert not any(
+                b"SECRET" in archive.read(name) for name in archive.namelist()
+            )
 
 
 @pytest.mark.parametrize("how", SPOIL)

@@ -5,6 +5,7 @@ import shutil
 
 import pytest
 from click.testing import CliRunner
+
 from gst.cli import main
 from gst.share.difference import compare_results, describe_changes
 
@@ -41,7 +42,13 @@ def test_value_by_row_and_column(folders):
     assert compare_results(*folders).empty
     edit(folders[1], "tables/microscale_paths.csv", "5,2,200", "5,2,200.1")
     (change,) = compare_results(*folders, tolerance=1e-4).itertuples(index=False)
-    assert change[:5] == ("microscale_paths.csv", "patch=5, step=2", "stiffness", "200", "200.1")
+    assert change[:5] == (
+        "microscale_paths.csv",
+        "patch=5, step=2",
+        "stiffness",
+        "200",
+        "200.1",
+    )
     assert change.relative == pytest.approx(0.1 / 200.1)
     assert compare_results(*folders, tolerance=1e-3).empty
 
@@ -53,7 +60,11 @@ def test_value_by_row_and_column(folders):
         ("10,0,no", "10,,no", 1),
         ("8,40.2,yes", "8,40.2,no", 1),  # text
         ("10,0,no", "10,0.0,no", 0),  # the same number
-        ("5,47.104,yes\n8,40.2,yes\n", "8,40.2,yes\n5,47.104,yes\n", 0),  # in another order
+        (
+            "5,47.104,yes\n8,40.2,yes\n",
+            "8,40.2,yes\n5,47.104,yes\n",
+            0,
+        ),  # in another order
     ],
 )
 def test_no_tolerance_for_zero_and_what_is_no_number(folders, old, new, count):
@@ -82,7 +93,10 @@ def test_rows_columns_and_tables_on_one_side(folders):
     ("name", "rows"),
     [
         ("wear.csv", ["patch=5, model=archard", "patch=5, model=none"]),
-        ("patch_pressures.csv", ["row 1", "row 2"]),  # its key does not tell these rows apart
+        (
+            "patch_pressures.csv",
+            ["row 1", "row 2"],
+        ),  # its key does not tell these rows apart
         ("another.csv", ["row 1", "row 2"]),
     ],
 )

@@ -4,12 +4,13 @@ import copy
 import json
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from gst.config.edited import save_text, text_of, with_cells, with_values
 from gst.config.strict_yaml import parse_yaml
 from gst.config.user_tables import records_of
 from gstlib.errors import ConfigError
-from hypothesis import given
-from hypothesis import strategies as st
 
 # Parts of a config, as people write them, each with its own keys.
 PARTS = [
@@ -26,7 +27,10 @@ PARTS = [
     "deep:\n   er:\n       est: 1e-3\n       last:\n",
 ]
 VALUES = st.one_of(
-    st.none() | st.booleans() | st.integers() | st.text("TODO:,# '\"[{&*!%-|é\n1", max_size=5),
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.text("TODO:,# '\"[{&*!%-|é\n1", max_size=5),
     st.floats(-1e15, 1e15),
     st.sampled_from(["no", "0550", "9:10", "2024-01-01", "null", "=", "<<", "x" * 300]),
     st.sampled_from([[], {}, [[1, 2.5], [3, 4]], {"a": [None, "b, c"], "d": {}}]),
@@ -50,7 +54,9 @@ def keys_of(section, before=()):
     VALUES,
     st.data(),
 )
-def test_an_edited_config_differs_only_in_the_value(parts, n, head, line_end, value, data):
+def test_an_edited_config_differs_only_in_the_value(
+    parts, n, head, line_end, value, data
+):
     head, *parts = [part.replace("\n", line_end) for part in (head, *parts)]
     keys = data.draw(st.sampled_from([*keys_of(parse_yaml(parts[n], "part"))][1:]))
     expected = parse_yaml(head + "".join(parts), "whole")
@@ -69,8 +75,16 @@ def test_an_edited_config_differs_only_in_the_value(parts, n, head, line_end, va
     ("text", "values", "edited"),
     [
         ("load:\nnext: 1", {"load.force_N": 200.0}, "load: {force_N: 200.0}\nnext: 1"),
-        ("a:\n  - 1  # one\n  - 2  # two\n", {"a": [1, 3]}, "a:\n  - 1  # one\n  - 3  # two\n"),
-        ("a:  # l\n- 1\n- 2  # two\n\nb: 1\n", {"a": "TODO"}, "a: TODO  # l  # two\n\nb: 1\n"),
+        (
+            "a:\n  - 1  # one\n  - 2  # two\n",
+            {"a": [1, 3]},
+            "a:\n  - 1  # one\n  - 3  # two\n",
+        ),
+        (
+            "a:  # l\n- 1\n- 2  # two\n\nb: 1\n",
+            {"a": "TODO"},
+            "a: TODO  # l  # two\n\nb: 1\n",
+        ),
         ("a: 1.50  # as it was\n", {"a": 1.5}, "a: 1.50  # as it was\n"),
     ],
 )
@@ -91,7 +105,16 @@ def test_a_config_that_cannot_take_a_value_is_refused(text, key):
         with_values(text, {key: 2})
 
 
-CELLS = ["", "1,50", '"a; b"', '"a ""b"""', '"left\nside"', '"left\r\n# side"', '"\n\n"', " pad "]
+CELLS = [
+    "",
+    "1,50",
+    '"a; b"',
+    '"a ""b"""',
+    '"left\nside"',
+    '"left\r\n# side"',
+    '"\n\n"',
+    " pad ",
+]
 BETWEEN = ["", "# 5\" ; 'wide'\n", '"# quoted";;\n', ";;\n", "\n"]
 
 
@@ -110,7 +133,11 @@ def test_an_edited_table_differs_only_in_the_cell(notes, between, head, name, ce
     assert edited.startswith(start)
     assert edited.endswith(f"\n{rows[2]}")
     (_, *before), (_, *after) = (
-        [record.cells for record in records_of(each.removeprefix("\ufeff"))[0] if record.is_row]
+        [
+            record.cells
+            for record in records_of(each.removeprefix("\ufeff"))[0]
+            if record.is_row
+        ]
         for each in (text, edited)
     )
     before[1][1 if name == "x_mm" else 2] = cell

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+
 from gst.check.epochs import UNMATCHED, epochs_on_each_other
 from gst.config.reading import complete
 from gstlib import self_affine_field
@@ -54,7 +55,10 @@ def check(after=(), before=(), spacing=SPACING):
 @pytest.mark.parametrize(
     ("lay", "how"),
     [
-        (lambda h: -h[:, ::-1], "with the sign of its heights changed, reversed along x"),
+        (
+            lambda h: -h[:, ::-1],
+            "with the sign of its heights changed, reversed along x",
+        ),
         (np.rot90, "turned by -90°"),  # in the file, which is flipped since
     ],
 )
@@ -91,7 +95,9 @@ def rough(seed, spacing):
     return noisy(3e-3 * heights / heights.std())
 
 
-@pytest.mark.parametrize(("epoch", "length_mm"), [("T0", 0.06), ("T1", 0.06), ("T1", 0.25)])
+@pytest.mark.parametrize(
+    ("epoch", "length_mm"), [("T0", 0.06), ("T1", 0.06), ("T1", 0.25)]
+)
 def test_a_scan_without_its_long_waves_is_told_as_such(caplog, epoch, length_mm):
     """It fits in the short ones alone, where its dales are as deep."""
     spacing = 0.85 / 128

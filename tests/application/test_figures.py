@@ -10,6 +10,8 @@ import pytest
 import trimesh
 import xarray as xr
 from contacts import contact_of
+from matplotlib.figure import Figure
+
 from gst.page.figures import macroscale, maps, microscale, style, tables, use
 from gst.page.figures.microscale import PatchResult
 from gst.page.figures.tool import draw_stone
@@ -19,7 +21,6 @@ from gstlib.errors import InputError
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
 from gstlib.validation.summary import separated
-from matplotlib.figure import Figure
 
 
 def table(text):
@@ -57,7 +58,9 @@ def contact_at(heights, load):
 
 SQUARE = contact_at(make_surface(RNG.normal(0, 5e-3, (20, 20)), 0.25), 4)
 CONTACTS = {
-    patch: contact_at(make_surface(RNG.normal(0, 2e-3, (60, 60)), 0.014), 1 / int(patch))
+    patch: contact_at(
+        make_surface(RNG.normal(0, 2e-3, (60, 60)), 0.014), 1 / int(patch)
+    )
     for patch in "123"
 }
 T0 = CONTACTS["1"]["height"]
@@ -90,10 +93,14 @@ LOSSES_PREDICTED = table(
 
 
 def of_use():
-    stated = table("parameter  prior\nload_point_x  1.5\nload_point_y  1.5\nradius  200")
+    stated = table(
+        "parameter  prior\nload_point_x  1.5\nload_point_y  1.5\nradius  200"
+    )
     uses = xr.Dataset({name: ("draw", column) for name, column in USES.items()})
     height = SQUARE["height"]
-    return use.use_figure(uses, stated, LOSSES_PREDICTED, height, PRESSURES, patch_size_mm=0.8)
+    return use.use_figure(
+        uses, stated, LOSSES_PREDICTED, height, PRESSURES, patch_size_mm=0.8
+    )
 
 
 DRAW = {
@@ -105,7 +112,9 @@ DRAW = {
 
 
 def points_of(axes):
-    return [line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "o"]
+    return [
+        line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "o"
+    ]
 
 
 def picture_of(axes):
@@ -134,7 +143,9 @@ def test_figure_has_the_same_bytes_each_time(tmp_path, name, kind):
 def test_a_map_has_its_origin_its_scale_and_marks_of_the_right_area():
     mask = RNG.random((300, 300)) < 0.15
     axes = panel()
-    maps.draw_map(axes, make_surface(np.zeros(mask.shape), 0.01), marks={"#000000": mask})
+    maps.draw_map(
+        axes, make_surface(np.zeros(mask.shape), 0.01), marks={"#000000": mask}
+    )
     axes.set_axis_off()
     assert axes.images[0].get_extent() == pytest.approx((0, 3, 0, 3))
     brightness = pixels(axes.figure)[..., 0] / 255 / maps.RELIEF_MAP(0.0)[0]
@@ -160,7 +171,9 @@ def test_a_map_has_its_origin_its_scale_and_marks_of_the_right_area():
 def test_maps_show_their_classes_where_they_are(name, panel, colour, mask):
     rgb = matplotlib.colors.to_rgb(colour)
     picture = picture_of(DRAW[name]().axes[panel])
-    np.testing.assert_array_equal(np.isclose(picture, rgb, atol=0.01).all(axis=-1), mask)
+    np.testing.assert_array_equal(
+        np.isclose(picture, rgb, atol=0.01).all(axis=-1), mask
+    )
 
 
 def test_forces_and_pressures_are_those_of_the_contact():
@@ -171,7 +184,9 @@ def test_forces_and_pressures_are_those_of_the_contact():
     outlines = square.patches[:3]
     assert [outline.get_linestyle() for outline in outlines] == ["-", "--", "-"]
     corner = min(outlines[1].get_xy().tolist())  # of patch 2, turned by 10 degrees
-    assert corner == pytest.approx([2.5 - 0.425 * 1.1585, 1.5 + 0.425 * 0.8112], abs=1e-3)
+    assert corner == pytest.approx(
+        [2.5 - 0.425 * 1.1585, 1.5 + 0.425 * 0.8112], abs=1e-3
+    )
 
 
 def test_epochs_share_their_colours_and_lost_or_predicted_height_is_red():
@@ -191,9 +206,13 @@ def test_epochs_share_their_colours_and_lost_or_predicted_height_is_red():
 
 def test_a_patch_without_a_known_change_shows_its_scans():
     nowhere = xr.zeros_like(CHANGE["loss"])
-    unknown = CHANGE.assign(t1=T0, change=xr.full_like(LOST, np.nan), loss=nowhere, gain=nowhere)
+    unknown = CHANGE.assign(
+        t1=T0, change=xr.full_like(LOST, np.nan), loss=nowhere, gain=nowhere
+    )
     unknown.attrs["level_of_detection_um"] = np.nan
-    figure = microscale.patch_figure(PatchResult("1", CONTACTS["1"], unknown, PREDICTED))
+    figure = microscale.patch_figure(
+        PatchResult("1", CONTACTS["1"], unknown, PREDICTED)
+    )
     titles = [axes.get_title() for axes in figure.axes]
     assert titles[1] == "T1, after use, not laid on T0"
     assert titles[3] == "no change is known"
@@ -237,7 +256,9 @@ def test_validation_shows_the_numbers_of_the_tables():
     names = [text.get_text() for text in agreement.texts]
     assert names == [MODELS["archard"], MODELS["rigid"]]
     assert points_of(agreement) == [[[0.5, 0]], [[0.4, 1]]]
-    interval, _, attainable, _ = (line.get_xydata().tolist() for line in agreement.lines)
+    interval, _, attainable, _ = (
+        line.get_xydata().tolist() for line in agreement.lines
+    )
     assert interval == [[0.4, 0], [0.6, 0]]
     assert attainable == [[0.7, 0]]
     studied, left_out, untouched = points_of(extent)
@@ -330,5 +351,7 @@ def test_only_the_nearest_is_seen_lit_from_the_upper_left(view, seen):
     picture = pixels(axes.figure)[..., :3]
     middle = picture[70:80, 70:80]
     assert middle[..., seen].min() > 50
-    assert middle[..., 2 - seen].max() < 60  # seams between triangles are not quite shut
+    assert (
+        middle[..., 2 - seen].max() < 60
+    )  # seams between triangles are not quite shut
     assert picture[50, 50].mean() > picture[100, 100].mean() + 10

@@ -1,12 +1,16 @@
 """How laboratories name their scans: each scheme is read right, or it is asked, never guessed."""
 
 import pytest
+
 from gst.setup.file_names import read_names
 from gstlib.errors import InputError
 
 # By patch, the scan before, the one after (empty: none yet) and, where there is one, the repeat.
 READ = {
-    "with a repeat": {"1": "1_T0.plu, 1_T1.plu, 1_repeat.plu", "2": "2_T0.plu, 2_T1.plu"},
+    "with a repeat": {
+        "1": "1_T0.plu, 1_T1.plu, 1_repeat.plu",
+        "2": "2_T0.plu, 2_T1.plu",
+    },
     "strokes, and all that the instrument did": {
         "loc1": "ISEA-A1_LSM_20x-0.70_dorsal_loc1_shift-extract_0strokes.sur, "
         "ISEA-A1_LSM_20x-0.70_dorsal_loc1_shift-extract_2000strokes.sur",
@@ -26,7 +30,9 @@ READ = {
         "loc1": "loc1_20230501.sur, loc1_20230612.sur",
         "loc2": "loc2_20230502.sur, loc2_20230612.sur",
     },
-    "epochs and dates with the day first": {"1": "l1 T0 24.05.2023.sur, l1 T1 03.06.2023.sur"},
+    "epochs and dates with the day first": {
+        "1": "l1 T0 24.05.2023.sur, l1 T1 03.06.2023.sur"
+    },
     "times of day": {
         "loc1": "loc1_T0_20230501_143512.sur, loc1_T1_20230612_091122.sur",
         "loc2": "loc2_T0_20230501_144003.sur, loc2_T1_20230612_092755.sur",
@@ -37,7 +43,10 @@ READ = {
         "B": "B_cycles0.sur, B_cycles10000.sur",
     },
     "first and second epoch": {"1": "1_T1.sur, 1_T2.sur", "2": "2_T1.sur, 2_T2.sur"},
-    "some scanned before only": {"loc1": "loc1_T0.sur, loc1_T1.sur", "loc2": "loc2_T0.sur, "},
+    "some scanned before only": {
+        "loc1": "loc1_T0.sur, loc1_T1.sur",
+        "loc2": "loc2_T0.sur, ",
+    },
     "numbered repeats": {"1": "loc1_T0_rep2.sur, loc1_T1_rep2.sur, loc1_T0_rep10.sur"},
     "a control": {"C1": "C1_T0.sur, , C1_repeat.sur", "E1": "E1_T0.sur, E1_T1.sur"},
     "only what is worn is named": {
@@ -95,7 +104,9 @@ def test_names_with_two_readings_become_a_question(scheme):
 
 def test_a_pattern_explains_other_names():
     check_read({"1": "1-2.sur, 1-10.sur", "2": "2-2.sur, 2-10.sur"}, "{patch}-{epoch}")
-    check_read({"A": "vor A.sur, nach A.sur", "B": "vor B.sur, nach B.sur"}, "{epoch} {patch}")
+    check_read(
+        {"A": "vor A.sur, nach A.sur", "B": "vor B.sur, nach B.sur"}, "{epoch} {patch}"
+    )
     assert read_names(["1-1", "1-2", "1-3"], "{patch}-{epoch}").questions
     for pattern in ("{patch}_{epoch}", "{patch}", "{patch}-{epoch}{epoch}"):
         with pytest.raises(InputError):

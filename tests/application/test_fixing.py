@@ -6,12 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.ndimage import gaussian_filter
+
 from gst.check.fixing import Cure, cures_of, offer
 from gstlib.coupling.orientations import oriented
 from gstlib.errors import ConfigError
 from gstlib.surfaces.footprints import PatchPosition, on_patch, spline_of
 from gstlib.surfaces.grid import make_surface
-from scipy.ndimage import gaussian_filter
 
 SQUARE, SIZE, POINTS = 5.0, 0.85, 48
 NAMES = [*"123456789"]
@@ -19,20 +20,28 @@ NINE = np.array([(y, x) for y in (1.2, 2.5, 3.8) for x in (1.2, 2.5, 3.8)])
 MIRRORED = (0.0, SQUARE) + NINE * (1, -1) - NINE
 
 
-def study(laid="as given", only=NAMES, off=0.0, height=1.0, rose=(), fell=(), thickness=30.0):
+def study(
+    laid="as given", only=NAMES, off=0.0, height=1.0, rose=(), fell=(), thickness=30.0
+):
     """Nine patches of a stone, of which some rose and some fell.
 
     They, or `only` some, are `laid` so, and their places in the table are `off`; `height` is that
     of the mesh beside that of the scans.
     """
     rough = gaussian_filter(np.random.default_rng(5).normal(size=(100, 100)), 2)
-    stone = make_surface(0.1 * rough, SQUARE / 100, mesh_edge_mm=0.1, thickness_mm=thickness)
+    stone = make_surface(
+        0.1 * rough, SQUARE / 100, mesh_edge_mm=0.1, thickness_mm=thickness
+    )
     scans = {}
     for name, (y, x) in zip(NAMES, NINE, strict=True):
-        heights = on_patch(spline_of(stone), PatchPosition(y, x, 0.0), (POINTS, POINTS), SIZE)
+        heights = on_patch(
+            spline_of(stone), PatchPosition(y, x, 0.0), (POINTS, POINTS), SIZE
+        )
         if name in only:
             heights = oriented(heights, laid)
-        scans[name, "T0"] = make_surface(heights, SIZE / POINTS).to_dataset(name="height")
+        scans[name, "T0"] = make_surface(heights, SIZE / POINTS).to_dataset(
+            name="height"
+        )
     patches = pd.DataFrame({"patch": NAMES, "rotation_deg": 0.0, "flip": ""})
     patches[["y_mm", "x_mm"]] = NINE + off
     registration = pd.DataFrame({"patch": NAMES, "found": 1})
@@ -62,14 +71,26 @@ ROW = {"patch": "4", "x_mm": "1,2", "y_mm": "1.2", "t0": "a", "t1": "b"}
         ({}, {}, {}),
         ({"laid": "reversed along x"}, {"scans.mould.flip": "x"}, {}),
         ({"laid": "turned by 90°", "only": ["4"]}, {}, {"rotation_deg": -90}),
-        ({"laid": "turned by 90°", "only": ["5"]}, {}, {}),  # the row is that of patch 4
+        (
+            {"laid": "turned by 90°", "only": ["5"]},
+            {},
+            {},
+        ),  # the row is that of patch 4
         ({"off": (-0.06, 0.09)}, {}, {"x_mm": 1.11, "y_mm": 1.26}),
         ({"off": MIRRORED}, {}, {"x_mm": 3.8, "y_mm": 1.2}),
         ({"rose": range(6)}, {}, {"t0": "b", "t1": "a"}),
         ({"thickness": 12.34}, {"macroscale.face_mm": 12.3}, {}),
         # two cures, or none
-        ({"rose": range(6), "fell": [7]}, {}, {}),  # exchanged in some rows, or worn otherwise
-        ({"rose": range(6), "height": 0.0}, {}, {}),  # or a mould: the mesh does not tell
+        (
+            {"rose": range(6), "fell": [7]},
+            {},
+            {},
+        ),  # exchanged in some rows, or worn otherwise
+        (
+            {"rose": range(6), "height": 0.0},
+            {},
+            {},
+        ),  # or a mould: the mesh does not tell
         ({"thickness": 3.0}, {}, {}),  # no face is as small as that
     ],
 )
@@ -109,7 +130,9 @@ def files(tmp_path, monkeypatch):
 
 
 CURES = [
-    Cure("they are turned", {"scans.mould.flip": "x"}, lambda _: {"rotation_deg": "90"}),
+    Cure(
+        "they are turned", {"scans.mould.flip": "x"}, lambda _: {"rotation_deg": "90"}
+    ),
     Cure("they are exchanged", {}, lambda row: {"t0": row["t1"], "t1": row["t0"]}),
 ]
 
@@ -127,7 +150,9 @@ def test_the_difference_is_shown_and_copies_are_kept(files, monkeypatch, capsys)
     assert '+1;1,5;c;"a; b";90' in shown
     assert offered(files, monkeypatch, "y\n")
     assert (files / "study.yaml").read_text() == CONFIG.replace("flip: y", "flip: x")
-    expected = '# places\npatch;x_mm;t0;t1;rotation_deg\n1;1,5;c;"a; b";90\n2;2,5;;d;90\n'
+    expected = (
+        '# places\npatch;x_mm;t0;t1;rotation_deg\n1;1,5;c;"a; b";90\n2;2,5;;d;90\n'
+    )
     assert (files / "mine.csv").read_text() == expected
     assert offered(files, monkeypatch, "y\n", CURES[1:])  # back again
     assert (files / "mine.csv.bak").read_text() == TABLE

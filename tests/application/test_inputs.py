@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 from click.testing import CliRunner
+from PIL import Image
+
 from gst.check.inputs import Asked, check_inputs
 from gst.check.inspecting import inspect_file
 from gst.cli import main
@@ -11,7 +13,6 @@ from gst.config.patches import ScanFile
 from gstlib.errors import InputsError
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.footprints import PatchPosition, square_of
-from PIL import Image
 
 SPACING = 0.01
 FACE = {
@@ -20,7 +21,12 @@ FACE = {
     "grid": 20,
     "face_mm": 6.0,
 }
-SCANS = {"size_mm": 0.5, "unit": None, "spacing_um": None, "mould": {"invert": False, "flip": None}}
+SCANS = {
+    "size_mm": 0.5,
+    "unit": None,
+    "spacing_um": None,
+    "mould": {"invert": False, "flip": None},
+}
 
 
 def asked(**settings):
@@ -30,7 +36,7 @@ def asked(**settings):
         "rounded": (50.0, 0.0),
         "scan_settings": SCANS,
         "maximum_unmeasured": 0.05,
-        "equilibrium": True,
+        "placed": True,
         "reference": False,
         "interlayer": None,
         "active_tool": None,
@@ -66,7 +72,10 @@ def folder(tmp_path, exported):
 
 def scans(folder):
     names = ("1", "T0"), ("1", "T1"), ("2", "T0"), ("2", "T1")
-    return [ScanFile(folder / f"{patch}_{epoch}.plu", patch, epoch) for patch, epoch in names]
+    return [
+        ScanFile(folder / f"{patch}_{epoch}.plu", patch, epoch)
+        for patch, epoch in names
+    ]
 
 
 def problems_of(folder, uses, mesh="stone.stl", **settings):
@@ -89,7 +98,9 @@ def test_good_files_are_described(folder):
     height = inputs.face.height
     assert height.shape == (30, 30)
     assert float(square_of(height, 4.0).mean()) == pytest.approx(0, abs=1e-9)  # level
-    assert float(inputs.face.counterface[0, 0]) == pytest.approx(-2 * 2.9**2 / (2 * 50.0))
+    assert float(inputs.face.counterface[0, 0]) == pytest.approx(
+        -2 * 2.9**2 / (2 * 50.0)
+    )
     assert [*inputs.scans.patch + inputs.scans.epoch] == ["1T0", "1T1", "2T0", "2T1"]
 
 
@@ -119,15 +130,27 @@ def test_every_problem_is_named_once(folder):
     [
         ("1_T1", noise(9, 100)[:, :50], (SPACING / 2, SPACING), "5 × 10 µm apart"),
         ("1_T1", 1e3 * noise(9), SPACING, "scans.unit"),
-        ("1_T1", 3.0 * noise(9), SPACING, None),  # use and another calibration may do that
+        (
+            "1_T1",
+            3.0 * noise(9),
+            SPACING,
+            None,
+        ),  # use and another calibration may do that
         ("1_T1", noise(0), SPACING, "leave t1 empty"),
-        ("2_T0", noise(1), SPACING, "patch 2 at T0 has the same heights as patch 1 at T1"),
+        (
+            "2_T0",
+            noise(1),
+            SPACING,
+            "patch 2 at T0 has the same heights as patch 1 at T1",
+        ),
         ("face", noise(9, 49), 0.5 / 49, "49 × 49 points"),
         ("again", noise(9), SPACING, None),
         ("again", noise(0), SPACING, "leave repeat empty"),
     ],
 )
-def test_scans_that_do_not_go_together_are_refused(folder, name, heights, spacing, words):
+def test_scans_that_do_not_go_together_are_refused(
+    folder, name, heights, spacing, words
+):
     write_plu(folder / f"{name}.plu", heights, spacing)
     uses = scans(folder)
     uses += [ScanFile(folder / "face.plu", "counterface", "")]
@@ -144,7 +167,9 @@ def test_the_whole_square_needs_one_grid_and_the_memory(folder, monkeypatch):
 
     assert not is_named(reference=True)
     with monkeypatch.context() as small:
-        small.setattr("os.sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 10}.__getitem__)
+        small.setattr(
+            "os.sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 10}.__getitem__
+        )
         assert is_named(reference=True)
     write_plu(folder / "2_T0.plu", noise(9, 25), 2 * SPACING)
     assert is_named(reference=True)
@@ -167,14 +192,20 @@ def wavy(folder):
         for number, (place, factor) in enumerate(patches, start=1):
             x = 3.0 + place.x_mm - 1.0 + 0.04 * (np.arange(50) + 0.5)
             heights = waves(x) + 1e-4 * rng.standard_normal((50, 50))
-            uses.append(ScanFile(folder / f"{number}.plu", str(number), "T0", None, place))
+            uses.append(
+                ScanFile(folder / f"{number}.plu", str(number), "T0", None, place)
+            )
             write_plu(uses[-1].path, factor * heights, 0.04)
-        return problems_of(folder, uses, scan_settings=SCANS | {"size_mm": 2.0}, **settings)
+        return problems_of(
+            folder, uses, scan_settings=SCANS | {"size_mm": 2.0}, **settings
+        )
 
     return problems
 
 
-@pytest.mark.parametrize("halvings", [5, 6])  # edges of a third of a patch's side, and of a sixth
+@pytest.mark.parametrize(
+    "halvings", [5, 6]
+)  # edges of a third of a patch's side, and of a sixth
 def test_scans_and_mesh_in_different_units(wavy, caplog, halvings):
     """Where both see the same waves, scans are as high as the mesh, and not a thousand times."""
     place = PatchPosition(2.0, 1.5)

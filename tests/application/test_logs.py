@@ -6,16 +6,19 @@ import warnings
 from types import SimpleNamespace
 
 import pytest
+from snakemake_interface_logger_plugins.common import LogEvent
+
 import snakemake_logger_plugin_gst as plugin
 from gst.run.logs import FILE_ONLY, job_log, logged
 from gstlib.errors import NOTE, InputError
-from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_logger_plugin_gst import _SILENT, LogHandler
 
 EMPTY = InputError("scan.plu", "is empty", "Copy it again.")
 
 
-def test_an_error_of_the_user_is_one_line_and_a_bug_in_the_program_a_traceback(tmp_path, capsys):
+def test_an_error_of_the_user_is_one_line_and_a_bug_in_the_program_a_traceback(
+    tmp_path, capsys
+):
     log = tmp_path / "logs/job.log"
     with pytest.raises(SystemExit) as ended, job_log(log):
         raise EMPTY
@@ -52,7 +55,10 @@ class Run:
         names = ("quiet", "verbose", "debug_dag", "printshellcmds", "dryrun")
         self.handler = LogHandler(SimpleNamespace(**dict.fromkeys(names, False)), None)
         self.total = total
-        self.tell(LogEvent.RUN_INFO, stats={"total": total + 1, "all": 1, "solve_patches": total})
+        self.tell(
+            LogEvent.RUN_INFO,
+            stats={"total": total + 1, "all": 1, "solve_patches": total},
+        )
 
     def tell(self, event, text="", **facts):
         record = logging.LogRecord("snakemake", logging.INFO, "", 0, text, None, None)
@@ -75,7 +81,9 @@ def shown(monkeypatch, capsys):
     return lambda: capsys.readouterr().err
 
 
-def test_the_display_counts_the_steps_and_tells_the_time_that_is_left(shown, monkeypatch):
+def test_the_display_counts_the_steps_and_tells_the_time_that_is_left(
+    shown, monkeypatch
+):
     run = Run(40)
     monkeypatch.setattr(plugin.time, "time", lambda: run.handler.start + 300)
     for job in range(1, 41):
@@ -93,7 +101,9 @@ def test_the_display_counts_the_steps_and_tells_the_time_that_is_left(shown, mon
     assert "Finished" in text.splitlines()[-1]
 
 
-def test_the_display_shows_warnings_and_the_error_of_a_failed_step_once(shown, tmp_path):
+def test_the_display_shows_warnings_and_the_error_of_a_failed_step_once(
+    shown, tmp_path
+):
     log = tmp_path / "job.log"
     log.write_text("WARNING of yesterday\nERROR of yesterday\n")
     run = Run(4)
@@ -106,7 +116,9 @@ def test_the_display_shows_warnings_and_the_error_of_a_failed_step_once(shown, t
         raise EMPTY
     run.tell(LogEvent.JOB_ERROR, jobid=2, rule_msg=None)
     run.begin(3, log)
-    run.tell(LogEvent.JOB_ERROR, jobid=3, rule_msg=None)  # killed before it wrote anything
+    run.tell(
+        LogEvent.JOB_ERROR, jobid=3, rule_msg=None
+    )  # killed before it wrote anything
     run.handler.close()
     text, place = shown(), f"\n  step: Pressing patch %d\n  log:  {log}\n"
     assert "yesterday" not in text

@@ -5,6 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from scipy.ndimage import gaussian_filter, gaussian_filter1d
+from stones import FINE, taken
+
 from gst.check.aligning import Fit
 from gst.check.matching import Match, _elsewhere, match_map, match_together
 from gst.check.nearby import _BY_HAND, _top, match_near
@@ -12,18 +15,22 @@ from gst.setup.finding import find_on_stone
 from gstlib import self_affine_field
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import coarser, make_surface
-from scipy.ndimage import gaussian_filter, gaussian_filter1d
-from stones import FINE, adopted
 
-LIKELY = Match(PatchPosition(1.0, 1.0), False, False, 0.9, 0.1, np.eye(3), is_found=True)
+LIKELY = Match(
+    PatchPosition(1.0, 1.0), False, False, 0.9, 0.1, np.eye(3), is_found=True
+)
 EDGE, FACE, OVERVIEW, PATCH = 0.2, 9.0, 2.2, 0.85  # mm
-PATCHES = np.array([(3.0, 3.2), (3.4, 5.6), (4.4, 4.1), (5.5, 6.2), (6.1, 3.3), (6.3, 5.0)])
+PATCHES = np.array(
+    [(3.0, 3.2), (3.4, 5.6), (4.4, 4.1), (5.5, 6.2), (6.1, 3.3), (6.3, 5.0)]
+)
 
 
 def stone(seed):
     """A rough and rounded surface on fine elements, mm."""
     rng, count = np.random.default_rng(seed), round(FACE / FINE)
-    rough = self_affine_field(rng, 512, FINE, hurst_exponent=0.8, roll_off=2.0)[:count, :count]
+    rough = self_affine_field(rng, 512, FINE, hurst_exponent=0.8, roll_off=2.0)[
+        :count, :count
+    ]
     along = np.arange(count) * FINE - FACE / 2
     return 0.03 * rough / rough.std() - np.add.outer(along**2, along**2) / 120
 
@@ -49,7 +56,7 @@ def mesh(fine, seed=0):
 def scan(fine, centre, turn=0.0, mirrored=False, side=PATCH):
     """A map of it."""
     step = side / 85
-    return make_surface(adopted(fine, centre, turn, side, step, mirrored), step)
+    return make_surface(taken(fine, centre, turn, side, step, mirrored), step)
 
 
 def overview(fine, centre=(4.5, 4.5), turn=0.0, mirrored=False):
@@ -90,7 +97,9 @@ def test_scans_that_the_stage_ties_together_are_found():
     scans = [-scan(fine, at, turn, mirrored=True) for at in centres]  # of a mould
     v, u = PatchPosition(*centres.mean(axis=0), turn).seen(*centres.T)
     offsets = np.transpose([v, -u])
-    match, reading = match_together(mesh(fine), scans, np.array([offsets * (-1, 1), offsets]))
+    match, reading = match_together(
+        mesh(fine), scans, np.array([offsets * (-1, 1), offsets])
+    )
     assert (match.is_found, match.mirrored, match.inverted) == (True, True, True)
     assert reading == 1
     places = [match.place_of(*offset)[:2] for offset in offsets]
@@ -102,7 +111,9 @@ def test_scans_near_places_by_hand_snap_together():
     scans = [-scan(fine, at, 30.0, mirrored=True) for at in PATCHES]
     scans[2] = -scan(stone(4), (4.0, 4.0), mirrored=True)  # of another stone
     off = np.random.default_rng(3).uniform(-0.5, 0.5, PATCHES.shape)
-    matches = match_near(mesh(fine), scans, [PatchPosition(*at, 23.0) for at in PATCHES + off])
+    matches = match_near(
+        mesh(fine), scans, [PatchPosition(*at, 23.0) for at in PATCHES + off]
+    )
     assert all(match.mirrored and match.inverted for match in matches)
     assert are_found(matches) == [True, True, False, True, True, True]
     assert matches[0].place.rotation_deg == pytest.approx(30, abs=4)
@@ -131,7 +142,9 @@ def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it():
     scans[0] = scan(fine, first, 50.0)
     scans[2] *= 2
     scans[4] += 0.5 * float(scans[4].std()) * smooth_noise(1, len(scans[4]), 6)
-    matches = match_near(mesh(fine, 6), scans, [PatchPosition(*at, 28.0) for at in PATCHES + 0.2])
+    matches = match_near(
+        mesh(fine, 6), scans, [PatchPosition(*at, 28.0) for at in PATCHES + 0.2]
+    )
     assert are_found(matches) == [False, True, False, True, False, True]
     assert min(match.correlation for match in matches) > 0.8
     assert min(match.lead for match in matches) > 0.2
@@ -145,7 +158,9 @@ def test_a_scan_that_fits_at_two_places_is_not_certain():
     waves = np.outer(even, np.cos(phase)) + np.outer(odd, np.sin(phase))
     fine = 0.03 * waves / waves.std() + 0.1 * stone(4)
     scans = [scan(fine, at) for at in PATCHES]
-    matches = match_near(mesh(fine), scans, [PatchPosition(y, x) for y, x in PATCHES + 0.05])
+    matches = match_near(
+        mesh(fine), scans, [PatchPosition(y, x) for y, x in PATCHES + 0.05]
+    )
     for match, at in zip(matches, PATCHES, strict=True):
         assert (match.is_found, match.is_uncertain) == (False, True)
         places = np.array([match.place, *match.alternatives])
@@ -153,9 +168,15 @@ def test_a_scan_that_fits_at_two_places_is_not_certain():
 
 
 def test_one_scan_needs_a_larger_lead_than_several():
-    for lead, expected in {0.4: [True, True], 0.3: [False, True], 0.15: [False, False]}.items():
+    for lead, expected in {
+        0.4: [True, True],
+        0.3: [False, True],
+        0.15: [False, False],
+    }.items():
         elsewhere = np.tanh(np.arctanh(LIKELY.correlation) - lead)
-        assert are_found(LIKELY.among([elsewhere], count) for count in (1, 2)) == expected
+        assert (
+            are_found(LIKELY.among([elsewhere], count) for count in (1, 2)) == expected
+        )
 
 
 def test_another_place_is_far_from_the_best_or_of_the_other_sign():
@@ -172,7 +193,9 @@ def test_the_errors_of_a_place_and_of_the_lever_are_as_large_as_is_said():
         ground = smooth_noise(seed, 120, 3)
         surface = make_surface(ground + 0.3 * smooth_noise(100 + seed, 120, 1.5), 0.05)
         piece = make_surface(ground[30:90, 30:90], 0.05)
-        fit = Fit.on(surface, [piece], np.zeros((1, 2)), False).refined(PatchPosition(3.0, 3.0))
+        fit = Fit.on(surface, [piece], np.zeros((1, 2)), False).refined(
+            PatchPosition(3.0, 3.0)
+        )
         match = replace(LIKELY, place=fit.place, covariance=fit.covariance)
         for lever in (0.0, 3.0):
             moved = match.at(0.0, lever)
@@ -203,7 +226,9 @@ def test_what_fits_two_sides_of_a_stone_alike_is_not_found(monkeypatch):
     assert (lying.match.is_found, lying.match.lead) == (False, 0)
 
 
-@pytest.mark.parametrize(("outside", "inside"), [(False, True), (True, False), (True, True)])
+@pytest.mark.parametrize(
+    ("outside", "inside"), [(False, True), (True, False), (True, True)]
+)
 def test_a_scan_on_a_map_lies_where_its_points_do_on_the_stone(outside, inside):
     """Mirrored and turned as both are: the map on the stone, and the scan on the map."""
     match = replace(LIKELY, covariance=np.diag([9e-4, 9e-4, 0.0]))

@@ -8,13 +8,14 @@ import pytest
 import trimesh
 import yaml
 from click.testing import CliRunner
+from scan_files import write_plu_at
+from scipy.ndimage import gaussian_filter
+from stones import TURN, rough_stone, taken
+
 from gst.cli import main
 from gstlib.io.meshes import read_mesh
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.frames import find_frame
-from scan_files import write_plu_at
-from scipy.ndimage import gaussian_filter
-from stones import TURN, rough_stone, taken
 
 SPACING = 0.0133  # mm
 POINTS = 64
@@ -28,7 +29,9 @@ def run(*arguments, code=0):
 
 def ground(seed):
     """A rough surface, mm."""
-    return 0.02 * gaussian_filter(np.random.default_rng(seed).normal(size=(POINTS, POINTS)), 1.5)
+    return 0.02 * gaussian_filter(
+        np.random.default_rng(seed).normal(size=(POINTS, POINTS)), 1.5
+    )
 
 
 def used(surface, seed):
@@ -76,7 +79,9 @@ def new(lab, *options):
     shutil.rmtree(lab / "study", ignore_errors=True)
     text = run("new", "study", "--mesh", "stone.stl", "--scans", "scans", *options)
     config = yaml.safe_load((lab / "study/study.yaml").read_text())
-    table = pd.read_csv(lab / "study/patches.csv", sep=";", dtype=str, keep_default_na=False)
+    table = pd.read_csv(
+        lab / "study/patches.csv", sep=";", dtype=str, keep_default_na=False
+    )
     return text, config, table.to_dict("records")
 
 
@@ -88,7 +93,9 @@ def test_what_files_tell_is_written_and_the_rest_is_asked(lab):
     write_pairs(lab)
     (lab / "scans/notes.pdf").write_bytes(b"-")
     text, config, rows = new(lab)
-    assert scans_of(rows) == [(f"loc{n}", by_word(n, 0), by_word(n, 1)) for n in range(3)]
+    assert scans_of(rows) == [
+        (f"loc{n}", by_word(n, 0), by_word(n, 1)) for n in range(3)
+    ]
     files = {"mesh": "../stone.stl", "mesh_unit": "mm", "scan_folder": "../scans"}
     assert config["inputs"] == files
     assert config["scans"]["size_mm"] == pytest.approx(POINTS * SPACING, rel=5e-3)
@@ -118,7 +125,9 @@ def test_dates_in_the_files_tell_moulds_from_exchanged_epochs(lab):
 
 
 def test_scans_that_do_not_show_what_their_names_say_are_asked(lab):
-    write_pairs(lab, lambda place, epoch: by_word((1, 0, 2)[place] if epoch else place, epoch))
+    write_pairs(
+        lab, lambda place, epoch: by_word((1, 0, 2)[place] if epoch else place, epoch)
+    )
     text, _, rows = new(lab)
     expected = [f"TODO {by_word(0, 1)}", f"TODO {by_word(1, 1)}", by_word(2, 1)]
     assert [t1 for _, _, t1 in scans_of(rows)] == expected
@@ -136,7 +145,9 @@ def test_the_stage_gives_the_distances_of_patches(lab):
     assert half < places.min() < places.max() < 5 - half
 
 
-@pytest.mark.parametrize(("longest", "unit"), [(60.0, "mm"), (0.06, "m"), (8.0, "TODO")])
+@pytest.mark.parametrize(
+    ("longest", "unit"), [(60.0, "mm"), (0.06, "m"), (8.0, "TODO")]
+)
 def test_a_mesh_is_in_the_unit_that_makes_a_stone(lab, longest, unit):
     write_stone(lab / "stone.stl", longest)
     run("new", "study", "--mesh", "stone.stl")
@@ -146,13 +157,17 @@ def test_a_mesh_is_in_the_unit_that_makes_a_stone(lab, longest, unit):
 
 def test_text_is_in_the_unit_that_makes_a_scan(lab):
     y, x = np.indices((POINTS, POINTS)).reshape(2, -1) * SPACING
-    np.savetxt(lab / "scans/0_T0.xyz", np.transpose([x, y, ground(0).ravel()]), fmt="%.6f")
+    np.savetxt(
+        lab / "scans/0_T0.xyz", np.transpose([x, y, ground(0).ravel()]), fmt="%.6f"
+    )
     _, config, _ = new(lab)
     assert config["scans"]["unit"] == "mm"
     np.savetxt(lab / "scans/1_T0.csv", ground(1), delimiter=",", fmt="%.6f")
     _, config, _ = new(lab)
     assert config["scans"]["unit"] == config["scans"]["spacing_um"] == "TODO"
-    assert config["scans"]["size_mm"] == f"TODO {POINTS * SPACING:.3g}"  # as of the other
+    assert (
+        config["scans"]["size_mm"] == f"TODO {POINTS * SPACING:.3g}"
+    )  # as of the other
 
 
 def test_scans_are_found_on_an_overview_and_it_on_the_mesh(lab):
@@ -167,7 +182,9 @@ def test_scans_are_found_on_an_overview_and_it_on_the_mesh(lab):
     text, config, rows = new(lab, "--overview", "overview.plu")
     assert rows.pop()["x_mm"] == "TODO"  # it is smooth and shows no place
     assert "3: not found" in text
-    assert all(abs(float(row["rotation_deg"])) < 1 for row in rows)  # the square is the map's
+    assert all(
+        abs(float(row["rotation_deg"])) < 1 for row in rows
+    )  # the square is the map's
     assert config["scans"]["mould"] == {"invert": False, "flip": "x"}
     assert 1 <= config["uncertainty"]["placement_um"] < 40
     places = np.array([(row["x_mm"], row["y_mm"]) for row in rows], float)

@@ -5,21 +5,35 @@ import os
 import random
 from contextlib import suppress
 
-import gst
 import pytest
 import yaml
+
+import gst
 from gst.run.chain import Step
 from gst.run.owned import claim, claim_picture, claimed_by, refuse_foreign, written_by
 from gst.run.running import remove_results
 
-NAMES = ["figures", "tables", "logs", "wear", "1", "7.h5", "a.csv", "index.html", "note.txt"]
+NAMES = [
+    "figures",
+    "tables",
+    "logs",
+    "wear",
+    "1",
+    "7.h5",
+    "a.csv",
+    "index.html",
+    "note.txt",
+]
 NAMES += [".7.h5.12.part", ".a.csv.part", "write_page.json", ".snakemake_timestamp"]
 
 
 def contents(folder):
     """What each file and link in a folder holds, by path."""
     paths = [path for path in folder.rglob("*") if path.is_symlink() or path.is_file()]
-    return {path: os.readlink(path) if path.is_symlink() else path.read_bytes() for path in paths}
+    return {
+        path: os.readlink(path) if path.is_symlink() else path.read_bytes()
+        for path in paths
+    }
 
 
 def plant(results, choose):
@@ -30,7 +44,9 @@ def plant(results, choose):
         with suppress(OSError):  # a file lies where a folder would
             path.parent.mkdir(parents=True, exist_ok=True)
             if choose.random() < 0.2:
-                path.symlink_to(choose.choice([outside, outside / "7.h5", results / "figures"]))
+                path.symlink_to(
+                    choose.choice([outside, outside / "7.h5", results / "figures"])
+                )
             else:
                 path.write_text(f"foreign {number}")
 
@@ -43,9 +59,13 @@ def record(results, choose):
     there = [path for path in contents(results) if path.parent.name != "logs"]
     named = set()
     for step in range(choose.randrange(3)):
-        names = choose.sample([path.relative_to(results).as_posix() for path in there], 2)
+        names = choose.sample(
+            [path.relative_to(results).as_posix() for path in there], 2
+        )
         # a record that names something elsewhere counts for nothing but itself
-        outputs = dict.fromkeys([*names, *choose.choice([(), (), [choose.choice(HOSTILE)]])], "a1")
+        outputs = dict.fromkeys(
+            [*names, *choose.choice([(), (), [choose.choice(HOSTILE)]])], "a1"
+        )
         file = results / f"logs/step{step}.json"
         with suppress(OSError):
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -55,7 +75,9 @@ def record(results, choose):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_clean_and_a_refused_run_lose_nothing_that_no_record_names(seed, tmp_path, monkeypatch):
+def test_clean_and_a_refused_run_lose_nothing_that_no_record_names(
+    seed, tmp_path, monkeypatch
+):
     choose = random.Random(seed)
     monkeypatch.chdir(tmp_path)
     results, outside = tmp_path / "paper", tmp_path / "outside"
@@ -67,7 +89,9 @@ def test_clean_and_a_refused_run_lose_nothing_that_no_record_names(seed, tmp_pat
     config.write_text(yaml.safe_dump({"results": "paper", "patches": table}))
     plant(results, choose)
     before = contents(tmp_path)
-    step = Step("write_page", {}, [], [results / name for name in ("index.html", "wear/1")])
+    step = Step(
+        "write_page", {}, [], [results / name for name in ("index.html", "wear/1")]
+    )
     if any(os.path.lexists(path) for path in step.outputs if not path.is_dir()):
         with pytest.raises(SystemExit):
             refuse_foreign([step], results)
@@ -87,8 +111,13 @@ def test_clean_and_a_refused_run_lose_nothing_that_no_record_names(seed, tmp_pat
 
 def test_what_a_killed_run_left_is_the_study_s_own(tmp_path):
     """Of files that it listed before its first step. A new name in the list is checked again."""
-    page, depth, late = (tmp_path / name for name in ("index.html", "wear/7.h5", "late.csv"))
-    steps = [Step("write_page", {}, [], [page]), Step("predict", {}, [], [depth.parent])]
+    page, depth, late = (
+        tmp_path / name for name in ("index.html", "wear/7.h5", "late.csv")
+    )
+    steps = [
+        Step("write_page", {}, [], [page]),
+        Step("predict", {}, [], [depth.parent]),
+    ]
     claim(written_by(steps, tmp_path), tmp_path)
     depth.parent.mkdir()
     for file in (page, depth, late):

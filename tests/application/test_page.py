@@ -7,6 +7,8 @@ import re
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
+
 from gst import ROOT
 from gst.config.reading import read_config
 from gst.config.tables import TABLES
@@ -19,7 +21,6 @@ from gst.page.verdict import Answer
 from gst.run.chain import given_to, step_of, write_record
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
-from PIL import Image
 
 FRAME = Frame(origin=(-2, -2, 1.5), x_axis=(1, 0, 0), normal=(0, 0, 1))
 

@@ -6,6 +6,7 @@ import unicodedata
 import numpy as np
 import openpyxl
 import pytest
+
 from gst.config.patches import overlaps, read_patches, scan_files
 from gstlib.errors import ConfigError
 from gstlib.io.tables import read_table, write_table
@@ -38,7 +39,9 @@ def refused(path, *parts, **options):
 def test_names_that_look_like_something_else_stay_names(table, tmp_path):
     """As an empty cell, a number, or yes and no."""
     names = ["007", "1e5", "7", "NA", "None", "inf", "nan", "no"]
-    rows = [f"{name},{1 + 0.9 * (i % 4)},{1 + i // 4},a\n" for i, name in enumerate(names)]
+    rows = [
+        f"{name},{1 + 0.9 * (i % 4)},{1 + i // 4},a\n" for i, name in enumerate(names)
+    ]
     patches = read(table(f"{HEAD}\n{''.join(rows)}"))
     assert sorted(patches.patch) == names
     write_table(tmp_path / "t.csv", patches)
@@ -46,7 +49,9 @@ def test_names_that_look_like_something_else_stay_names(table, tmp_path):
 
 
 @pytest.mark.parametrize(("in_table", "on_disk"), [("NFC", "NFD"), ("NFD", "NFC")])
-def test_scans_are_found_however_their_accents_are_composed(table, tmp_path, in_table, on_disk):
+def test_scans_are_found_however_their_accents_are_composed(
+    table, tmp_path, in_table, on_disk
+):
     written = unicodedata.normalize(in_table, "alt/Höhe_é.plu")
     file = tmp_path / unicodedata.normalize(on_disk, "alt/Höhe_é.plu")
     file.parent.mkdir()
@@ -139,7 +144,10 @@ REFUSED = [
     (f"{HEAD},\ufeffｘ_mm\n1,1,1,a,2\n", "a column is given twice"),
     (f"{HEAD},t1\n1,1,1,a\n", "line 2 (patch 1): 4 cells in 5 columns"),
     (f'{HEAD},note\n1,1,1,a,"\n2,3,1,b,\n', "cannot be read"),
-    ("patch;x_mm;y_mm;t0\n1;1.500;0;a\n2;1;2,5;b\n", "line 2 (patch 1): x_mm is '1.500'"),
+    (
+        "patch;x_mm;y_mm;t0\n1;1.500;0;a\n2;1;2,5;b\n",
+        "line 2 (patch 1): x_mm is '1.500'",
+    ),
     (f"{HEAD}\n#N/A,1,1,a\n2,3,1,b\n", "line 2 (patch #N/A): patch is"),
     (f"{HEAD}\n1,0,5,1,5,a\n", "use semicolons or tabs"),
     # of a spreadsheet, comments and blank rows count as lines
@@ -160,14 +168,18 @@ def test_what_is_no_patch_table(table, text, words):
     refused(table(text), words)
 
 
-@pytest.mark.parametrize("name", ["/data/1.plu", "~/1.plu", r"C:\data\1.plu", "a/../../1.plu"])
+@pytest.mark.parametrize(
+    "name", ["/data/1.plu", "~/1.plu", r"C:\data\1.plu", "a/../../1.plu"]
+)
 def test_scans_lie_in_the_scan_folder(table, name):
     text = f"{HEAD},t1\n1,1,1,{name},a\n2,3,1,a,{name}\n"
     refused(table(text), f"(patch 1): t0 is {name!r}", f"(patch 2): t1 is {name!r}")
 
 
 def test_a_small_overlap_is_told_and_what_touches_is_none(table):
-    rows = "1,1,1,a\n2,1.8,1,b\n3,2.65,1,c\n5,0.425,4.575,e\n"  # the last touches the edge
+    rows = (
+        "1,1,1,a\n2,1.8,1,b\n3,2.65,1,c\n5,0.425,4.575,e\n"  # the last touches the edge
+    )
     assert [*overlaps(read(table(f"{HEAD}\n{rows}")), 0.85)] == [
         ("1", "2", pytest.approx(0.05 / 0.85))
     ]
@@ -184,7 +196,13 @@ def test_proposed_places_are_a_patch_table_as_they_stand(table, tmp_path):
     """Scans are named after their place, whatever their format; without T1 there is none."""
     path = table(PLACES)
     assert read(path).t1.tolist() == ["C1_T1.plu", "E1_T1.plu"]  # of a generated stone
-    for name in ("E1_T0.plux", "e1_t1.sur", "C1_T0.plux", "E1_T0_notes", "C1_repeat.plux"):
+    for name in (
+        "E1_T0.plux",
+        "e1_t1.sur",
+        "C1_T0.plux",
+        "E1_T0_notes",
+        "C1_repeat.plux",
+    ):
         (tmp_path / name).touch()
     patches = read(path, scan_folder=tmp_path).set_index("patch")
     scans = patches[["t0", "t1", "repeat"]].T.to_dict("list")
@@ -196,7 +214,9 @@ def test_proposed_places_are_a_patch_table_as_they_stand(table, tmp_path):
 
 def test_a_name_with_a_star_is_that_of_the_file_that_fits(table, tmp_path):
     """As ConfoMap names what it saves."""
-    path = table(f"{HEAD}\nloc1,1,1,*_{{patch}}_*_0strokes.mnt\nloc10,3,1,b/{{patch}}_*\n")
+    path = table(
+        f"{HEAD}\nloc1,1,1,*_{{patch}}_*_0strokes.mnt\nloc10,3,1,b/{{patch}}_*\n"
+    )
     names = ["A1_loc1_e_0strokes.mnt", "b/Loc10_T0.sur"]
     (tmp_path / "b").mkdir()
     for name in (*names, "A1_loc1_e_50strokes.mnt", "A1_loc10_e_0strokes.mnt"):

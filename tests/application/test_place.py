@@ -20,6 +20,10 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
+from matplotlib.image import imread
+from scipy.ndimage import gaussian_filter
+from stones import TURN, rough_stone, taken
+
 from gst.check.matching import Match
 from gst.setup.place import PlaceServer
 from gst.setup.place_matching import Matches, _laid_alike, seen_in
@@ -29,9 +33,6 @@ from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.footprints import PatchPosition, outline
 from gstlib.surfaces.frames import Frame
-from matplotlib.image import imread
-from scipy.ndimage import gaussian_filter
-from stones import TURN, rough_stone, taken
 
 SPACING = 0.0133  # mm
 POINTS = 64
@@ -66,7 +67,9 @@ def study(tmp_path, monkeypatch):
     (folder / "study.yaml").write_text(CONFIG)
     (folder / "patches.tsv").write_text(TABLE)
     trimesh.creation.icosphere(subdivisions=2, radius=10.0).export(folder / "stone.ply")
-    ground = 0.02 * gaussian_filter(np.random.default_rng(1).normal(size=(POINTS, POINTS)), 2)
+    ground = 0.02 * gaussian_filter(
+        np.random.default_rng(1).normal(size=(POINTS, POINTS)), 2
+    )
     for name in ("a", "b"):
         write_plu(folder / f"scans/{name}.plu", ground, SPACING)
     monkeypatch.chdir(folder)
@@ -76,7 +79,9 @@ def study(tmp_path, monkeypatch):
 @contextmanager
 def served():
     with PlaceServer(Path("study.yaml")) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread = threading.Thread(
+            target=server.serve_forever, kwargs={"poll_interval": 0.01}
+        )
         thread.start()
         yield server
         server.shutdown()
@@ -154,7 +159,12 @@ REFUSED = {
     "a way up": ("results/../study.yaml", None, {}, 403),
     "a link that leads out": ("results/link", None, {}, 403),
     "a scan by its path": ("scan/../../secret", None, {}, 404),
-    "a scan that is to be written": ("file", {"patch": "B", "column": "t0", "name": "/x"}, {}, 422),
+    "a scan that is to be written": (
+        "file",
+        {"patch": "B", "column": "t0", "name": "/x"},
+        {},
+        422,
+    ),
     "an upload": ("answers", {}, {"Content_Length": "3000000"}, 413),
     "a key that names a file": ("answers", {"inputs.mesh": "/etc/passwd"}, {}, 400),
     "a value that cannot be meant": ("answers", {"load.force_N": -1}, {}, 422),
@@ -203,7 +213,11 @@ def test_places_are_written_and_the_rest_stays(server, study):
 
 
 def test_answers_are_written_and_comments_stay(server, study):
-    for sent in ({"load.force_N": 30}, {"counterface.radius_mm": 274}, {"load.at_mm": [1.5, 2]}):
+    for sent in (
+        {"load.force_N": 30},
+        {"counterface.radius_mm": 274},
+        {"load.at_mm": [1.5, 2]},
+    ):
         digest = digest_of(server.config)
         answer = saved(server, "answers", sent)
         assert answer["kept"] is None
@@ -240,7 +254,9 @@ def test_places_of_a_tool_without_scans_make_a_table(server, study):
 EDITS = {
     "the config": lambda: Path("study.yaml").write_text(CONFIG + "# edited\n"),
     "no config": lambda: Path("study.yaml").unlink(),
-    "the table": lambda: Path("patches.tsv").write_text(TABLE.replace("dull", "bright")),
+    "the table": lambda: Path("patches.tsv").write_text(
+        TABLE.replace("dull", "bright")
+    ),
 }
 SAVES = {
     "answers": {"load.force_N": 100},
@@ -277,7 +293,9 @@ def test_one_of_many_saves_at_once_is_written(server):
     assert written()["load"]["force_N"] == 1 + statuses.index(200)
 
 
-@pytest.mark.parametrize(("name", "path"), [("study.yaml", "answers"), ("patches.tsv", "places")])
+@pytest.mark.parametrize(
+    ("name", "path"), [("study.yaml", "answers"), ("patches.tsv", "places")]
+)
 def test_files_that_are_links_are_not_changed(server, study, name, path):
     file, target = study / name, study.parent / "secret"
     text = file.read_text()
@@ -294,7 +312,9 @@ def test_a_new_table_does_not_take_the_place_of_a_link(server, study):
     assert (study / "patches.csv").is_symlink()
 
 
-@pytest.mark.parametrize(("name", "kind"), [("check", "symlink_to"), ("fix", "hardlink_to")])
+@pytest.mark.parametrize(
+    ("name", "kind"), [("check", "symlink_to"), ("fix", "hardlink_to")]
+)
 def test_what_a_command_says_is_written_through_no_link(server, study, name, kind):
     target = study.parent / "secret"
     for ending in ("log", "pid"):
@@ -316,7 +336,9 @@ def test_a_folder_has_one_server(server, study):
     saved(server, "answers", {"load.force_N": 100})
 
 
-@pytest.mark.parametrize("kind", ["another host", "a link", "a pipe", "a linked folder"])
+@pytest.mark.parametrize(
+    "kind", ["another host", "a link", "a pipe", "a linked folder"]
+)
 def test_a_lock_that_cannot_be_taken_is_refused(study, kind):
     lock, other = Path(".snakemake/place.lock"), study.parent / "other"
     if kind == "a linked folder":
@@ -383,7 +405,9 @@ def test_scans_find_their_exact_places_near_those_by_hand(server, study):
         table += f"{patch}\t{x - 7.7}\t{y - 8.4}\t{patch}.plu\n"
     (study / "patches.tsv").write_text(table)
     assert "neither an overview" in ask(server, "find", {})[1]["error"]
-    corners = np.array([[8.0, 8.0, 0, 1], [13.0, 8.0, 0, 1], [8.0, 13.0, 0, 1]]) @ TURN.T
+    corners = (
+        np.array([[8.0, 8.0, 0, 1], [13.0, 8.0, 0, 1], [8.0, 13.0, 0, 1]]) @ TURN.T
+    )
     configure("TODO", str(corners[:, :3].tolist()))
     status, answer = ask(server, "find", {})
     assert (status, len(answer["places"])) == (200, 3)
@@ -395,7 +419,9 @@ def test_scans_find_their_exact_places_near_those_by_hand(server, study):
     assert answer["answers"] == {"scans.mould.flip": "y"}
 
 
-MATCH = Match(PatchPosition(1.0, 2.0, 150.0), False, False, 0.9, 0.1, np.eye(3), is_found=True)
+MATCH = Match(
+    PatchPosition(1.0, 2.0, 150.0), False, False, 0.9, 0.1, np.eye(3), is_found=True
+)
 
 
 @pytest.mark.parametrize("odd", ["mirrored", "inverted"])
@@ -422,7 +448,9 @@ def picture(heights):
 def test_a_picture_is_lit_from_above_left_with_y_up(study):
     """As the stone beside it is; a mould of the stone looks as the stone does."""
     y, x = np.mgrid[-1 : 1 : POINTS * 1j, -1 : 1 : POINTS * 1j]
-    heights = 0.05 * np.exp(-((x - 0.4) ** 2 + (y - 0.2) ** 2) / 0.02)  # a hill, right and up
+    heights = 0.05 * np.exp(
+        -((x - 0.4) ** 2 + (y - 0.2) ** 2) / 0.02
+    )  # a hill, right and up
     shown = picture(heights)
     row, column = int(0.4 * POINTS), int(0.7 * POINTS)
     assert shown[row - 3, column - 3] > shown[row + 3, column + 3] + 0.5

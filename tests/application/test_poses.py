@@ -3,11 +3,14 @@
 import numpy as np
 import pandas as pd
 import pytest
+
 from gst.config.poses import batches_of, reach_of, read_poses
 from gstlib.errors import ConfigError
 
 SIDE = 4.0
-TABLE = "x_mm\ty_mm\tforce_N\tsliding_mm\tweight\n0.1\t0\t20\t0.5\t1\n-0.1\t0\t20\t0.5\t2\n"
+TABLE = (
+    "x_mm\ty_mm\tforce_N\tsliding_mm\tweight\n0.1\t0\t20\t0.5\t1\n-0.1\t0\t20\t0.5\t2\n"
+)
 
 
 @pytest.mark.parametrize(
@@ -40,7 +43,11 @@ def test_a_table_of_poses_is_read(tmp_path, text, force_N):
         ("\t20\t0.5\t2", "\tinf\t0.5\t2", "line 3: force_N is 'inf'"),
         ("0.5\t1\n", "0.5\t\n", "line 2: weight is empty"),
         ("\t20\t0.5\t2", "\t\t0.5\t2", "line 3: give one of force_N and pressure_MPa"),
-        (TABLE, TABLE.replace("5\t2", "5\t0").replace("5\t1", "5\t0"), "no pose has a weight"),
+        (
+            TABLE,
+            TABLE.replace("5\t2", "5\t0").replace("5\t1", "5\t0"),
+            "no pose has a weight",
+        ),
     ],
 )
 def test_a_faulty_table_of_poses_is_refused(tmp_path, old, new, words):

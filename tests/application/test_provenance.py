@@ -9,11 +9,18 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
+import pytest
+
 import gst
 import gstlib
-import pytest
 from gst.run import provenance
-from gst.run.provenance import commit, refuse_other_study, software, source_hash, study_provenance
+from gst.run.provenance import (
+    commit,
+    refuse_other_study,
+    software,
+    source_hash,
+    study_provenance,
+)
 from gstlib.errors import InputError
 from gstlib.io.files import sha256
 
@@ -22,7 +29,9 @@ RECORDING = [("run", name) for name in ("chain", "logs", "provenance", "received
 
 
 def test_provenance_has_the_versions_on_which_the_steps_ran():
-    written = study_provenance({"x": 1}, {"b": "ab"}, "abc", "def", software())["software"]
+    written = study_provenance({"x": 1}, {"b": "ab"}, "abc", "def", software())[
+        "software"
+    ]
     assert (written["commit"], written["program"]) == ("abc", "def")
     assert written["python"] == platform.python_version()
     assert {"numpy", "scipy", "snakemake"} <= written["packages"].keys()
@@ -31,7 +40,9 @@ def test_provenance_has_the_versions_on_which_the_steps_ran():
 def test_a_commit_is_told_with_a_change_of_its_program(tmp_path):
     def git(*arguments):
         as_me = ["-c", "user.name=me", "-c", "user.email=me@here"]
-        subprocess.run(["git", "-C", tmp_path, *as_me, *arguments], check=True, capture_output=True)
+        subprocess.run(
+            ["git", "-C", tmp_path, *as_me, *arguments], check=True, capture_output=True
+        )
 
     git("init")
     (tmp_path / "Snakefile").write_text("a")
@@ -63,11 +74,15 @@ MOVED = {
 }
 
 
-def test_the_hash_of_a_step_moves_with_the_modules_that_it_runs_on(tmp_path, monkeypatch):
+def test_the_hash_of_a_step_moves_with_the_modules_that_it_runs_on(
+    tmp_path, monkeypatch
+):
     before = hashes()
     for package in (gst, gstlib):
         copy = tmp_path / package.__name__
-        shutil.copytree(Path(package.__file__).parent, copy, ignore=lambda *_: ["__pycache__"])
+        shutil.copytree(
+            Path(package.__file__).parent, copy, ignore=lambda *_: ["__pycache__"]
+        )
         monkeypatch.setattr(package, "__file__", str(copy / "__init__.py"))
     (tmp_path / SCHEMA).parent.mkdir(parents=True)
     shutil.copy(gst.ROOT / SCHEMA, tmp_path / SCHEMA)
@@ -89,8 +104,12 @@ def test_the_hash_of_a_step_covers_all_that_its_script_loads():
 def loaded_by(script):
     """The files of our packages that a script loads when it starts, but those that only record."""
     program = "import runpy, sys; runpy.run_path(sys.argv[1], run_name='step')\n"
-    program += "print([m.__file__ for n, m in sys.modules.items() if n.startswith('gst')])"
-    printed = subprocess.check_output([sys.executable, "-c", program, script], text=True)
+    program += (
+        "print([m.__file__ for n, m in sys.modules.items() if n.startswith('gst')])"
+    )
+    printed = subprocess.check_output(
+        [sys.executable, "-c", program, script], text=True
+    )
     files = map(Path, ast.literal_eval(printed))
     return {file for file in files if (file.parent.name, file.stem) not in RECORDING}
 
@@ -112,12 +131,23 @@ def test_results_of_another_study_are_not_overwritten(
 ):
     """A study may get another title; or its mesh another name, or its scans another folder."""
     monkeypatch.chdir(tmp_path)
-    for name, content in {"a.stl": "stone", "copy.stl": "stone", "other.stl": "another"}.items():
+    for name, content in {
+        "a.stl": "stone",
+        "copy.stl": "stone",
+        "other.stl": "another",
+    }.items():
         Path(name).write_text(content)
     inputs = {"mesh": "a.stl", "scan_folder": "a"}
-    made = {"config": {"title": "A", "inputs": inputs}, "inputs": {"a.stl": sha256("a.stl")}}
+    made = {
+        "config": {"title": "A", "inputs": inputs},
+        "inputs": {"a.stl": sha256("a.stl")},
+    }
     Path("provenance.json").write_text(json.dumps(made))
-    config = {"results": ".", "title": title, "inputs": {"mesh": mesh, "scan_folder": scans}}
+    config = {
+        "results": ".",
+        "title": title,
+        "inputs": {"mesh": mesh, "scan_folder": scans},
+    }
     problem = pytest.raises(InputError, match=r"another study, 'A', of a\.stl")
     with problem if refused else nullcontext():
         refuse_other_study(config)

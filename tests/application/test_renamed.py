@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+
 from gst.config.reading import config_problems
 from gst.config.renamed import COLUMNS, KEYS, VALUES
 from gst.run.owned import refuse_foreign
@@ -20,8 +21,14 @@ BASELINE = ROOT / "tests/baseline/tables"
     ("old", "new"),
     [
         ({"traces": {"minimum_points": 4}}, "traces is now detection"),
-        ({"detection": {"minimum_points": 4}}, "minimum_points is now minimum_cluster_points"),
-        ({"uncertainty": {"force_fraction": 0.3}}, "force_fraction is now force_log_sd"),
+        (
+            {"detection": {"minimum_points": 4}},
+            "minimum_points is now minimum_cluster_points",
+        ),
+        (
+            {"uncertainty": {"force_fraction": 0.3}},
+            "force_fraction is now force_log_sd",
+        ),
         ({"coupling": "placed"}, "placed is now equilibrium"),
     ],
 )
@@ -46,7 +53,10 @@ def older(name, text):
     if name == "validation_summary":
         place = header.index("statistic")
         header = [*header[: place + 1], *header[place + 3 :]]
-        rows = [[*row[:place], _joined(*row[place : place + 3]), *row[place + 3 :]] for row in rows]
+        rows = [
+            [*row[:place], _joined(*row[place : place + 3]), *row[place + 3 :]]
+            for row in rows
+        ]
     stream = io.StringIO()
     lines = [[headings.get(heading, heading) for heading in header], *rows]
     csv.writer(stream, lineterminator="\n").writerows(lines)
@@ -65,11 +75,15 @@ def test_old_tables_are_copied_under_the_present_names(tmp_path):
         (old / file.name).write_text(older(file.stem, file.read_text("utf-8")), "utf-8")
     assert "placed" in (old / "two_scales.csv").read_text("utf-8")
     command = [sys.executable, "workflow/rename_tables.py", old, tmp_path / "copies"]
-    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    result = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=True
+    )
     assert "use.csv: taken -> adopted\n" in result.stdout
     for file in BASELINE.glob("*.csv"):
         assert (tmp_path / "copies" / file.name).read_bytes() == file.read_bytes()
-    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    again = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=False
+    )
     assert again.returncode == 2
 
 

@@ -11,8 +11,9 @@ import threading
 from contextlib import nullcontext
 from types import SimpleNamespace
 
-import gst
 import pytest
+
+import gst
 from gst.run import running
 from gst.run.owned import LOCK, RESULTS, locked
 from gst.run.running import lay_out, run_study
@@ -28,7 +29,9 @@ def test_a_study_is_laid_out_once_and_like_a_shipped_one(tmp_path):
         assert file.read_bytes() == (gst.ROOT / file.relative_to(tmp_path)).read_bytes()
     made[1].unlink()
     made[2].write_text("of mine")
-    with pytest.raises(InputError, match=r"already has .*patches_m12\.tsv with other content"):
+    with pytest.raises(
+        InputError, match=r"already has .*patches_m12\.tsv with other content"
+    ):
         lay_out(tmp_path, "m12")
     assert not made[1].exists()
 
@@ -66,7 +69,9 @@ USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
         ("table.yaml", {"plan": True}, r"table\.tsv: missing columns \['x_mm'"),
     ],
 )
-def test_a_study_that_cannot_begin_leaves_nothing(folder, config, asked, words, monkeypatch):
+def test_a_study_that_cannot_begin_leaves_nothing(
+    folder, config, asked, words, monkeypatch
+):
     monkeypatch.setattr("gst.run.running.shutil.which", lambda _: None)
     with pytest.raises(InputError, match=words):
         run_study(config, **USUAL | asked)

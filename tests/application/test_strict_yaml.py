@@ -4,12 +4,27 @@ import math
 
 import pytest
 import yaml
+
 from gst.config.strict_yaml import as_yaml, parse_yaml
 from gstlib.errors import ConfigError
 
-NUMBERS = {"550": 550, "+550": 550, "550.": 550.0, "05.50": 5.5, ".5e3": 500.0, "1e-9": 1e-9}
+NUMBERS = {
+    "550": 550,
+    "+550": 550,
+    "550.": 550.0,
+    "05.50": 5.5,
+    ".5e3": 500.0,
+    "1e-9": 1e-9,
+}
 TEXTS = ["y", "none", "550,0", "550 N", "2024-05-01", "nan", "1.2.3", "a_1", "1-2"]
-OTHERS = {"true": True, "False": False, "~": None, "": None, '"0550"': "0550", "'no'": "no"}
+OTHERS = {
+    "true": True,
+    "False": False,
+    "~": None,
+    "": None,
+    '"0550"': "0550",
+    "'no'": "no",
+}
 NUMBERS_ELSEWHERE = ["0550", "-007", "08", "0x226", "0b11", "5_50", "2024_05", "9:10"]
 NUMBERS_ELSEWHERE += ["1:30:00.5", "-.INF", ".nan", "٥٥٠", "５５０", "−550"]
 TRUTHS_ELSEWHERE = ["yes", "No", "ON", "off"]
@@ -23,17 +38,22 @@ def refused(text, *parts):
 
 
 @pytest.mark.parametrize(
-    ("written", "value"), [*NUMBERS.items(), *OTHERS.items(), *((text, text) for text in TEXTS)]
+    ("written", "value"),
+    [*NUMBERS.items(), *OTHERS.items(), *((text, text) for text in TEXTS)],
 )
 def test_a_value_that_is_read_alike(written, value):
-    read = parse_yaml(f"load:\n  value: {written}  # mine\n", "mine.yaml")["load"]["value"]
+    read = parse_yaml(f"load:\n  value: {written}  # mine\n", "mine.yaml")["load"][
+        "value"
+    ]
     assert (read, type(read)) == (value, type(value))
 
 
 @pytest.mark.parametrize("written", [*NUMBERS_ELSEWHERE, *TRUTHS_ELSEWHERE])
 def test_a_value_that_programs_read_differently(written):
     remedy = "true or false" if written in TRUTHS_ELSEWHERE else "decimal number"
-    refused(f"# mine\nload:\n  value: {written}\n", "line 3: load.value is", written, remedy)
+    refused(
+        f"# mine\nload:\n  value: {written}\n", "line 3: load.value is", written, remedy
+    )
     refused(f"list: [1, {written}]\n", "line 1: list.1 is")
     refused(f"{written}: 1\n", "line 1: ", "not a name")
 
@@ -57,7 +77,16 @@ def test_keys_and_constructs_that_hide_what_is_meant(text, parts):
 
 
 def test_what_is_written_is_read_back_by_this_and_other_readers():
-    values = [*NUMBERS, *TEXTS, *OTHERS, *NUMBERS_ELSEWHERE, *TRUTHS_ELSEWHERE, "=", "<<", "1 #2"]
+    values = [
+        *NUMBERS,
+        *TEXTS,
+        *OTHERS,
+        *NUMBERS_ELSEWHERE,
+        *TRUTHS_ELSEWHERE,
+        "=",
+        "<<",
+        "1 #2",
+    ]
     whole = {"texts": values, "others": [True, None, 1e-9, 1e22, math.pi, 550, -1]}
     for flow in (True, False):
         text = as_yaml(whole, default_flow_style=flow)

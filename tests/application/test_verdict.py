@@ -6,6 +6,7 @@ import re
 
 import pandas as pd
 import pytest
+
 from gst.page.verdict import MODELS, TOUCHED, where_to_scan
 from gst.page.verdict import verdict as verdict_of
 from gstlib.coupling.comparison import AGREES, CANNOT_TELL, ELSEWHERE
@@ -16,9 +17,17 @@ from gstlib.validation.summary import separated
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 NAN = math.nan
-WORE, CONTACT, USED = "Which patches wore?", "Do untouched patches wear less?", "How was it used?"
+WORE, CONTACT, USED = (
+    "Which patches wore?",
+    "Do untouched patches wear less?",
+    "How was it used?",
+)
 WHERE, DEEP = "Where within the patches?", "How deep, how much?"
-LOAD, SURE, LAW = "Which patches bear the load?", "How sure?", "Which law predicts best?"
+LOAD, SURE, LAW = (
+    "Which patches bear the load?",
+    "How sure?",
+    "Which law predicts best?",
+)
 SHOWN = {1: "better than", -1: "worse than", 0: "not shown to be better or worse"}
 
 # As `compared` has them; "own" is the model of the study. Read from a file, an empty cell is NaN.
@@ -94,7 +103,9 @@ def compared(changes=(), *, model=BARE, losses=()):
     registration = registration.assign(above_noise=True, excluded=False, found=True)
     return loaded(1.0, 2.0, 3.0, 0.0) | {
         "registration": registration.assign(**dict(losses)),
-        "validation_patches": pd.DataFrame({"patch": list("abcd"), "in_statistics": True}),
+        "validation_patches": pd.DataFrame(
+            {"patch": list("abcd"), "in_statistics": True}
+        ),
         "validation_summary": separated(summary),
     }
 
@@ -157,7 +168,9 @@ def test_a_gain_must_show_in_the_interval_and_in_the_test(gain, shown):
         (0.5, 0.4, 1.1, 0.01, 0),
     ],
 )
-def test_an_error_is_better_where_interval_and_test_show_it(value, low, high, p_value, shown):
+def test_an_error_is_better_where_interval_and_test_show_it(
+    value, low, high, p_value, shown
+):
     ratio = {"value": value, "low": low, "high": high, "p_value": p_value}
     depth = line(DEEP, compared({"relative_to_best(map_error)": ratio}))
     volume = line(DEEP, compared({"relative(volume_error)": ratio}))
@@ -183,7 +196,11 @@ def test_how_sure_it_is_is_computed(count, status, excluded, marks):
 
 
 def test_interlayer_and_gesture_are_named():
-    exposed = {"patch": ["a", "b"], "exposure_N_per_mm": [1.0, 3.0], "touched": [1.0, 0.25]}
+    exposed = {
+        "patch": ["a", "b"],
+        "exposure_N_per_mm": [1.0, 3.0],
+        "touched": [1.0, 0.25],
+    }
     tables = compared(model=INTERLAYER) | {"exposure": pd.DataFrame(exposed)}
     interlayer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 250.0}
     answer = verdict(tables, interlayer=interlayer, poses=7)
@@ -216,7 +233,11 @@ def test_untouched_patches_are_those_that_the_stated_load_does_not_touch(row, st
 
 @pytest.mark.parametrize(
     ("p_value", "start"),
-    [(0.002, "Better than by chance"), (0.06, "Not shown"), (NAN, "Not tested against chance")],
+    [
+        (0.002, "Better than by chance"),
+        (0.06, "Not shown"),
+        (NAN, "Not tested against chance"),
+    ],
 )
 def test_the_place_of_the_loss_against_chance(p_value, start):
     tables = compared({"tested_mean(mcc)": {"p_value": p_value}})
@@ -235,13 +256,17 @@ def test_a_study_says_only_what_it_can():
     nothing = NOTHING | {"value": NAN, "against": NAN, "n": 0}
     unlost = verdict(compared({"mean(mcc)": nothing, "gain(mcc)": nothing}))
     assert sentences(unlost)[WHERE].startswith("Not compared")
-    assert not any("nan" in text for text in [*sentences(unlost).values(), *unlost.details])
+    assert not any(
+        "nan" in text for text in [*sentences(unlost).values(), *unlost.details]
+    )
 
 
 def inferred(answer=PRESSED, **columns):
     """The table ``use``."""
     use = pd.read_csv(io.StringIO(USE))
-    return use.assign(answer=answer, competitor="a spot of wear", adopted=True, **columns)
+    return use.assign(
+        answer=answer, competitor="a spot of wear", adopted=True, **columns
+    )
 
 
 def used(use):
@@ -262,7 +287,12 @@ def test_the_use_is_said_with_the_stated_one():
         (PRESSED, "Pressed about x 2.2 mm", None, True),
         (PERHAPS, "Perhaps pressed about x 2.2 mm", "under this use", True),
         (NOT_PRESSED, "Not shown", "as stated", True),
-        (f"{UNKNOWN}, because only 3 uses count", "Cannot be inferred", "as stated", False),
+        (
+            f"{UNKNOWN}, because only 3 uses count",
+            "Cannot be inferred",
+            "as stated",
+            False,
+        ),
     ],
 )
 def test_each_answer_says_how_the_study_goes_on(answer, start, goes_on, competitor):
@@ -294,8 +324,12 @@ def test_the_law_that_predicts_best_is_named():
     sentence = line(LAW, compared() | {"laws": laws.assign(answer="higher exponent")})
     assert sentence.startswith("An exponent of pressure")
     assert numbers(sentence) == [1.5, 95, 1.4, 2, 4.1, 1.2]
-    assert line(LAW, compared() | {"laws": laws.assign(answer="archard")}).startswith("Archard's")
-    assert "better" not in line(LAW, compared() | {"laws": laws.assign(answer="undecided")})
+    assert line(LAW, compared() | {"laws": laws.assign(answer="archard")}).startswith(
+        "Archard's"
+    )
+    assert "better" not in line(
+        LAW, compared() | {"laws": laws.assign(answer="undecided")}
+    )
 
 
 def test_a_law_of_the_config_is_not_called_archards():
@@ -308,7 +342,9 @@ def test_every_model_has_words():
 
 
 def test_where_to_scan_is_said_with_its_numbers():
-    places = pd.DataFrame({"place": ["E1", "E2", "C1"], "x_mm": [1.55, 2, 4], "y_mm": [2.1, 4, 4]})
+    places = pd.DataFrame(
+        {"place": ["E1", "E2", "C1"], "x_mm": [1.55, 2, 4], "y_mm": [2.1, 4, 4]}
+    )
     places["kind"] = ["exposed", "exposed", "control"]
     held = Concentration(0.824, 0.0153, 0.94, 0.0578)
 

@@ -9,6 +9,7 @@ import subprocess
 import numpy as np
 import pytest
 import trimesh
+
 from gst.page import viewer
 from gstlib.errors import InputError
 
@@ -36,10 +37,16 @@ def test_vertices_that_are_kept_stay_where_they_are():
     keep = mesh.vertices[:, 2] > 18
     coarse = viewer.coarsen(mesh, faces=4000, keep=keep)
     assert len(coarse.faces) <= 4000
-    kept, left = (set(map(tuple, rows)) for rows in (mesh.vertices[keep], coarse.vertices))
+    kept, left = (
+        set(map(tuple, rows)) for rows in (mesh.vertices[keep], coarse.vertices)
+    )
     assert kept <= left
-    everything = np.ones(len(mesh.vertices), bool)  # more than may be left: it comes to an end
-    assert len(viewer.coarsen(mesh, faces=100, keep=everything).faces) == len(mesh.faces)
+    everything = np.ones(
+        len(mesh.vertices), bool
+    )  # more than may be left: it comes to an end
+    assert len(viewer.coarsen(mesh, faces=100, keep=everything).faces) == len(
+        mesh.faces
+    )
 
 
 def test_the_data_are_the_stone():
@@ -51,7 +58,9 @@ def test_the_data_are_the_stone():
     np.testing.assert_allclose(offsets + data["centre"], mesh.vertices, atol=1e-5)
     np.testing.assert_array_equal(unpack(data["faces"], "<u4", 3), mesh.faces)
     # the longest first
-    np.testing.assert_allclose(data["axes"], [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-9)
+    np.testing.assert_allclose(
+        data["axes"], [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-9
+    )
 
 
 def test_the_scale_bar_is_as_long_as_it_says():
@@ -61,7 +70,9 @@ def test_the_scale_bar_is_as_long_as_it_says():
     place = re.search(r"function placeScale\(\) {.*?\n  }", code, re.DOTALL)[0]
     script = f"const scale = {{ style: {{}} }}; const pixel = () => 0.03; {place} placeScale();"
     script += "console.log(scale.textContent, scale.style.width);"
-    result = subprocess.run([node, "-e", script], capture_output=True, text=True, check=True)
+    result = subprocess.run(
+        [node, "-e", script], capture_output=True, text=True, check=True
+    )
     length, unit, width = result.stdout.split()
     assert unit == "mm"
     assert float(length) == pytest.approx(0.03 * float(width.removesuffix("px")))

@@ -36,8 +36,18 @@ class Study:
         if finished:  # dates and Snakemake's records included
             shutil.copytree(finished, folder, symlinks=True)
             return
-        listed = ["git", "-C", ROOT, "ls-files", "--cached", "--others", "--exclude-standard"]
-        names = subprocess.run(listed, capture_output=True, text=True, check=True).stdout
+        listed = [
+            "git",
+            "-C",
+            ROOT,
+            "ls-files",
+            "--cached",
+            "--others",
+            "--exclude-standard",
+        ]
+        names = subprocess.run(
+            listed, capture_output=True, text=True, check=True
+        ).stdout
         for name in filter(lambda name: (ROOT / name).is_file(), names.splitlines()):
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, folder / name)
@@ -87,7 +97,11 @@ class Study:
 
     def half_written(self):
         """Results that are there, but not those of the undisturbed study."""
-        wrong = [name for name, text in self.files().items() if self.reference.get(name) != text]
+        wrong = [
+            name
+            for name, text in self.files().items()
+            if self.reference.get(name) != text
+        ]
         return f"half-written: {', '.join(wrong)}" if wrong else ""
 
     def end(self):
@@ -98,7 +112,10 @@ class Study:
         amiss = "" if done else "the study does not end"
         amiss = amiss or self.half_written() or ", ".join(missing + left)
         if amiss:
-            print("\n".join("    | " + line for line in said.splitlines()[-40:]), flush=True)
+            print(
+                "\n".join("    | " + line for line in said.splitlines()[-40:]),
+                flush=True,
+            )
         return amiss
 
 
@@ -113,7 +130,10 @@ def kill_at_random(study, kind, choose, duration):
     time.sleep(choose.uniform(0.02, 0.35) * duration)
     while process.poll() is None:
         if kind == "all":  # whatever they start: Snakemake has a group of its own
-            for each in [*psutil.Process(process.pid).children(recursive=True), process]:
+            for each in [
+                *psutil.Process(process.pid).children(recursive=True),
+                process,
+            ]:
                 each.kill()
         elif found := study.processes(kind):
             choose.choice(found).kill()
@@ -138,7 +158,9 @@ def fill_disk(folder, reference):
         study = Study(folder, reference)
         size = sum(map(len, reference.values()))
         for share in (None, 0.0, 0.3, 0.6, 0.9):
-            options = "ro" if share is None else f"rw,size={int(share * size) + 24 * 1024}"
+            options = (
+                "ro" if share is None else f"rw,size={int(share * size) + 24 * 1024}"
+            )
             subprocess.run(["mount", "-o", f"remount,{options}", disk], check=True)
             done, said = study.make()
             words = ("the disk is read-only",) if share is None else FULL
@@ -158,7 +180,9 @@ def cut_off(path):
 def flip_bit(path):
     """One bit in the middle of the largest array."""
     with h5py.File(path) as file:
-        largest = max(file.values(), key=lambda variable: variable.id.get_storage_size())
+        largest = max(
+            file.values(), key=lambda variable: variable.id.get_storage_size()
+        )
         chunk = largest.id.get_chunk_info(largest.id.get_num_chunks() // 2)
     content = bytearray(path.read_bytes())
     content[chunk.byte_offset + chunk.size // 2] ^= 1
@@ -182,7 +206,10 @@ DAMAGES = {
             "specimen/mesh.stl",
         ],
     ),
-    "one bit of an array flipped": (flip_bit, ["macroscale/contact.h5", "microscale/1/7.h5"]),
+    "one bit of an array flipped": (
+        flip_bit,
+        ["macroscale/contact.h5", "microscale/1/7.h5"],
+    ),
     "table without a column": (
         lose_column,
         ["tables/patch_pressures.csv", "coupling/pressures.csv"],

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import xarray as xr
+
 from gstlib.contact import Contact, Interface, Load, contact_at_pressure
 from gstlib.surfaces.grid import axis_coordinates, make_surface, spacing_of
 from gstlib.surfaces.leveling import Plane, remove_plane
@@ -11,7 +12,9 @@ from gstlib.surfaces.leveling import Plane, remove_plane
 def around(heights, spacing, shift):
     """A face in the coordinates of its square, whose corner lies `shift` mm from the face's."""
     face = make_surface(heights, spacing)
-    return face.assign_coords({axis: face[axis].copy(data=face[axis] - shift) for axis in "yx"})
+    return face.assign_coords(
+        {axis: face[axis].copy(data=face[axis] - shift) for axis in "yx"}
+    )
 
 
 def rough(seed, shape=(24, 32), spacing=0.01, rms_mm=0.002):
@@ -29,13 +32,18 @@ def tiles(side):
 
 def mesh_face(height, error, vertices, seed):
     """A face as the mesh gives it, whose left-out vertices err by `error` (mm, r.m.s.)."""
-    rng, size = np.random.default_rng(seed), float(height.sizes["x"] * spacing_of(height)[1])
+    rng, size = (
+        np.random.default_rng(seed),
+        float(height.sizes["x"] * spacing_of(height)[1]),
+    )
     height.attrs["mesh_edge_mm"] = 1.5 * spacing_of(height)[1]
     y, x = rng.uniform(0, size, (2, vertices))
     errors = error * rng.standard_normal(vertices)
     numbers = {"vertex_y": y, "vertex_x": x, "left_out_error": errors}
     fields = {name: ("vertex", values) for name, values in numbers.items()}
-    return xr.Dataset({"height": height, "counterface": 0 * height, "size_mm": size} | fields)
+    return xr.Dataset(
+        {"height": height, "counterface": 0 * height, "size_mm": size} | fields
+    )
 
 
 def laid(function, place, size, points):
@@ -52,7 +60,13 @@ def interface(height, counterface=None, slopes=(0.0, 0.0), surroundings=None):
 
 
 def pressed(
-    height, counterface=None, *, mean_pressure, load_point=None, modulus=1e4, tolerance=1e-8
+    height,
+    counterface=None,
+    *,
+    mean_pressure,
+    load_point=None,
+    modulus=1e4,
+    tolerance=1e-8,
 ):
     """The contact of two faces (mm) at a mean pressure (MPa)."""
     settings = {"modulus": modulus, "tolerance": tolerance, "source": "test"}

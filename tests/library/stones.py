@@ -2,8 +2,9 @@
 
 import numpy as np
 import trimesh
-from gstlib.surfaces.footprints import PatchPosition
 from scipy.ndimage import gaussian_filter, map_coordinates
+
+from gstlib.surfaces.footprints import PatchPosition
 
 FACE, FINE = 24.0, 0.02  # mm
 # How it lies in the mesh's coordinates.
@@ -14,14 +15,18 @@ def rough_stone(path):
     """A slab with a rough upper face: its heights on fine elements, and its mesh of 0.2 mm."""
     noise = np.random.default_rng(8)
     points = round(FACE / FINE)
-    waves = sum(gaussian_filter(noise.normal(size=(points, points)), s) * s for s in (6, 25))
+    waves = sum(
+        gaussian_filter(noise.normal(size=(points, points)), s) * s for s in (6, 25)
+    )
     heights = 0.03 * waves / waves.std()
     n = 121
     y, x = np.mgrid[0 : FACE : n * 1j, 0 : FACE : n * 1j]
     top = sampled(gaussian_filter(heights, 5), y, x, order=3, mode="nearest")
     corner = np.arange(n * n).reshape(n, n)[:-1, :-1].reshape(-1, 1, 1)
     up = np.add(corner, [[0, 1, n + 1], [0, n + 1, n]]).reshape(-1, 3)
-    sides = [np.stack([x, y, z], axis=-1).reshape(-1, 3) for z in (top, np.full_like(x, -8))]
+    sides = [
+        np.stack([x, y, z], axis=-1).reshape(-1, 3) for z in (top, np.full_like(x, -8))
+    ]
     slab = trimesh.Trimesh(np.vstack(sides), np.vstack([up, up[:, ::-1] + n * n]))
     slab.apply_transform(TURN)
     slab.export(path)
@@ -32,7 +37,9 @@ def taken(heights, centre, turn, side, step, mirrored=False):
     """A scan of the stone with its centre at (y, x), mm."""
     count = round(side / step)
     along = (np.arange(count) - (count - 1) / 2) * step
-    y, x = PatchPosition(*centre, turn).points(along[:, None], -along if mirrored else along)
+    y, x = PatchPosition(*centre, turn).points(
+        along[:, None], -along if mirrored else along
+    )
     return sampled(heights, y, x, order=3)
 
 

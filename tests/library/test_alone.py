@@ -7,8 +7,9 @@ import sys
 import sysconfig
 from pathlib import Path
 
-import gstlib
 import pytest
+
+import gstlib
 from gst.config.patches import read_patches
 from gst.config.reading import read_config
 
@@ -74,7 +75,11 @@ def test_the_library_runs_without_the_packages_of_the_application(packages, tmp_
     patches = read_patches(CONFIG / "patches_tiny.tsv", size_mm=5.0, patch_size_mm=0.85)
     scan = tmp_path / "scan.sur"
     scan.write_bytes(b"DIGITAL SURF")
-    inputs = {"config": config, "patches": patches.iloc[:3].to_dict("list"), "scan": str(scan)}
+    inputs = {
+        "config": config,
+        "patches": patches.iloc[:3].to_dict("list"),
+        "scan": str(scan),
+    }
     done = subprocess.run(
         [sys.executable, "-S", "-c", PROGRAM, json.dumps(inputs)],
         env=os.environ | {"PYTHONPATH": str(packages)},

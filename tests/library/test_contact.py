@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from contacts import around, interface, rough
+
 from gstlib.contact import Contact, Load, contact_at_pressure, contact_path, turned_over
 from gstlib.errors import InputError
 from gstlib.microscale.patches import with_interface_stiffness
@@ -22,10 +23,17 @@ def path():
 
 def test_fields_and_units_of_a_path(path):
     stored = path.to_dataset()
-    units = {"pressure": "MPa", "gap": "mm", "path_pressure": "MPa", "path_stiffness": "MPa/mm"}
+    units = {
+        "pressure": "MPa",
+        "gap": "mm",
+        "path_pressure": "MPa",
+        "path_stiffness": "MPa/mm",
+    }
     assert {name: stored[name].attrs["units"] for name in units} == units
     np.testing.assert_array_equal(path.final.pressure, stored.path_pressure[-1])
-    np.testing.assert_allclose(stored.path_pressure.mean(("y", "x")), path.mean_pressure)
+    np.testing.assert_allclose(
+        stored.path_pressure.mean(("y", "x")), path.mean_pressure
+    )
     assert path.final.displacement == path.displacement[-1]
 
 
@@ -33,7 +41,9 @@ def test_fields_and_units_of_a_path(path):
     "faces",
     [
         interface(HEIGHT, rough(6)),
-        interface(HEIGHT, slopes=(0.01, -0.02), surroundings=np.full(HEIGHT.shape, 1e-3)),
+        interface(
+            HEIGHT, slopes=(0.01, -0.02), surroundings=np.full(HEIGHT.shape, 1e-3)
+        ),
     ],
     ids=["scanned face", "placed"],
 )
@@ -65,14 +75,22 @@ def test_the_force_acts_where_the_load_says_wherever_the_grid_begins():
 def test_errors_of_the_solver_name_the_file_and_the_remedy(path):
     needed_um = 1e3 * path.final.displacement
     contact_path(FACES, LOAD, **PATH | {"maximum_displacement_um": 1.01 * needed_um})
-    with pytest.raises(InputError, match=r"surface\.h5.*50 MPa cannot be reached.*Lower"):
-        contact_path(FACES, LOAD, **PATH | {"maximum_displacement_um": 0.99 * needed_um})
+    with pytest.raises(
+        InputError, match=r"surface\.h5.*50 MPa cannot be reached.*Lower"
+    ):
+        contact_path(
+            FACES, LOAD, **PATH | {"maximum_displacement_um": 0.99 * needed_um}
+        )
     beside = Load(50.0, load_point=(0.12, 0.33))
-    with pytest.raises(InputError, match=r"surface\.h5: the stone tips.*x 0\.33, y 0\.12 mm"):
+    with pytest.raises(
+        InputError, match=r"surface\.h5: the stone tips.*x 0\.33, y 0\.12 mm"
+    ):
         contact_at_pressure(FACES, beside, **SOURCE)
     spike = HEIGHT.copy()
     spike[3, 3] = np.inf
-    with pytest.raises(InputError, match=r"surface\.h5: its contact could not be solved"):
+    with pytest.raises(
+        InputError, match=r"surface\.h5: its contact could not be solved"
+    ):
         contact_at_pressure(interface(spike), LOAD, **SOURCE)
 
 
@@ -122,12 +140,16 @@ def test_who_presses_whom_does_not_matter():
     pressures = []
     for one, other in ((lower, upper), (upper, lower)):
         faces = interface(one, turned_over(other, one, **FILES))
-        contact = contact_at_pressure(faces, Load(40.0), **SOURCE | {"tolerance": 1e-10})
+        contact = contact_at_pressure(
+            faces, Load(40.0), **SOURCE | {"tolerance": 1e-10}
+        )
         pressures.append(contact.pressure.values)
     within = 1e-6 * pressures[0].max()
     np.testing.assert_allclose(pressures[0], pressures[1][:, ::-1], atol=within)
 
 
 def test_another_grid_is_refused():
-    with pytest.raises(InputError, match=r"counterface\.h5: .*7_T0\.h5 has 24 × 20 points every"):
+    with pytest.raises(
+        InputError, match=r"counterface\.h5: .*7_T0\.h5 has 24 × 20 points every"
+    ):
         turned_over(rough(2, (20, 24), spacing=0.0101), rough(1, (20, 24)), **FILES)

@@ -1,6 +1,7 @@
 """Which faults a study's config accepts."""
 
 import pytest
+
 from gstlib.errors import (
     FaultError,
     InputError,
@@ -13,7 +14,9 @@ from gstlib.errors import (
 )
 
 WHOLE = FaultError("epochs", "t0 and t1", "they are exchanged", "Exchange them.")
-OF_TWO = FaultError("placement", "patches", "they lie elsewhere", "Move them.", ("a1", "b2"))
+OF_TWO = FaultError(
+    "placement", "patches", "they lie elsewhere", "Move them.", ("a1", "b2")
+)
 
 
 @pytest.mark.parametrize(
@@ -34,7 +37,9 @@ def test_a_fault_is_accepted_by_its_name_or_for_each_of_its_patches(
 
 def test_an_error_that_is_no_judgement_cannot_be_accepted():
     with pytest.raises(InputsError):
-        raise_unless_accepted([InputError("mesh", "is missing", "Give it.")], ["mesh", "placement"])
+        raise_unless_accepted(
+            [InputError("mesh", "is missing", "Give it.")], ["mesh", "placement"]
+        )
 
 
 def test_a_fault_deep_within_a_reader_concerns_the_patch_that_is_read():

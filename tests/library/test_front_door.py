@@ -4,18 +4,23 @@ import ast
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
-import gstlib
 import pandas as pd
 import pytest
+
+import gstlib
 
 
 def test_the_names_are_few_and_documented():
     assert 40 < len(gstlib.__all__) <= 60
     for name in gstlib.__all__:
-        summary = (getattr(gstlib, name).__doc__ or "").partition("\n")[0]
+        thing = getattr(gstlib, name)
+        summary = (thing.__doc__ or "").partition("\n")[0]
         assert len(summary) > 10, name
-        assert not summary.startswith(f"{name}(")  # as dataclasses without a docstring have it
+        # as dataclasses without a docstring have it
+        assert not summary.startswith(f"{name}(")
+        assert isinstance(thing, ModuleType) or ">>>" in thing.__doc__, name
 
 
 def test_nothing_is_loaded_before_it_is_used():
@@ -47,7 +52,13 @@ def test_the_program_itself_goes_by_the_rooms():
     root = Path(__file__).parents[2]
     for file in (*root.glob("src/**/*.py"), *root.glob("workflow/**/*.py")):
         for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module in {"gstlib", "gstlib.bem"}:
+            if isinstance(node, ast.ImportFrom) and node.module in {
+                "gstlib",
+                "gstlib.bem",
+            }:
                 assert {name.name for name in node.names} <= {"__version__"}, file
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-                assert node.value.id != "gstlib" or node.attr in {"__file__", "__version__"}, file
+                assert node.value.id != "gstlib" or node.attr in {
+                    "__file__",
+                    "__version__",
+                }, file

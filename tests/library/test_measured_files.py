@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from power import specimen_config
+from sweep import study_of
+
 from gstlib.coupling import orientations, placement
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.stage import stage_of
 from gstlib.surfaces.grid import spacing_of
-from power import specimen_config
-from sweep import study_of
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"
@@ -37,7 +38,9 @@ ALICONA = DATA / "surfacetopography-mit/al3d-1.al3d"
         (ALICONA, (296, 200), 1261, 1e3, 0.438027e-3, None),
     ],
 )
-def test_scans_are_read_as_their_bytes_say(path, shape, start, unit_mm, spacing, stage_mm):
+def test_scans_are_read_as_their_bytes_say(
+    path, shape, start, unit_mm, spacing, stage_mm
+):
     count = shape[0] * shape[1]
     raw = np.frombuffer(path.read_bytes(), "<f4", count, start).reshape(shape)
     scan = read_scan(path)

@@ -30,7 +30,12 @@ def test_a_config_of_the_users_own_makes_no_document_stale(tmp_path):
     command = [sys.executable, "workflow/document.py", "--check"]
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "src")}
     result = subprocess.run(
-        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        command,
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert result.returncode == 0, result.stderr
 
@@ -39,16 +44,22 @@ def test_the_layout_names_what_there_is():
     """Every room, and the modules that the row of a room names."""
     text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
     for package in ("gstlib", "gst"):
-        table = re.search(rf"^## .*`src/{package}`\n(.*?)^## ", text, re.MULTILINE | re.DOTALL)[1]
+        table = re.search(
+            rf"^## .*`src/{package}`\n(.*?)^## ", text, re.MULTILINE | re.DOTALL
+        )[1]
         folder, named = ROOT / "src" / package, set()
         for first, says in re.findall(r"^\| (`.*?) \| (.*?) \|", table, re.MULTILINE):
-            rooms, modules = (set(re.findall(r"`(\w+[\w./]*)`", cell)) for cell in (first, says))
+            rooms, modules = (
+                set(re.findall(r"`(\w+[\w./]*)`", cell)) for cell in (first, says)
+            )
             named |= rooms
             if len(rooms) == 1 and (folder / min(rooms)).is_dir():
                 beside = {file.stem for file in (folder / rooms.pop()).glob("*.py")}
                 assert {name for name in modules if "/" not in name} <= beside, first
         there = {file.name for file in folder.glob("[!_]*.py")}
-        assert named == there | {f"{file.parent.name}/" for file in folder.glob("*/__init__.py")}
+        assert named == there | {
+            f"{file.parent.name}/" for file in folder.glob("*/__init__.py")
+        }
 
 
 # What the terms of the field took the place of. "mats" and "ceilings" stand in no compound, either.
@@ -63,7 +74,9 @@ PRIVATE = (
 def test_terms_are_those_of_the_field():
     places = "src", "workflow", "config", "docs", "README.md"
     command = ["git", "grep", "-nwiE", PRIVATE, "--", *places]
-    said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    said = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=False
+    ).stdout
     assert said == ""
 
 
@@ -73,19 +86,25 @@ def links_of(document):
     return [(document.parent / link).resolve() for link in links if "://" not in link]
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize(
+    "document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix()
+)
 def test_links_lead_to_files(document):
     assert [link for link in links_of(document) if not link.is_file()] == []
 
 
 def test_the_index_lists_every_document_once():
-    listed = links_of(ROOT / "docs/index.md")[1:]  # the first link stands in its first sentence
+    listed = links_of(ROOT / "docs/index.md")[
+        1:
+    ]  # the first link stands in its first sentence
     assert sorted(listed) == sorted({*DOCUMENTS} - {ROOT / "docs/index.md"})
 
 
 def test_the_lines_of_readme_print_what_they_say(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    (code,) = re.findall(
+        r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL
+    )
     said = re.findall(r"print\(.*\)  # (\S+)", code)
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         exec(compile(code, "README.md", "exec"), {})
@@ -103,7 +122,9 @@ PERMISSIVE = re.compile(
 def is_permissive(package):
     """Whether a package states licences, and a permissive one in each statement."""
     field = (package.get("License") or "").strip()
-    classes = [text for text in package.get_all("Classifier", []) if text.startswith("License")]
+    classes = [
+        text for text in package.get_all("Classifier", []) if text.startswith("License")
+    ]
     expression = package.get("License-Expression")
     stated = [expression] if expression else classes or field.splitlines()[:1]
     parts = [part for text in stated for part in re.split(" AND | OR ", text)]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+
 from gstlib.errors import ConfigError
 from gstlib.io.store import write_dataset
 from gstlib.surfaces.grid import make_surface
@@ -25,19 +26,29 @@ def script_of(rule):
 def test_a_changed_program_is_a_reason_to_run_every_script_again():
     """By the param `code`, which the pictures have from `DRAWN`."""
     page = (WORKFLOW / "rules/page.smk").read_text(encoding="utf-8")
-    assert re.search(r'^DRAWN = \{[^}]*"code": code\("draw_figures.py"\)', page, re.MULTILINE)
+    assert re.search(
+        r'^DRAWN = \{[^}]*"code": code\("draw_figures.py"\)', page, re.MULTILINE
+    )
     scripts = set()
     for file in WORKFLOW.glob("rules/*.smk"):
-        for rule in re.split(r"^ *rule ", file.read_text(encoding="utf-8"), flags=re.MULTILINE):
+        for rule in re.split(
+            r"^ *rule ", file.read_text(encoding="utf-8"), flags=re.MULTILINE
+        ):
             for script in re.findall(r'script:\s*"\.\./scripts/(\w+\.py)"', rule):
-                param = "**DRAWN" if script == "draw_figures.py" else f'code=code("{script}")'
+                param = (
+                    "**DRAWN"
+                    if script == "draw_figures.py"
+                    else f'code=code("{script}")'
+                )
                 assert param in rule, rule
                 scripts.add(script)
     assert {path.name for path in WORKFLOW.glob("scripts/*.py")} == scripts
 
 
 def test_published_values_of_patches_whatever_their_names(tmp_path):
-    path, pressures, published = [tmp_path / name for name in ("path", "bear", "published")]
+    path, pressures, published = [
+        tmp_path / name for name in ("path", "bear", "published")
+    ]
     path.write_text("displacement_um,mean_pressure_MPa,contact_fraction\n9,22,0.1\n")
     columns = "patch,x_mm,y_mm,rotation_deg,pressure_MPa,square_pressure_MPa"
     pressures.write_text(f"{columns}\nNA,1,1,0,12,9\n007,2,1,0,13,9\n")
@@ -46,7 +57,11 @@ def test_published_values_of_patches_whatever_their_names(tmp_path):
     arguments = published, path, pressures, tmp_path / "published.csv"
     script_of("compare_published").main(*arguments)
     rows = arguments[-1].read_text().splitlines()[1:]
-    assert [row.partition(",")[2] for row in rows] == ["NA,MPa,11,12", "007,MPa,,13", ",MPa,21,22"]
+    assert [row.partition(",")[2] for row in rows] == [
+        "NA,MPa,11,12",
+        "007,MPa,,13",
+        ",MPa,21,22",
+    ]
     published.write_text("quantity,patch,unit,value\npatch pressure,8,MPa,11\n")
     with pytest.raises(ConfigError, match=r"\(patch 8\): the study has no"):
         script_of("compare_published").main(*arguments)
@@ -59,8 +74,16 @@ def test_a_doubtful_contact_of_the_stone_is_told(tmp_path, caplog):
     for variable in face.values():
         variable.attrs.update(units="mm", long_name="height")
     write_dataset(tmp_path / "face.h5", face)
-    face, *written = (tmp_path / name for name in ("face.h5", "contact.h5", "macroscale_path.csv"))
+    face, *written = (
+        tmp_path / name for name in ("face.h5", "contact.h5", "macroscale_path.csv")
+    )
     settings = {"load_point": (2.5, 2.5), "modulus": 1e4, "patch_mm": 0.85}
-    settings["solving"] = {"steps": 2, "tolerance": 1e-6, "maximum_displacement_um": 100.0}
+    settings["solving"] = {
+        "steps": 2,
+        "tolerance": 1e-6,
+        "maximum_displacement_um": 100.0,
+    }
     script_of("solve_macroscale").main(face, [], *written, force_N=500.0, **settings)
-    assert any("of the edge of what is pressed" in message for message in caplog.messages)
+    assert any(
+        "of the edge of what is pressed" in message for message in caplog.messages
+    )

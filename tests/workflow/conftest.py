@@ -13,10 +13,11 @@ import pandas as pd
 import pytest
 import yaml
 from filelock import FileLock
+from sweep import study_of
+
 from gst.config.reading import read_config
 from gst.config.tables import write_table
 from gstlib.io.tables import read_table
-from sweep import study_of
 
 ROOT = Path(__file__).parents[2]
 # as `gst study` starts it, with this interpreter: the environment under test
@@ -46,16 +47,24 @@ class Study:
 
     @property
     def results(self):
-        return self.folder / yaml.safe_load((self.folder / self.config).read_text())["results"]
+        return (
+            self.folder
+            / yaml.safe_load((self.folder / self.config).read_text())["results"]
+        )
 
     def command(self, *arguments, cores=2):
         where = "--snakefile", str(ROOT / "Snakefile"), "--directory", str(self.folder)
-        config = "--configfile", str(self.folder / self.config)  # takes all that follows
+        config = (
+            "--configfile",
+            str(self.folder / self.config),
+        )  # takes all that follows
         on = ("--cores", str(cores)) if cores else ()  # or as many as a profile says
         return [*SNAKEMAKE, *where, *on, *arguments, *config]
 
     def run(self, *arguments, cores=2):
-        return run(*self.command(*arguments, cores=cores), cwd=self.folder, **self.environment)
+        return run(
+            *self.command(*arguments, cores=cores), cwd=self.folder, **self.environment
+        )
 
     def gst(self, *arguments, answer=""):
         """The command `gst` in the folder, with an answer to its question."""
@@ -70,7 +79,9 @@ class Study:
 
     def planned(self, *arguments):
         """Names of the rules that a run would execute now."""
-        counts = re.findall(r"^(\w+) +\d+$", self.succeed("--dry-run", *arguments), re.MULTILINE)
+        counts = re.findall(
+            r"^(\w+) +\d+$", self.succeed("--dry-run", *arguments), re.MULTILINE
+        )
         return set(counts) - {"all", "total"}
 
     def change(self, **sections):
@@ -83,11 +94,16 @@ class Study:
         (self.folder / self.config).write_text(yaml.safe_dump(config, sort_keys=False))
 
     def tables(self):
-        return {file.name: file.read_text() for file in sorted(self.results.glob("tables/*.csv"))}
+        return {
+            file.name: file.read_text()
+            for file in sorted(self.results.glob("tables/*.csv"))
+        }
 
     def fields(self):
         files = sorted(self.results.rglob("*.h5"))
-        return {str(file.relative_to(self.results)): file.read_bytes() for file in files}
+        return {
+            str(file.relative_to(self.results)): file.read_bytes() for file in files
+        }
 
 
 def in_memory(study, config=None):
@@ -159,11 +175,17 @@ def tiny(finished_tiny, tmp_path):
 @pytest.fixture(scope="module")
 def browser():
     """Chromium, with WebGL that needs no graphics card."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="needs `make test-browser`")
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="needs `make test-browser`"
+    )
     names = ("chromium", "chromium-browser", "google-chrome")
     if (program := next(filter(None, map(shutil.which, names)), None)) is None:
         pytest.skip("needs Chromium on the PATH")
-    software = ("--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+    software = (
+        "--disable-gpu",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+    )
     options = ("--no-sandbox", "--disable-background-networking", *software)
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=options)

@@ -17,9 +17,10 @@ from pathlib import Path
 import lxml.html
 import numpy as np
 import pandas as pd
+from PIL import Image
+
 from gst.share.difference import compare_results, describe_changes
 from gstlib.io.store import read_dataset
-from PIL import Image
 
 EXPECTED = Path(__file__).parent / "expected"
 # Of the page, what is shown elsewhere: tables, programs, and the specimen's solid.
@@ -35,7 +36,9 @@ def assert_as_expected(results, name, *only):
     """The results are those kept under `name`; of some studies only these tables."""
     kept = EXPECTED / name
     tables = only or [file.stem for file in results.glob("tables/*.csv")]
-    facts_of = {} if only else {"fields": fields_of(results), "pictures": pictures_of(results)}
+    facts_of = (
+        {} if only else {"fields": fields_of(results), "pictures": pictures_of(results)}
+    )
     page = "" if only else page_of(results / "index.html")
     if "RENEW" in os.environ:
         shutil.rmtree(kept, ignore_errors=True)
@@ -84,7 +87,9 @@ def fields_of(results):
                 numbers[f"{where} @{name}"] = value
     for name, values in drawn_in_space(results / "index.html"):
         numbers[f"page {name}"] = values
-    rows = [(name, *facts(np.asarray(values, float))) for name, values in numbers.items()]
+    rows = [
+        (name, *facts(np.asarray(values, float))) for name, values in numbers.items()
+    ]
     columns = ["file", "count", "missing", "mean", "spread", "lean_y", "lean_x"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -107,7 +112,9 @@ def drawn_in_space(page):
             yield from arrays(part, key)
 
     content = page.read_text(encoding="utf-8")
-    scene = re.search(r'<script type="application/json" id="scene">(.*?)</script>', content, re.S)
+    scene = re.search(
+        r'<script type="application/json" id="scene">(.*?)</script>', content, re.S
+    )
     yield from arrays(json.loads(scene[1]) if scene else {}, "")
 
 
@@ -140,12 +147,16 @@ def facts(values):
 def pictures_of(results):
     """Of each picture its size in pixels, and the grey of its parts from the upper left."""
     rows = []
-    for file in sorted([*results.glob("figures/**/*.png"), *results.glob("figures/**/*.jpg")]):
+    for file in sorted(
+        [*results.glob("figures/**/*.png"), *results.glob("figures/**/*.jpg")]
+    ):
         with Image.open(file) as picture:
             # the colours count, too: each channel with its own weight
             parts = picture.convert("RGB").resize((6, 4), Image.Resampling.BOX)
             grey = np.asarray(parts, float) @ [0.5, 0.3, 0.2]
-            rows.append((file.relative_to(results).as_posix(), *picture.size, *grey.ravel()))
+            rows.append(
+                (file.relative_to(results).as_posix(), *picture.size, *grey.ravel())
+            )
     parts = [f"part_{row}{column}" for row in range(4) for column in range(6)]
     return pd.DataFrame(rows, columns=["file", "width", "height", *parts])
 

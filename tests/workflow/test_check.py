@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from click.testing import CliRunner
+
 from gst.cli import main
 from gstlib.errors import NOTE
 
@@ -30,7 +31,9 @@ def check(monkeypatch, caplog):
 
 def absent(words, text):
     """The words that a text lacks, and a traceback that it has."""
-    return [word for word in words if word not in text] + ["Traceback"] * ("Traceback" in text)
+    return [word for word in words if word not in text] + ["Traceback"] * (
+        "Traceback" in text
+    )
 
 
 def test_good_files(measured, check):
@@ -38,9 +41,14 @@ def test_good_files(measured, check):
     code, text = check(measured)
     assert code == 0, text
     plane = in_memory(measured).contact.interface.plane
-    (tilt,) = map(float, re.findall(r"tilted by ([\d.]+) mrad", text))  # of the mesh alone
+    (tilt,) = map(
+        float, re.findall(r"tilted by ([\d.]+) mrad", text)
+    )  # of the mesh alone
     assert tilt == pytest.approx(1e3 * np.hypot(plane.slope_y, plane.slope_x), rel=0.2)
-    assert absent(("x 3.2, y 2 mm", "E* = 10346 MPa", "64 × 64 points", "1 note"), text) == []
+    assert (
+        absent(("x 3.2, y 2 mm", "E* = 10346 MPa", "64 × 64 points", "1 note"), text)
+        == []
+    )
     names = {file.name for file in measured.results.iterdir()}
     assert names == {"check.png", ".gst_outputs"}
 
@@ -53,7 +61,10 @@ def test_exchanged_epochs_are_told(measured, check):
         after.rename(before)
         (scans / "kept").rename(after)
     code, text = check(measured)
-    assert (code, absent(["patches more rose than fell", "Exchange t0 and t1"], text)) == (2, [])
+    assert (
+        code,
+        absent(["patches more rose than fell", "Exchange t0 and t1"], text),
+    ) == (2, [])
 
 
 def test_an_accepted_fault_is_told_by_the_check_and_by_the_step(measured, check):
@@ -69,17 +80,26 @@ def test_an_accepted_fault_is_told_by_the_check_and_by_the_step(measured, check)
 
 def test_everything_wrong_with_the_files_is_reported_at_once(measured, check):
     """By the check, and by the first step of a run, which leaves nothing half made."""
-    truncated, mesh = (measured.folder / f"data/{name}" for name in ("scans/7_T0.plu", "mesh.stl"))
+    truncated, mesh = (
+        measured.folder / f"data/{name}" for name in ("scans/7_T0.plu", "mesh.stl")
+    )
     truncated.write_bytes(truncated.read_bytes()[:3000])
     trimesh.load_mesh(mesh).apply_scale(1e-3).export(mesh)
     words = ["2 problems", "mesh_unit", "truncated", "data/mesh.stl", "7_T0.plu"]
     result = measured.run()
-    for code, text in (check(measured), (result.returncode, result.stdout + result.stderr)):
+    for code, text in (
+        check(measured),
+        (result.returncode, result.stdout + result.stderr),
+    ):
         assert code > 0
         assert absent(words, text) == []
-    assert not [file for file in measured.results.rglob("*") if file.suffix in (".h5", ".csv")]
+    assert not [
+        file for file in measured.results.rglob("*") if file.suffix in (".h5", ".csv")
+    ]
     mesh.unlink()
-    assert absent(["data/mesh.stl does not exist", "7_T0.plu"], check(measured)[1]) == []
+    assert (
+        absent(["data/mesh.stl does not exist", "7_T0.plu"], check(measured)[1]) == []
+    )
 
 
 def test_clean_removes_what_the_study_made_and_nothing_else(tiny):

@@ -12,7 +12,8 @@ import yaml
 from .conftest import ROOT, SNAKEMAKE, run
 
 IN_A_CLONE = pytest.mark.skipif(
-    not (ROOT / ".test").is_dir(), reason="the sdist leaves out .test, which holds a link"
+    not (ROOT / ".test").is_dir(),
+    reason="the sdist leaves out .test, which holds a link",
 )
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PROJECT = DECLARED["project"]
@@ -21,22 +22,35 @@ PROJECT = DECLARED["project"]
 def test_the_container_has_all_that_a_study_needs(study, tmp_path):
     """What the recipe copies, and what it starts."""
     recipe = (ROOT / "Dockerfile").read_text(encoding="utf-8")
-    assert json.loads(re.search(r"^ENTRYPOINT (.*)$", recipe, re.MULTILINE)[1]) == ["gst"]
+    assert json.loads(re.search(r"^ENTRYPOINT (.*)$", recipe, re.MULTILINE)[1]) == [
+        "gst"
+    ]
     folder = tmp_path / "image"
     for names in re.findall(r"^COPY (.*)$", recipe, re.MULTILINE):
         *sources, target = names.split()
         for name in sources:
             to = folder / (name if target == "./" else target)
             to.parent.mkdir(exist_ok=True)
-            (shutil.copytree if (ROOT / name).is_dir() else shutil.copy)(ROOT / name, to)
+            (shutil.copytree if (ROOT / name).is_dir() else shutil.copy)(
+                ROOT / name, to
+            )
     assert {PROJECT["readme"], *PROJECT["license-files"]} <= {
         file.name for file in folder.iterdir()
     }
-    command = [sys.executable, "-m", "gst", "study", "--plan", study.folder / study.config]
+    command = [
+        sys.executable,
+        "-m",
+        "gst",
+        "study",
+        "--plan",
+        study.folder / study.config,
+    ]
     result = run(*command, cwd=study.folder, PYTHONPATH=str(folder / "src"))
     assert result.returncode == 0, result.stdout + result.stderr
     assert "score_truth" in result.stdout
-    assert "steps would run." in result.stdout  # as the display says, which the profile names
+    assert (
+        "steps would run." in result.stdout
+    )  # as the display says, which the profile names
 
 
 def test_nothing_is_installed_without_its_hash():
@@ -44,8 +58,14 @@ def test_nothing_is_installed_without_its_hash():
     files = ROOT / "Makefile", ROOT / "Dockerfile", *ROOT.glob(".github/workflows/*")
     text = "\n".join(file.read_text(encoding="utf-8") for file in files)
     assert not re.search(r"\buvx?\)? run\b|\buvx\b|--with\b", text)
-    commands = re.split(r"\n|&&", text.replace("\\\n", " ").replace("$(PIP)", "pip install"))
-    installing = [one for one in commands if re.search(r"pip install(?! --quiet.*isolation$)", one)]
+    commands = re.split(
+        r"\n|&&", text.replace("\\\n", " ").replace("$(PIP)", "pip install")
+    )
+    installing = [
+        one
+        for one in commands
+        if re.search(r"pip install(?! --quiet.*isolation$)", one)
+    ]
     assert len(installing) > 5
     safe = r"--require-hashes -r |--no-deps (-e \.|dist/\*\.whl)|--constraints requirements\.lock"
     assert [one for one in installing if not re.search(safe, one)] == []
@@ -58,7 +78,9 @@ def test_actions_and_the_image_stand_by_what_is_in_them():
         assert yaml.safe_load(text)["permissions"] == {}
         for used in re.findall(r"uses: (.*)", text):
             assert re.fullmatch(r"[\w/-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", used)
-    (image,) = re.findall(r"^FROM (.*)$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+    (image,) = re.findall(
+        r"^FROM (.*)$", (ROOT / "Dockerfile").read_text(), re.MULTILINE
+    )
     assert re.fullmatch(r"debian:[\w-]+@sha256:[0-9a-f]{64}", image)
 
 
@@ -93,7 +115,9 @@ def two_studies(study):
     }
     configs = {"first": tiny, "second": tiny | other}
     (study.folder / "config/both.yaml").write_text(yaml.safe_dump(configs))
-    modules = [MODULE.format(name=name, snakefile=ROOT / "Snakefile") for name in configs]
+    modules = [
+        MODULE.format(name=name, snakefile=ROOT / "Snakefile") for name in configs
+    ]
     text = "".join(['configfile: "config/both.yaml"\n', *modules, ALL])
     (study.folder / "Snakefile").write_text(text)
     return study.folder

@@ -7,14 +7,15 @@ import meshio
 import numpy as np
 import pytest
 import trimesh
+from SurfaceTopography.IO import open_topography
+from surfalize import Surface
+
 from gstlib.io.files import sha256
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table
 from gstlib.surfaces.frames import FRAME, stored_frame
 from gstlib.surfaces.grid import spacing_of
-from SurfaceTopography.IO import open_topography
-from surfalize import Surface
 
 PATCH = "7"
 
@@ -26,7 +27,9 @@ def exported(finished_tiny, tmp_path_factory):
     other = finished_tiny.results / "surfaces/T0/9/99_T0.h5"
     other.parent.mkdir()
     shutil.copy(finished_tiny.results / f"surfaces/T0/1/{PATCH}_T0.h5", other)
-    result = finished_tiny.gst("export", str(finished_tiny.results), "--to", str(folder))
+    result = finished_tiny.gst(
+        "export", str(finished_tiny.results), "--to", str(folder)
+    )
     shutil.rmtree(other.parent)
     assert result.returncode == 0, result.stderr
     assert not list(folder.glob("99_*"))
@@ -63,7 +66,9 @@ def test_two_libraries_read_the_lengths(finished_tiny, exported, name):
     np.testing.assert_allclose(read_scan(path).values, values, atol=1e-12)
 
 
-def test_the_tool_keeps_its_coordinates_and_shows_pressure_and_patches(finished_tiny, exported):
+def test_the_tool_keeps_its_coordinates_and_shows_pressure_and_patches(
+    finished_tiny, exported
+):
     results = finished_tiny.results
     tool = meshio.read(exported / "tool.ply")
     fields = tool.point_data
@@ -79,7 +84,9 @@ def test_the_tool_keeps_its_coordinates_and_shows_pressure_and_patches(finished_
         assert is_patch[is_above & (away < 0.425 - element)].all()
         assert not is_patch[away > 0.425 + element].any()
     pressure = fields["scalar_pressure_MPa"]
-    contact = read_dataset(results / "macroscale/contact.h5", only=["pressure"]).pressure
+    contact = read_dataset(
+        results / "macroscale/contact.h5", only=["pressure"]
+    ).pressure
     assert pressure.max() == pytest.approx(float(contact.max()))
     assert (pressure[z < -2] == 0).all()
 
@@ -137,7 +144,9 @@ HOSTILE = {
 
 
 def files_in(folder):
-    return {file: file.lstat().st_size for file in folder.rglob("*") if not file.is_dir()}
+    return {
+        file: file.lstat().st_size for file in folder.rglob("*") if not file.is_dir()
+    }
 
 
 @pytest.mark.parametrize("problem", HOSTILE)

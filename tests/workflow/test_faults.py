@@ -10,12 +10,20 @@ from pathlib import Path
 
 from gst.run.owned import CLAIMS, LOCK
 
-NOT_FOR_USERS = ("Traceback", "RuleException", "CalledProcessError", 'File "', "InputFunction")
+NOT_FOR_USERS = (
+    "Traceback",
+    "RuleException",
+    "CalledProcessError",
+    'File "',
+    "InputFunction",
+)
 
 
 def test_a_failed_step_shows_its_own_error_and_nothing_else(tiny):
     tiny.change(
-        load={"force_N": 2.4e4}, macroscale={"maximum_displacement_um": 20.0}, pressure_cap_MPa=None
+        load={"force_N": 2.4e4},
+        macroscale={"maximum_displacement_um": 20.0},
+        pressure_cap_MPa=None,
     )
     result = tiny.run()
     assert result.returncode != 0
@@ -46,7 +54,9 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
         ("draw_validation", "change/1/7.h5 has changed"),
         ("compare_scales", "no record says how it was made"),
     ):
-        assert re.search(rf"^{step}: .*\n    {re.escape(why)}; last took \d", said, re.MULTILINE)
+        assert re.search(
+            rf"^{step}: .*\n    {re.escape(why)}; last took \d", said, re.MULTILINE
+        )
     assert "compose_surface" not in said
     result = tiny.gst("study", tiny.config)
     assert result.returncode == 0, result.stderr
@@ -56,7 +66,8 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
     assert record.is_file()
     assert "Nothing to do." in tiny.gst("study", tiny.config, "--plan").stdout
     assert (
-        f"results in  {folder}: finished, with this config" in tiny.gst("check", tiny.config).stdout
+        f"results in  {folder}: finished, with this config"
+        in tiny.gst("check", tiny.config).stdout
     )
 
 
@@ -69,11 +80,17 @@ def test_stale_results_are_not_certified_without_the_records_of_snakemake(tiny):
     assert said.returncode == 0, said.stderr
     assert "again: force_N was 550.0, is 200.0" in said.stderr
     assert "Done" not in said.stdout
-    assert "The study is not finished: the results were made with another config." in said.stdout
+    assert (
+        "The study is not finished: the results were made with another config."
+        in said.stdout
+    )
     for command in (["export"], ["package"]):
         refused = tiny.gst(*command, tiny.results.name)
         assert refused.returncode == 2
-        assert "was made with other params or files than the config gives" in refused.stderr
+        assert (
+            "was made with other params or files than the config gives"
+            in refused.stderr
+        )
     assert not list(tiny.folder.glob("*.zip"))
 
 
@@ -124,7 +141,10 @@ def test_ctrl_c_ends_a_run_in_a_sentence(study):
 
 def test_a_first_run_writes_in_place_of_no_file(study):
     """Also the plan says so; what a study would not write is in nobody's way."""
-    mine, beside = study.results / "figures/overview.png", study.results / "figures/photo.jpg"
+    mine, beside = (
+        study.results / "figures/overview.png",
+        study.results / "figures/photo.jpg",
+    )
     mine.parent.mkdir(parents=True)
     for file in (mine, beside):
         file.write_text("mine")
@@ -151,13 +171,19 @@ def test_a_study_folder_runs_no_code_of_its_own(study):
         (study.folder / folder).mkdir(parents=True)
         profile = f"__use_yte__: true\ncores: ?open({str(mark)!r}, 'w') and 1\n"
         (study.folder / folder / "config.yaml").write_text(profile)
-    for command in (["check"], ["study", "--plan"], ["study", "--until", "generate_specimen"]):
+    for command in (
+        ["check"],
+        ["study", "--plan"],
+        ["study", "--until", "generate_specimen"],
+    ):
         name, *options = command
         result = study.gst(name, study.config, *options)
         assert result.returncode == 0, result.stderr
         assert not mark.exists(), command
     assert (study.results / CLAIMS).is_file()
-    named = study.gst("study", study.config, "--plan", "--profile", "./profiles/default")
+    named = study.gst(
+        "study", study.config, "--plan", "--profile", "./profiles/default"
+    )
     assert named.returncode == 0, named.stderr
     assert mark.exists()
 
@@ -165,7 +191,9 @@ def test_a_study_folder_runs_no_code_of_its_own(study):
 def test_a_file_of_the_user_is_moved_from_a_folder_that_is_made_anew(tiny):
     note = tiny.results / "figures/preparation/note.txt"
     note.write_text("mine")
-    result = tiny.gst("study", tiny.config, "--forcerun", "draw_inputs", "--until", "draw_inputs")
+    result = tiny.gst(
+        "study", tiny.config, "--forcerun", "draw_inputs", "--until", "draw_inputs"
+    )
     assert result.returncode == 0, result.stderr
     moved = tiny.results / "moved_aside/figures/preparation/note.txt"
     assert str(moved.relative_to(tiny.folder)) in result.stderr

@@ -14,6 +14,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
+from specimens import merged
+
 from gst.config.poses import read_poses
 from gst.config.reading import read_config
 from gstlib.io.plu import write_plu
@@ -23,7 +25,6 @@ from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import spacing_of
 from gstlib.validation.summary import statistic_names
-from specimens import merged
 
 from .conftest import Study, fresh, in_memory
 from .expected import assert_as_expected
@@ -35,7 +36,9 @@ WORN, TWICE = ALL[:-1], ["7", "10", "13"]
 # A patch cut from a larger scan, a text that states nothing; and one that lies obliquely.
 CUT, SPACING_MM, OBLIQUE = "16", 13.28e-3, "11"
 # What takes the second tool to where it was measured, mm.
-AWAY = trimesh.transformations.compose_matrix(angles=(0.4, -1.1, 2.0), translate=(30, -12, 5))
+AWAY = trimesh.transformations.compose_matrix(
+    angles=(0.4, -1.1, 2.0), translate=(30, -12, 5)
+)
 POSES = """x_mm,y_mm,rotation_deg,force_N,sliding_mm,turning_deg,weight
 0,0,0,550,2,0,1
 0.4,-0.2,5,400,1,5,3
@@ -86,7 +89,9 @@ def patch_table(study):
 
 def write_scans(rows, specimen, scans):
     """The scans of a specimen as they were taken: turned, mirrored, one as text in µm."""
-    for patch, file in rows.melt("patch", ["t0", "t1", "repeat"])[["patch", "value"]].values:
+    for patch, file in rows.melt("patch", ["t0", "t1", "repeat"])[
+        ["patch", "value"]
+    ].values:
         if not file:
             continue
         scan = read_scan(specimen / "scans" / file)
@@ -106,14 +111,21 @@ def studied(generated, tmp_path_factory):
     specimen, data = generated.results / "specimen", study.folder / "data"
     rows = patch_table(generated)
     write_scans(rows, specimen, data / "scans")
-    rows["rotation_deg"] = rows.rotation_deg.astype(int) + rows.patch.map(TURNED).fillna(0)
+    rows["rotation_deg"] = rows.rotation_deg.astype(int) + rows.patch.map(
+        TURNED
+    ).fillna(0)
     rows["flip"] = np.where(rows.patch == MIRRORED, "none", "")
     of_cut = {"t0": "16.txt", "crop_x_mm": 2 * SPACING_MM, "crop_y_mm": -3 * SPACING_MM}
     for name, value in of_cut.items():
         rows.loc[rows.patch == CUT, name] = value
     rows.to_csv(study.folder / "patches.csv", index=False)
-    for name, unit_mm, moved in (("mesh", 1e-3, np.eye(4)), ("counterface", 25.4, AWAY)):
-        mesh = trimesh.load(specimen / f"{name}.stl", process=False).apply_transform(moved)
+    for name, unit_mm, moved in (
+        ("mesh", 1e-3, np.eye(4)),
+        ("counterface", 25.4, AWAY),
+    ):
+        mesh = trimesh.load(specimen / f"{name}.stl", process=False).apply_transform(
+            moved
+        )
         mesh.apply_scale(1 / unit_mm).export(data / f"{name}.stl")
     (study.folder / "poses.csv").write_text(POSES)
     (study.folder / "published.csv").write_text(PUBLISHED)
@@ -125,7 +137,11 @@ def studied(generated, tmp_path_factory):
         patches="patches.csv",
         published="published.csv",
         specimen=None,
-        inputs={"mesh": "data/mesh.stl", "mesh_unit": "um", "scan_folder": "data/scans"},
+        inputs={
+            "mesh": "data/mesh.stl",
+            "mesh_unit": "um",
+            "scan_folder": "data/scans",
+        },
         counterface=second | {"scan": "data/scans/5_T0.plu"},
         scans={"unit": "um", "spacing_um": 1e3 * SPACING_MM},
         gesture={"table": "poses.csv"},
@@ -152,7 +168,12 @@ def test_the_study_is_as_expected(studied):
 
 def test_every_contact_after_the_use_is_told_of_it(studied):
     """These six patches are too few to show by a number that it is."""
-    for step in ("solve_macroscale", "press_poses_1", "couple_scales", "bound_pressures"):
+    for step in (
+        "solve_macroscale",
+        "press_poses_1",
+        "couple_scales",
+        "bound_pressures",
+    ):
         record = json.loads((studied.results / f"logs/{step}.json").read_text())
         assert "use/use.h5" in record["inputs"], step
 
@@ -161,23 +182,34 @@ def test_every_contact_after_the_use_is_told_of_it(studied):
 
 
 def test_the_stones_lie_on_each_other_as_they_were_made(generated, stored, table):
-    for name, fields in {"surface": ["height", "counterface"], "active_tool": ["face"]}.items():
+    for name, fields in {
+        "surface": ["height", "counterface"],
+        "active_tool": ["face"],
+    }.items():
         made = read_dataset(generated.results / f"macroscale/{name}.h5")
         for field in fields:
-            np.testing.assert_allclose(stored(f"macroscale/{name}")[field], made[field], atol=2e-5)
+            np.testing.assert_allclose(
+                stored(f"macroscale/{name}")[field], made[field], atol=2e-5
+            )
     made = read_table(generated.results / "tables/gridding.csv")
     pd.testing.assert_frame_equal(table("gridding"), made, rtol=2e-3)
 
 
-def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(generated, stored, table):
+def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(
+    generated, stored, table
+):
     face = {"counterface": {"scan": "results-tiny/specimen/scans/5_T0.plu"}}
-    plain = in_memory(generated, merged(read_config(generated.folder / generated.config), face))
+    plain = in_memory(
+        generated, merged(read_config(generated.folder / generated.config), face)
+    )
     laid, made = stored("macroscale/composite"), plain.composite
     for patch in ALL:
         turned, expected = TURNED.get(patch, 0), made.sel(patch=patch)
         slopes = laid.sel(patch=patch)[["slope_y", "slope_x"]].to_array().values
         slopes = PatchPosition(0, 0, turned).points(*slopes)
-        np.testing.assert_allclose(slopes, (expected.slope_y, expected.slope_x), atol=1e-6)
+        np.testing.assert_allclose(
+            slopes, (expected.slope_y, expected.slope_x), atol=1e-6
+        )
         near_y = abs(made.y - expected.y_mm) < 0.35
         near_x = abs(made.x - expected.x_mm) < 0.35
         is_near = (near_y & near_x).values
@@ -214,10 +246,15 @@ def test_two_stones_yield_and_slide_as_their_compliances_say(stored, table):
     shear = young / 2 / (1 + poisson)
     normal = ((1 - poisson) / shear / 2).sum()  # 1/MPa
     tangential = ((2 - poisson) / shear / 4).sum()
-    assert float(stored("macroscale/contact").contact_modulus) == pytest.approx(1 / normal, 1e-12)
+    assert float(stored("macroscale/contact").contact_modulus) == pytest.approx(
+        1 / normal, 1e-12
+    )
     cases = table("cases").set_index(["case", "patch", "quantity"]).value.sort_index()
     for patch in ("7", "13"):  # the whole patch slides
-        contact, grinding = stored(f"microscale/1/{patch}"), cases.loc["grinding", patch]
+        contact, grinding = (
+            stored(f"microscale/1/{patch}"),
+            cases.loc["grinding", patch],
+        )
         assert float(contact.contact_modulus) == pytest.approx(1 / normal, rel=1e-12)
         moved_um = 0.3 * tangential / normal * cases["study", patch, "displacement"]
         assert grinding["tangential displacement"] == pytest.approx(moved_um, rel=1e-4)

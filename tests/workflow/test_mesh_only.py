@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+
 from gstlib.coupling.pressures import patch_pressures
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
@@ -35,10 +36,16 @@ def test_the_study_is_as_expected_without_what_needs_scans(where):
 
 def test_the_proposed_places_are_a_patch_table_as_expected(where):
     """The specimen's scans are taken there; the places proposed as exposed bear the load."""
-    where.change(results="results-then", patches="results-where/tables/places.csv", use=None)
+    where.change(
+        results="results-then", patches="results-where/tables/places.csv", use=None
+    )
     names = "registration", "patch_intervals", "patch_pressures"
     where.succeed(*(f"results-then/tables/{name}.csv" for name in names))
-    forces = read_table(where.results / "tables/patch_pressures.csv").set_index("patch").force_N
+    forces = (
+        read_table(where.results / "tables/patch_pressures.csv")
+        .set_index("patch")
+        .force_N
+    )
     assert forces["E1"] > 0
     assert forces.filter(regex="^C").sum() < 0.05 * forces.sum()
     assert_as_expected(where.results, "then", "patch_intervals", "patch_pressures")
@@ -50,7 +57,9 @@ def test_grades_of_wear_tell_how_a_tool_was_used_as_expected(where, tmp_path_fac
     stored = where.folder / "results-where/macroscale/contact.h5"  # whatever ran before
     square = square_of(read_dataset(stored).pressure, 5.0)
     y, x = np.mgrid[0.5:5, 0.5:5]
-    places = pd.DataFrame({"patch": np.arange(25), "x_mm": x.ravel(), "y_mm": y.ravel()})
+    places = pd.DataFrame(
+        {"patch": np.arange(25), "x_mm": x.ravel(), "y_mm": y.ravel()}
+    )
     places["rotation_deg"] = 0.0
     pressures = patch_pressures(square, places, size_mm=0.85).pressure_MPa
     places["wear_grade"] = np.searchsorted([0.5, 20, 60], pressures)

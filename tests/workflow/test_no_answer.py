@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from specimens import merged
+
 from gst.config.tables import write_table
 from gst.page.verdict import verdict
 from gstlib.io.tables import read_table
 from gstlib.use.infer import UNKNOWN
-from specimens import merged
 
 from .conftest import in_memory
 
@@ -24,18 +25,27 @@ VARIANTS = {
     "no T1 of a study as in the paper": ("7 13", "7 13", unlike, {"coupling": "paper"}),
     "nothing was lost": ("5 7 10 11 13 16", "5 7 10 11 13 16", lambda t0, t1: t0, {}),
     "no patch is pressed": ("5 11", "", None, {}),
-    "no patch is selected": ("7", "", None, {"selection": {"minimum_pressure_MPa": 1e6}}),
+    "no patch is selected": (
+        "7",
+        "",
+        None,
+        {"selection": {"minimum_pressure_MPa": 1e6}},
+    ),
     "there is no T1": ("7 13", None, None, {}),
     "there is one patch": ("13", "", None, {}),
 }
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_every_table_is_made_where_a_stage_has_no_answer(variant, finished_tiny, config, tmp_path):
+def test_every_table_is_made_where_a_stage_has_no_answer(
+    variant, finished_tiny, config, tmp_path
+):
     names, changed, change, settings = VARIANTS[variant]
     patches = names.split()
     study = in_memory(finished_tiny, merged(config, settings))
-    study.patches = study.patches[study.patches.patch.isin(patches)].reset_index(drop=True)
+    study.patches = study.patches[study.patches.patch.isin(patches)].reset_index(
+        drop=True
+    )
     study.worn = [] if changed is None else patches
     read = study.read_scan
 

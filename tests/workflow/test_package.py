@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from gst.share.crate import pack_study
 
 from .conftest import ROOT, Study, run
@@ -27,7 +28,9 @@ def interpreter(version):
     named = shutil.which(f"python{version}")
     kept = sorted(Path.home().glob(f".pyenv/versions/{version}.*/bin/python"))
     for python in filter(None, [named, *kept]):
-        if run(python, "-c", "").returncode == 0:  # and no shim without a Python behind it
+        if (
+            run(python, "-c", "").returncode == 0
+        ):  # and no shim without a Python behind it
             return python
     return None
 
@@ -36,7 +39,16 @@ def interpreter(version):
 def built(tmp_path_factory):
     """Folder with the wheel, which is built from the source distribution."""
     folder = tmp_path_factory.mktemp("dist")
-    succeed(*UV, "build", "--no-build-isolation", "--python", sys.executable, "-o", folder, ROOT)
+    succeed(
+        *UV,
+        "build",
+        "--no-build-isolation",
+        "--python",
+        sys.executable,
+        "-o",
+        folder,
+        ROOT,
+    )
     return folder
 
 
@@ -46,7 +58,12 @@ def test_installed_without_the_repository(built, version, finished_tiny, tmp_pat
         pytest.skip(f"needs Python {version} on the PATH or in ~/.pyenv")
     succeed(*UV, "venv", "--python", python, tmp_path / "venv")
     installed = tmp_path / "venv/bin"
-    options = ["--python", installed / "python", "--constraints", ROOT / "requirements.lock"]
+    options = [
+        "--python",
+        installed / "python",
+        "--constraints",
+        ROOT / "requirements.lock",
+    ]
     options += ["--build-constraints", ROOT / "requirements-build.lock"]
     wheel = next(built.glob("*.whl")).as_uri()
     succeed(*UV, "pip", "install", *options, f"gstlib[workflow] @ {wheel}")

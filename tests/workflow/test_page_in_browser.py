@@ -7,8 +7,9 @@ import re
 
 import numpy as np
 import pytest
-from gstlib.io.tables import read_table
 from PIL import Image, ImageChops, ImageStat
+
+from gstlib.io.tables import read_table
 
 from .conftest import middle_of, opened
 
@@ -56,7 +57,9 @@ def test_a_click_or_a_key_opens_the_card_of_the_patch(page):
     assert opened_card(page) == "Patch 7"
     page.click("#see-square")
     number = page.locator("#viewer span", has_text=re.compile("^16$"))
-    page.wait_for_function("element => element.style.opacity === '1'", arg=number.element_handle())
+    page.wait_for_function(
+        "element => element.style.opacity === '1'", arg=number.element_handle()
+    )
     page.mouse.click(*middle_of(number))
     assert opened_card(page) == "Patch 16"
     for place in ("#patch-table a[href='#patch-5']", "#map a[href='#patch-5']"):
@@ -73,7 +76,9 @@ def test_a_card_has_its_pictures_and_they_open_large(page):
     assert page.locator("#large img").bounding_box()["width"] == wide
 
 
-def test_a_card_opened_by_its_address_closes_and_fits_the_screen(browser, finished_tiny):
+def test_a_card_opened_by_its_address_closes_and_fits_the_screen(
+    browser, finished_tiny
+):
     address = (finished_tiny.results / "index.html").as_uri() + "#patch-13"
     page = browser.new_page(viewport={"width": 1366, "height": 768})
     page.goto(address)
@@ -105,14 +110,17 @@ def test_thumbnails_lead_to_cards_where_t0_and_t1_are_compared(page):
     page.click(".thumbnails a[href='#patch-13']")
     page.click("#patch-13 .blink")
     picture = page.locator("#blink-picture")
-    for number, epoch in enumerate(("T0", "T1")):  # the first two of the strip's three maps
+    for number, epoch in enumerate(
+        ("T0", "T1")
+    ):  # the first two of the strip's three maps
         shown = picture_in(picture.screenshot())
         maps = [
             strip.crop((k * strip.height, 0, (k + 1) * strip.height, strip.height))
             for k in range(3)
         ]
         off = [
-            ImageStat.Stat(ImageChops.difference(shown, one.resize(shown.size))).sum for one in maps
+            ImageStat.Stat(ImageChops.difference(shown, one.resize(shown.size))).sum
+            for one in maps
         ]
         assert np.sum(off, axis=1).argmin() == number
         assert epoch in picture.get_attribute("aria-label")
@@ -142,15 +150,27 @@ def test_text_stands_out_in_both_colour_schemes(browser, finished_tiny, scheme):
       const both = [bright(parse(getComputedStyle(one).color)), bright(ground(one))];
       return (Math.max(...both) + 0.05) / (Math.min(...both) + 0.05);
     }"""
-    for place in (".verdict dd", ".verdict dt", "nav a", "figcaption", ".mark", "th", "footer p"):
+    for place in (
+        ".verdict dd",
+        ".verdict dt",
+        "nav a",
+        "figcaption",
+        ".mark",
+        "th",
+        "footer p",
+    ):
         assert page.locator(place).first.evaluate(contrast) >= 4.5, place
     page.close()
 
 
 def test_a_print_has_the_cards_and_the_whole_table(page):
     page.emulate_media(media="print")
-    assert page.locator("dialog.card").evaluate_all("all => all.every(one => one.offsetHeight > 0)")
-    assert page.locator("#blink, #large").evaluate_all("all => all.every(one => !one.offsetHeight)")
+    assert page.locator("dialog.card").evaluate_all(
+        "all => all.every(one => one.offsetHeight > 0)"
+    )
+    assert page.locator("#blink, #large").evaluate_all(
+        "all => all.every(one => !one.offsetHeight)"
+    )
     table = page.locator("#patch-table")
     page.set_viewport_size({"width": 720, "height": 1000})  # A4 less its margins
     assert table.bounding_box()["width"] <= 720
@@ -181,7 +201,9 @@ def test_nothing_sticks_out_of_the_page(page, size):
     for details in page.locator("summary").all():
         details.click()
     assert page.evaluate("document.documentElement.scrollWidth") == width
-    page.evaluate("document.querySelectorAll('dialog.card').forEach(card => card.show())")
+    page.evaluate(
+        "document.querySelectorAll('dialog.card').forEach(card => card.show())"
+    )
     assert page.evaluate("document.documentElement.scrollWidth") == width
     # every picture is there, whole
     assert page.locator("main .enlarge img").count() > 8
@@ -192,12 +214,16 @@ def test_nothing_sticks_out_of_the_page(page, size):
 
 
 def test_headings_names_and_labels_are_as_accessibility_asks(page):
-    levels = page.locator("h1, h2, h3").evaluate_all("all => all.map(one => +one.tagName[1])")
+    levels = page.locator("h1, h2, h3").evaluate_all(
+        "all => all.map(one => +one.tagName[1])"
+    )
     assert levels.count(1) == 1
     assert levels[0] == 1
     assert all(after - before <= 1 for before, after in itertools.pairwise(levels))
     assert page.locator("html").get_attribute("lang") == "en"
-    nameless = "img:not([alt]), main img[alt=''], th:not([scope]), input:not([aria-label])"
+    nameless = (
+        "img:not([alt]), main img[alt=''], th:not([scope]), input:not([aria-label])"
+    )
     assert page.locator(nameless).count() == 0
     missing = "all => all.filter(one => !document.querySelector(one.getAttribute('href'))).length"
     assert page.locator("a[href^='#']").evaluate_all(missing) == 0

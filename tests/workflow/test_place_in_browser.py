@@ -13,6 +13,7 @@ import psutil
 import pytest
 import trimesh
 import yaml
+
 from gst.config.edited import with_values
 from gst.config.patches import read_patches
 from gstlib.io.meshes import read_mesh
@@ -42,7 +43,9 @@ def folder(finished_tiny, tmp_path_factory):
     """What `gst new` makes of the specimen's files."""
     folder = tmp_path_factory.mktemp("place") / "study"
     files = finished_tiny.results / "specimen"
-    made = run(GST, "new", folder, "--mesh", files / "mesh.stl", "--scans", files / "scans")
+    made = run(
+        GST, "new", folder, "--mesh", files / "mesh.stl", "--scans", files / "scans"
+    )
     assert made.returncode == 0, made.stderr
     assert "gst place" in made.stdout
     config = folder / "study.yaml"
@@ -62,13 +65,17 @@ def opened(browser, folder, complaints=()):
     """
     command = [GST, "place", folder, "--no-browser"]
     with (
-        subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ) as server,
+        subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, env=os.environ
+        ) as server,
         browser.new_page(viewport={"width": 1366, "height": 900}) as page,
     ):
         page.set_default_timeout(0)  # a busy machine is no fault
         asked, messages = listened_to(page)
         try:
-            url = next(line.strip() for line in server.stdout if line.startswith("http"))
+            url = next(
+                line.strip() for line in server.stdout if line.startswith("http")
+            )
             page.goto(url)
             page.wait_for_selector("canvas", state="attached")
             yield page, server
@@ -76,7 +83,9 @@ def opened(browser, folder, complaints=()):
             server.terminate()
     assert server.returncode in (0, -signal.SIGTERM)
     assert [one for one in asked if not one.startswith((url, "data:"))] == []
-    assert [line for line in messages if not any(part in line for part in complaints)] == []
+    assert [
+        line for line in messages if not any(part in line for part in complaints)
+    ] == []
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +102,9 @@ def config_of(folder):
 
 
 def table_of(folder):
-    return read_patches(folder / "patches.csv", size_mm=5.0, patch_size_mm=0.85).set_index("patch")
+    return read_patches(
+        folder / "patches.csv", size_mm=5.0, patch_size_mm=0.85
+    ).set_index("patch")
 
 
 def saved(page):
@@ -135,7 +146,11 @@ def lay_square(page, folder, stone):
     saved(page)
     assert config_of(folder)["square"]["points_mm"] == "TODO"
     page.check("text=click three corners")
-    for right, up in ((-60, -60), (-60, 60), (60, -60)):  # clockwise: x and y are exchanged
+    for right, up in (
+        (-60, -60),
+        (-60, 60),
+        (60, -60),
+    ):  # clockwise: x and y are exchanged
         click_stone(page, right, up)
     assert frame_of(folder, stone).normal[2] > 0.9
     page.check("text=click its middle")

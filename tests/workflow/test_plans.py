@@ -4,6 +4,7 @@ import re
 
 import pytest
 import yaml
+
 from gst.config.patches import read_patches
 from gst.run.running import BETWEEN
 
@@ -44,7 +45,12 @@ def test_a_shipped_config_plans_a_study(study, name):
         assert "'square.points_mm' is still TODO" in refused.stdout + refused.stderr
         study.change(square={"points_mm": [[0, 0, 0], [5, 0, 0], [0, 5, 0]]})
     planned = study.planned()
-    assert planned > {"check_inputs", "grid_macroscale", "solve_macroscale", "write_page"}
+    assert planned > {
+        "check_inputs",
+        "grid_macroscale",
+        "solve_macroscale",
+        "write_page",
+    }
     has_scans = name not in ("artefact.yaml", "mesh_only.yaml")
     for rule in ("couple_scales", "solve_patches", "draw_contact"):
         assert (rule in planned) == has_scans
@@ -55,7 +61,9 @@ def test_without_a_config_that_of_the_folder_is_taken(study):
     """Its values are those that `gst` reads."""
     text = "results: elsewhere\npressure_cap_MPa: 1e3\n"  # which is text in YAML 1.1
     (study.folder / "config/config.yaml").write_text(text)
-    result = run(*SNAKEMAKE, "--snakefile", ROOT / "Snakefile", "--dry-run", cwd=study.folder)
+    result = run(
+        *SNAKEMAKE, "--snakefile", ROOT / "Snakefile", "--dry-run", cwd=study.folder
+    )
     assert "elsewhere/specimen/scans/25_T0.plu" in result.stdout
 
 
@@ -86,14 +94,20 @@ def test_slurm_groups_are_of_rules_that_there_are_and_do_not_wait_for_themselves
     text = study.succeed("--workflow-profile", str(SLURM), "--dry-run")
     profile = yaml.safe_load((SLURM / "config.yaml").read_text())
     rules = "".join(file.read_text() for file in ROOT.glob("workflow/rules/*.smk"))
-    assert set(profile["groups"]) <= set(re.findall(r"^ *rule (\w+):", rules, re.MULTILINE))
+    assert set(profile["groups"]) <= set(
+        re.findall(r"^ *rule (\w+):", rules, re.MULTILINE)
+    )
     assert set(profile["group-components"]) <= set(profile["groups"].values())
     planned = set(re.findall(r"^(\w+) +\d+$", text, re.MULTILINE))
-    for group in {group for rule, group in profile["groups"].items() if rule in planned}:
+    for group in {
+        group for rule, group in profile["groups"].items() if rule in planned
+    }:
         assert f"Group job {group} " in text
 
 
 def test_lint():
     result = run(*SNAKEMAKE, "--snakefile", ROOT / "Snakefile", "--lint", cwd=ROOT)
-    lints = {line.strip() for line in result.stderr.splitlines() if line.startswith("    * ")}
+    lints = {
+        line.strip() for line in result.stderr.splitlines() if line.startswith("    * ")
+    }
     assert lints == {CHOSEN}  # so the linter ran, and its words are as we know them

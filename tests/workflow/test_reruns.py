@@ -5,6 +5,7 @@ import re
 import shutil
 
 import pytest
+
 from gst.run.batches import share_out
 
 from .conftest import SNAKEMAKE, run
@@ -13,7 +14,13 @@ from .conftest import SNAKEMAKE, run
 CHANGES = {
     "load": (
         {"load": {"force_N": 550.0, "at_mm": [2.0, 3.0]}},
-        {"solve_macroscale", "couple_scales", "bound_pressures", "solve_reference", "score_wear"},
+        {
+            "solve_macroscale",
+            "couple_scales",
+            "bound_pressures",
+            "solve_reference",
+            "score_wear",
+        },
         {"solve_square", "compose_surface", "check_placement", "register_patches"},
     ),
     "coupling": (
@@ -49,7 +56,12 @@ def test_what_no_step_reads_reruns_nothing_but_the_record(tiny):
     assert tiny.planned() == set()
     table = tiny.folder / "config/patches_tiny.tsv"
     comment, head, *rows = table.read_text().splitlines()
-    lines = [comment, "# by hand", f"{head}\tnote", *(f"{row}\tby hand" for row in rows)]
+    lines = [
+        comment,
+        "# by hand",
+        f"{head}\tnote",
+        *(f"{row}\tby hand" for row in rows),
+    ]
     table.write_text("\n".join(lines) + "\n")
     assert tiny.planned() == {"write_page"}
 
@@ -62,7 +74,10 @@ FEW = "--config", "patches_per_job=2", "--until", "register_patches"
 
 @pytest.mark.parametrize(
     ("old", "new", "patch"),
-    [("7\t", "8\t3.50\t3.50\t7_T0.plu\t7_T1.plu\n7\t", "8"), ("13\t2.50", "13\t2.60", None)],
+    [
+        ("7\t", "8\t3.50\t3.50\t7_T0.plu\t7_T1.plu\n7\t", "8"),
+        ("13\t2.50", "13\t2.60", None),
+    ],
 )
 def test_another_patch_reruns_its_batch_alone(measured, old, new, patch):
     """Of what is done patch by patch; the stone under all scans is another."""
@@ -73,7 +88,11 @@ def test_another_patch_reruns_its_batch_alone(measured, old, new, patch):
     table.write_text(before.replace(f"\n{old}", f"\n{new}"))
     assert table.read_text() != before
     plan = measured.succeed("--dry-run", *FEW)
-    steps = "Cleaning the scans at T0", "Cleaning the scans at T1", "Registering T1 to T0"
+    steps = (
+        "Cleaning the scans at T0",
+        "Cleaning the scans at T1",
+        "Registering T1 to T0",
+    )
     again = set(re.findall(rf"({'|'.join(steps)}): part (\d+)", plan))
     batches = share_out({*ids, patch} - {None}, per_job=2)
     assert len(batches) > 2
@@ -144,7 +163,10 @@ def test_a_clock_that_is_wrong_stops_nothing_and_a_failed_import_is_told(tmp_pat
     failed = run(*command, cwd=tmp_path)
     assert failed.returncode == 1
     assert (tmp_path / "results/first.csv").read_text() == "heights"
-    assert "No module named 'no_such_package'" in (tmp_path / "results/logs/second.log").read_text()
+    assert (
+        "No module named 'no_such_package'"
+        in (tmp_path / "results/logs/second.log").read_text()
+    )
     (tmp_path / "second.py").write_text(SCRIPT.format(first=""))
     for number in (1, 0):
         done = run(*command, cwd=tmp_path)

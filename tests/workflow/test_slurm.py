@@ -65,7 +65,9 @@ class Run:
 
     def record(self) -> str:
         """All that Snakemake has said, by its own log."""
-        return "".join(file.read_text() for file in set(self.own_logs.glob("*.log")) - self.earlier)
+        return "".join(
+            file.read_text() for file in set(self.own_logs.glob("*.log")) - self.earlier
+        )
 
     @property
     def name(self) -> str:
@@ -92,7 +94,9 @@ class Run:
 
     def said(self, job: str) -> str:
         """Slurm's own log of a job that failed."""
-        return next(self.log.parent.glob(f".snakemake/slurm_logs/**/{job}.log")).read_text()
+        return next(
+            self.log.parent.glob(f".snakemake/slurm_logs/**/{job}.log")
+        ).read_text()
 
     def states(self) -> dict[str, str]:
         """What became of every job of the run, by Slurm's records: its state by its id."""
@@ -100,7 +104,9 @@ class Run:
             dict(field.split("=", 1) for field in line.split() if "=" in field)
             for line in RECORDS.read_text().splitlines()
         ]
-        return {job["JobId"]: job["JobState"] for job in records if job["Name"] == self.name}
+        return {
+            job["JobId"]: job["JobState"] for job in records if job["Name"] == self.name
+        }
 
 
 def freeze(job: str) -> None:
@@ -150,7 +156,9 @@ def test_a_study_with_faults_of_jobs_is_the_one_of_one_machine(finished_tiny, tm
     assert study.planned() == set()
 
 
-def test_a_killed_snakemake_is_followed_by_the_documented_recovery(finished_tiny, tmp_path):
+def test_a_killed_snakemake_is_followed_by_the_documented_recovery(
+    finished_tiny, tmp_path
+):
     """docs/how-to/cluster.md: cancel what still runs, unlock, run again."""
     study = fresh(tmp_path / "study")
     killed = Run(study, "killed")

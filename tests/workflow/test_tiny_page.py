@@ -48,7 +48,9 @@ def test_the_answer_stands_first_with_the_numbers_of_the_tables(page, table):
 
 def test_the_table_of_patches_has_the_numbers_of_the_tables(page, table):
     names = "patch_pressures", "patch_intervals", "registration", "validation_patches"
-    pressures, intervals, losses, scores = (table(name).set_index("patch") for name in names)
+    pressures, intervals, losses, scores = (
+        table(name).set_index("patch") for name in names
+    )
     wear = table("wear").query("model == 'archard'").set_index("patch")
     rows = page.xpath('//*[@id="patch-table"]/tbody/tr')
     assert [text_of(row.find("th")) for row in rows] == list(pressures.index)

@@ -7,11 +7,12 @@ test_tiny_page.py.
 import json
 
 import numpy as np
+from specimens import specimen_config, specimen_studies, worn_patches
+
 from gst.config.tables import TABLES, write_table
 from gst.run.provenance import commit, program_hash
 from gstlib.io.tables import read_table
 from gstlib.use.outcome import use_of_study
-from specimens import specimen_config, specimen_studies, worn_patches
 
 from .conftest import ROOT
 from .expected import assert_as_expected
@@ -25,8 +26,12 @@ def test_the_study_is_as_expected(results):
 
 
 def test_every_table_is_there_and_no_other(results):
-    files = {file.relative_to(results).as_posix(): file for file in results.rglob("*.csv")}
-    assert set(files) == {one.file for name, one in TABLES.items() if name not in ABSENT}
+    files = {
+        file.relative_to(results).as_posix(): file for file in results.rglob("*.csv")
+    }
+    assert set(files) == {
+        one.file for name, one in TABLES.items() if name not in ABSENT
+    }
     # five patches are too few to tell how the tool was used, and by which law they wore
     empty = {name for name, file in files.items() if not len(read_table(file))}
     assert empty == {"tables/predicted_losses.csv", "tables/laws.csv"}
@@ -56,7 +61,9 @@ def test_losses_tell_how_a_tool_was_used_as_expected(tmp_path):
     patches = worn_patches(config | {"patches": str(ROOT / "config/patches.tsv")})[::2]
     patches = patches.reset_index(drop=True)
     config["specimen"] |= {"worn_off_middle_mm": (-0.8, 0.6), "worn_radius_mm": 120.0}
-    ((_, study),) = specimen_studies(config, patches, config["specimen"]["seed"], ["archard"])
+    ((_, study),) = specimen_studies(
+        config, patches, config["specimen"]["seed"], ["archard"]
+    )
     settings = study.settings["infer_use"]
     _, table, _ = use_of_study(study.composite, patches, study.registration, **settings)
     write_table(tmp_path / "tables/use.csv", table)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+
 from gst.config.tables import TABLES
 from gst.share.difference import compare_results, describe_changes
 from gstlib.io.tables import read_table
@@ -57,7 +58,9 @@ def test_the_rules_take_the_memory_that_the_documents_say(default):
     assert max(took.values()) <= 1.2 * float(others)
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the measured files are not beside the project")
+@pytest.mark.skipif(
+    not SHARED.is_dir(), reason="the measured files are not beside the project"
+)
 def test_the_measured_stone_is_as_the_evidence_says(tmp_path):
     """Its pressures at rest, and those of the square alone."""
     (tmp_path / "shared").symlink_to(SHARED)
@@ -82,7 +85,9 @@ def test_the_measured_stone_is_as_the_evidence_says(tmp_path):
     assert f"{found['paper'].pressure_MPa[reached.index[0]]:.0f}" == alone
 
 
-def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(finished_tiny, tmp_path):
+def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(
+    finished_tiny, tmp_path
+):
     """Its sums and functions differ in their last bits; the generated files do not, nor tables."""
     single = fresh(tmp_path / "single")
     known = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
@@ -91,7 +96,9 @@ def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(finished_ti
     single.succeed(cores=1)
     specimen = [study.results / "specimen" for study in (single, finished_tiny)]
     for file in ("mesh.stl", "scans/7_T0.plu", "scans/7_T1.plu"):
-        assert (specimen[0] / file).read_bytes() == (specimen[1] / file).read_bytes(), file
+        assert (specimen[0] / file).read_bytes() == (specimen[1] / file).read_bytes(), (
+            file
+        )
     assert single.tables() == finished_tiny.tables()
 
 
@@ -102,7 +109,9 @@ def test_a_changed_scan_changes_its_own_patch_alone(measured):
     np.frombuffer(content, "<f4", 64 * 64, 508)[2000] += 0.5
     scan.write_bytes(content)
     measured.succeed("--until", "register_patches")
-    changed = {name for name, content in measured.fields().items() if before[name] != content}
+    changed = {
+        name for name, content in measured.fields().items() if before[name] != content
+    }
     assert changed == {"surfaces/T1/1/5_T1.h5", "change/1/5.h5"}
 
 
@@ -113,9 +122,13 @@ def test_batches_and_drawn_patches_leave_the_tables_alone(tiny):
     assert tiny.tables() == before
     # the most heavily loaded and the middle one of those with a T1
     pressures = read_table(tiny.results / "tables/patch_pressures.csv")
-    ordered = pressures.sort_values("pressure_MPa", ascending=False, kind="stable").patch
+    ordered = pressures.sort_values(
+        "pressure_MPa", ascending=False, kind="stable"
+    ).patch
     wanted = set(ordered.iloc[[0, len(ordered) // 2]])
-    assert {file.stem for file in (tiny.results / "figures/patch").glob("*.png")} == wanted
+    assert {
+        file.stem for file in (tiny.results / "figures/patch").glob("*.png")
+    } == wanted
     assert len(list((tiny.results / "figures/preparation").glob("*.png"))) == 2
 
 
@@ -134,7 +147,12 @@ def test_measured_files_without_t1(measured):
     report, page = (file.read_text(encoding="utf-8") for file in files)
     assert "/index.html" in report
     assert "no prediction is compared with wear" in page
-    compared = ('class="mark"', "<span>Predicted</span>", "<span>MCC</span>", "Validation</h2>")
+    compared = (
+        'class="mark"',
+        "<span>Predicted</span>",
+        "<span>MCC</span>",
+        "Validation</h2>",
+    )
     assert not [part for part in compared if part in page]
 
 
@@ -150,4 +168,6 @@ def test_a_study_that_no_patch_enters(tiny):
     cases = read_table(tiny.results / "tables/cases.csv")
     assert cases.patch[cases.case.isin(["grinding", "cap"])].isna().all()
     assert (tiny.results / "figures/overview.png").stat().st_size > 0
-    assert "No patch enters the study" in (tiny.results / "index.html").read_text(encoding="utf-8")
+    assert "No patch enters the study" in (tiny.results / "index.html").read_text(
+        encoding="utf-8"
+    )

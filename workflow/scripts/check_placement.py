@@ -13,12 +13,19 @@ from gstlib.io.store import Stored, read_dataset
 
 
 def main(
-    face: Path, t0: list[Path], table: Path, *, patches: dict[str, list], **settings: Any
+    face: Path,
+    t0: list[Path],
+    table: Path,
+    *,
+    patches: dict[str, list],
+    **settings: Any,
 ) -> None:
     """`settings` are those of `check_placement`."""
     height = read_dataset(face, only=["height"]).height
     scans = Stored(files_of(t0, patches["patch"]), ["height"])
-    write_table(table, check_placement(height, pd.DataFrame(patches), scans, **settings))
+    write_table(
+        table, check_placement(height, pd.DataFrame(patches), scans, **settings)
+    )
 
 
 if "snakemake" in globals():

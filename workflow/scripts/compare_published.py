@@ -16,7 +16,9 @@ def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
     rows = table_of_user.rows.rename(columns={"value": "published"})
     keys = rows[["quantity", "patch"]].apply(tuple, axis=1)
     unknown = keys[~keys.isin(computed)]
-    table_of_user.refuse((line, f"the study has no {key}") for line, key in unknown.items())
+    table_of_user.refuse(
+        (line, f"the study has no {key}") for line, key in unknown.items()
+    )
     rows["computed"] = keys.map(computed).astype(float)
     write_table(table, rows[columns_of("published")])
 

@@ -13,11 +13,18 @@ from gstlib.macroscale.composite import compose_surface
 
 
 def main(
-    face: Path, t0: list[Path], composite: Path, *, patches: dict[str, list], **settings: Any
+    face: Path,
+    t0: list[Path],
+    composite: Path,
+    *,
+    patches: dict[str, list],
+    **settings: Any,
 ) -> None:
     """`settings` are those of `compose_surface`."""
     scans = Stored(files_of(t0, patches["patch"]), ["height"])
-    composed = compose_surface(read_dataset(face), pd.DataFrame(patches), scans, **settings)
+    composed = compose_surface(
+        read_dataset(face), pd.DataFrame(patches), scans, **settings
+    )
     write_dataset(composite, composed, made_by("compose_surface"))
 
 

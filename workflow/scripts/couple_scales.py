@@ -21,7 +21,9 @@ def main(
     patches: dict[str, list],
     patch_mm: float,
 ) -> None:
-    pressed = (read_dataset(file, only=["pressure"]).pressure for file in (contact, square))
+    pressed = (
+        read_dataset(file, only=["pressure"]).pressure for file in (contact, square)
+    )
     table = couple_scales(*pressed, pd.DataFrame(patches), patch_mm=patch_mm)
     write_table(pressures, pressures_of_use(table, dataset_of(use), patch_mm=patch_mm))
 

@@ -25,7 +25,9 @@ def main(
     )
     measured = estimate_detection_limit(first, second, **settings)
     attrs = measured._asdict() if measured else {}  # nothing where no repeat serves
-    write_dataset(detection, xr.Dataset(attrs=attrs), made_by("estimate_detection_limit"))
+    write_dataset(
+        detection, xr.Dataset(attrs=attrs), made_by("estimate_detection_limit")
+    )
 
 
 if "snakemake" in globals():

@@ -6,7 +6,12 @@ import pandas as pd
 
 from gst.run.logs import run_script
 from gstlib.io.files import write_whole
-from gstlib.specimen.generate import counterface_stl, make_specimen, stone_stl, write_specimen
+from gstlib.specimen.generate import (
+    counterface_stl,
+    make_specimen,
+    stone_stl,
+    write_specimen,
+)
 from gstlib.specimen.randomness import SpecimenParameters
 
 
@@ -31,7 +36,9 @@ def main(
         return
     sizes = {"square_mm": square_mm, "grid": grid, "around": around}
     made = make_specimen(pd.DataFrame(patches), parameters, **sizes)
-    write_specimen(made, mesh=mesh, scan_folder=scans[0].parent, truth=truth, surface=surface)
+    write_specimen(
+        made, mesh=mesh, scan_folder=scans[0].parent, truth=truth, surface=surface
+    )
 
 
 if "snakemake" in globals():

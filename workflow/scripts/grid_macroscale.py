@@ -26,7 +26,9 @@ def main(
 ) -> None:
     stone = read_mesh(mesh, unit=mesh_unit)
     tool = stated_tool(active_tool, rounded)
-    gridded, of_other = grid_macroscale(stone, source=mesh, active_tool=tool, **gridding)
+    gridded, of_other = grid_macroscale(
+        stone, source=mesh, active_tool=tool, **gridding
+    )
     made = made_by("grid_macroscale")
     write_dataset(face, gridded, made)
     if second is not None:

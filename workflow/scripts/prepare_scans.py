@@ -28,9 +28,16 @@ def main(
             unit, spacing_um = settings["unit"], settings["spacing_um"]
             with concerning([patch]):
                 read = scan, read_scan(scan, unit=unit, spacing_um=spacing_um)
-        used = {"scans": settings, "preprocessing": preprocessing, "crop": crop, "flip": flip}
+        used = {
+            "scans": settings,
+            "preprocessing": preprocessing,
+            "crop": crop,
+            "flip": flip,
+        }
         prepared = prepare_patch(read[1], epoch=epoch, **used)
-        write_dataset(surfaces / f"{patch}_{epoch}.h5", prepared, made_by("prepare_scans"))
+        write_dataset(
+            surfaces / f"{patch}_{epoch}.h5", prepared, made_by("prepare_scans")
+        )
         logging.getLogger("gst").info("%s at %s: %s", patch, epoch, scan)
 
 

@@ -46,7 +46,9 @@ def main(
         write_table(file, scores[name])
     pressed, losses = losses_of(*measured)
     pressure = covered(pressed).to_numpy()
-    write_table(laws, law_table(dataset_of(use), pressure, losses, seed=scoring["seed"]))
+    write_table(
+        laws, law_table(dataset_of(use), pressure, losses, seed=scoring["seed"])
+    )
 
 
 if "snakemake" in globals():

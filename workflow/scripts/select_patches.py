@@ -25,10 +25,14 @@ def main(
     """Without a scan after use, the pressure alone decides."""
     matches = read_table(registration) if registration else pd.DataFrame({"patch": []})
     pressed = read_dataset(contact, only=["pressure"]).pressure
-    bear = covered_pressures(read_pressures(pressures), pressed, matches, patch_mm=patch_mm)
+    bear = covered_pressures(
+        read_pressures(pressures), pressed, matches, patch_mm=patch_mm
+    )
     selected = select_patches(bear, matches, selection)
     if not selected.in_study.any():
-        reasons = f"{table} gives the reasons, the config's section 'selection' the rules"
+        reasons = (
+            f"{table} gives the reasons, the config's section 'selection' the rules"
+        )
         logging.getLogger("gst").warning("no patch enters the study: %s", reasons)
     write_table(table, selected)
 

@@ -13,7 +13,12 @@ from gstlib.microscale.slip_and_cap import case_table
 
 
 def main(
-    contacts: list[Path], pressures: Path, table: Path, *, patches: list[str], **settings: Any
+    contacts: list[Path],
+    pressures: Path,
+    table: Path,
+    *,
+    patches: list[str],
+    **settings: Any,
 ) -> None:
     """`settings` are those of `case_table`."""
     files = files_of(contacts, patches)

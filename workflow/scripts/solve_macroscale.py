@@ -28,11 +28,15 @@ def main(
 ) -> None:
     whole, load_point = as_used(face_of(face), dataset_of(use), load_point)
     pressed = face_under_load(whole, force_N, load_point)
-    solved = contact_path(*pressed, source=face, modulus=modulus, every_step=True, **solving)
+    solved = contact_path(
+        *pressed, source=face, modulus=modulus, every_step=True, **solving
+    )
     stored, size_mm = solved.to_dataset(), float(whole.size_mm)
     write_dataset(contact, stored, made_by("solve_macroscale"))
     write_table(path, macroscale_table(stored))
-    for doubt in plausibility_warnings(solved.final, size_mm=size_mm, patch_mm=patch_mm):
+    for doubt in plausibility_warnings(
+        solved.final, size_mm=size_mm, patch_mm=patch_mm
+    ):
         logging.getLogger("gstlib").warning("%s", doubt)
 
 

@@ -11,7 +11,12 @@ from gstlib.microscale.patches import LOAD_PATHS, microscale_tables
 
 
 def main(
-    contacts: list[Path], pressures: Path, summary: Path, paths: Path, *, patches: list[str]
+    contacts: list[Path],
+    pressures: Path,
+    summary: Path,
+    paths: Path,
+    *,
+    patches: list[str],
 ) -> None:
     files = files_of(contacts, patches)
     studied = studied_files(pressures, patches, [*files.values()])

@@ -10,7 +10,12 @@ from gstlib.preprocess.scans import preprocessing_table
 
 
 def main(
-    t0: list[Path], t1: list[Path], repeats: list[Path], table: Path, *, patches: list[str]
+    t0: list[Path],
+    t1: list[Path],
+    repeats: list[Path],
+    table: Path,
+    *,
+    patches: list[str],
 ) -> None:
     files = files_by_epoch({"T0": t0, "T1": t1, "repeat": repeats}, patches)
     done = {scan: read_attributes(file) for scan, file in files.items()}

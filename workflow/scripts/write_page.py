@@ -5,7 +5,12 @@ from pathlib import Path
 from gst.page.captions import caption_html, caption_of
 from gst.page.page import Shown
 from gst.page.results import Results
-from gst.page.study_page import refuse_edited, write_contents, write_json, write_study_page
+from gst.page.study_page import (
+    refuse_edited,
+    write_contents,
+    write_json,
+    write_study_page,
+)
 from gst.run.chain import certified_inputs, versions_of
 from gst.run.logs import run_script
 from gst.run.provenance import study_provenance
@@ -55,7 +60,11 @@ def main(
         Shown(file, category, title, caption_html(caption_of(caption), config=config))
         for file, (caption, category, title) in zip(all_files, described, strict=True)
     ]
-    about = {"config_faults": config_faults, "active_tool": active_tool, "steps": list(steps)}
+    about = {
+        "config_faults": config_faults,
+        "active_tool": active_tool,
+        "steps": list(steps),
+    }
     write_study_page(page, study, config, entries[: len(shown)], **about)
     write_contents(contents, page, entries)
     versions = versions_of(page.parent, steps)

@@ -57,7 +57,10 @@ class Fit:
         points, heights, shapes = [], [], []
         for scan, (dv, du) in zip(scans, reading, strict=True):
             template = Template.smoothed(scan, edge)
-            along = [np.arange(-side / 2 + step / 2, side / 2, step) for side in template.sides]
+            along = [
+                np.arange(-side / 2 + step / 2, side / 2, step)
+                for side in template.sides
+            ]
             v, u = (each.ravel() for each in np.meshgrid(*along, indexing="ij"))
             shapes.append((len(along[0]), len(along[1])))
             heights.append(template.at(v, u, mirrored))
@@ -99,7 +102,9 @@ class Fit:
             each=np.array([*map(_correlation, parts_seen, parts_own)]),
             shape=np.linalg.pinv(fit.jac.T @ fit.jac),
             squares=float(fit.fun @ fit.fun),
-            freedom=max(1.0, self._independent(fit.fun) - _FITTED * len(self.points) - count),
+            freedom=max(
+                1.0, self._independent(fit.fun) - _FITTED * len(self.points) - count
+            ),
             scale=common / squares if squares > 0 else 0.0,
             own=squares,
         )
@@ -153,7 +158,9 @@ def widened(freedom: float) -> float:
     return float(scipy.special.stdtrit(freedom, 0.975)) / _NORMAL
 
 
-def part_around(surface: xr.DataArray, place: PatchPosition, half: float) -> xr.DataArray:
+def part_around(
+    surface: xr.DataArray, place: PatchPosition, half: float
+) -> xr.DataArray:
     """The part of a surface around a place."""
     y, x = (slice(at - half, at + half) for at in place[:2])
     return surface.sel(y=y, x=x)

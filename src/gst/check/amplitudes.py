@@ -126,7 +126,9 @@ def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[Fault
     """The fault of one patch, if its heights are of another order than those of all others."""
     own = at_t0[patch]
     # of two, each is compared with the other; of more, the median is not moved by one
-    spreads = [other.spread for name, other in at_t0.items() if name != patch or len(at_t0) > 2]
+    spreads = [
+        other.spread for name, other in at_t0.items() if name != patch or len(at_t0) > 2
+    ]
     if not own.spread or not spreads or not (usual := float(np.median(spreads))):
         return
     factor, (scan, mesh) = own.spread / usual, own.waves or (0.0, 0.0)

@@ -21,13 +21,18 @@ __all__ = ["draw", "summary"]
 
 
 def summary(
-    config: dict, patches: pd.DataFrame, inputs: Inputs | None, poses: pd.DataFrame | None
+    config: dict,
+    patches: pd.DataFrame,
+    inputs: Inputs | None,
+    poses: pd.DataFrame | None,
 ) -> str:
     """The lines on a study and its files."""
     size_mm, results = config["square"]["size_mm"], Path(config["results"])
     state = "not there yet"
     if results.is_dir():
-        state = break_in(results, config) or "finished, with this config and these files"
+        state = (
+            break_in(results, config) or "finished, with this config and these files"
+        )
     radii_mm = np.ravel((config["counterface"] or {}).get("radius_mm") or ())
     other = f"a stone of {' and '.join(f'{radius:g}' for radius in radii_mm)} mm radius"
     if counterface_mesh(config, "") is not None:
@@ -35,7 +40,9 @@ def summary(
     elif not radii_mm.size:
         other = "a flat"
     stone = inputs and inputs.stone
-    has_t0, has_t1, is_repeated = ((patches[name] != "") for name in ("t0", "t1", "repeat"))
+    has_t0, has_t1, is_repeated = (
+        (patches[name] != "") for name in ("t0", "t1", "repeat")
+    )
     template = Path(__file__).with_suffix(".txt").read_text("utf-8")
     environment = jinja2.Environment(
         trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined

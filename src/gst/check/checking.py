@@ -90,10 +90,14 @@ class _Walk:
     config: dict = field(default_factory=dict)
     patches: pd.DataFrame = field(default_factory=pd.DataFrame)
     is_writable: bool = False
-    reach_mm: float | None = None  # of the active tool's face; None if the poses cannot be read
+    reach_mm: float | None = (
+        None  # of the active tool's face; None if the poses cannot be read
+    )
     poses: pd.DataFrame | None = None
     inputs: Inputs | None = None  # None of a specimen that is to be generated
-    lines: dict[str, str] = field(default_factory=dict)  # of the answer, about the contact
+    lines: dict[str, str] = field(
+        default_factory=dict
+    )  # of the answer, about the contact
 
     def settings(self) -> list[GstError]:
         """The config, and the folder of its results; a config that cannot be used ends the walk."""
@@ -109,7 +113,9 @@ class _Walk:
     def tables(self) -> list[GstError]:
         """The patch table, which `settings` could read, and the table of poses."""
         config = self.config
-        unaccepted(improbable(config, self.patches), config["accept"])  # logs the accepted ones
+        unaccepted(
+            improbable(config, self.patches), config["accept"]
+        )  # logs the accepted ones
         for one, other, share in overlaps(self.patches, config["scans"]["size_mm"]):
             message = (
                 "%s: patches %s and %s have %.2g %% of their area in common, whose wear counts "
@@ -164,7 +170,9 @@ class _Walk:
         print(f"{self.path}: {config['title']}")
         print(summary(config, self.patches, inputs, self.poses), end="")
         if self.is_writable and inputs is not None and inputs.frame is not None:
-            self.lines["picture"] = "none: move your own check.png from the results first"
+            self.lines["picture"] = (
+                "none: move your own check.png from the results first"
+            )
             if picture := claim_picture(Path(config["results"])):
                 draw(picture, config, self.patches, inputs, self.poses)
                 text = f"{picture}: the square on the stone, and the patches in it"
@@ -198,7 +206,9 @@ class CoarseStudy(Study):
             read_scan=lambda *scan: inputs.coarse[scan],
         )
         self.face = inputs.face
-        pressed = {name: coarser(self.face[name], 2) for name in ("height", "counterface")}
+        pressed = {
+            name: coarser(self.face[name], 2) for name in ("height", "counterface")
+        }
         self.composite = xr.Dataset(pressed | {"size_mm": self.face.size_mm})
 
     def prepare(self, patch: str, epoch: str) -> xr.Dataset:
@@ -223,7 +233,9 @@ class CoarseStudy(Study):
             mean = self.placement.correlation.iloc[-1]
             line = f"not certain: patches and mesh correlate by {mean:.2f} on average"
         else:
-            line = f"{status.count(AGREES)} of {len(status)} patches clearly fit the mesh"
+            line = (
+                f"{status.count(AGREES)} of {len(status)} patches clearly fit the mesh"
+            )
             line += f"; of {unclear} it cannot tell" * bool(unclear)
         return {"placement": line}
 

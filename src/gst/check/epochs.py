@@ -88,11 +88,14 @@ class _Way(NamedTuple):
         name = self.orientation
         if is_flipped and turn != 180:  # which reverses the sense of turns
             name = next(
-                each for each in ORIENTATIONS if ORIENTATIONS[each] == (is_reversed, -turn)
+                each
+                for each in ORIENTATIONS
+                if ORIENTATIONS[each] == (is_reversed, -turn)
             )
         heights, spacing = oriented(surface.values, name), spacing_of(surface)
         return make_surface(
-            -heights if self.is_inverted else heights, spacing[::-1] if turn % 180 else spacing
+            -heights if self.is_inverted else heights,
+            spacing[::-1] if turn % 180 else spacing,
         )
 
 
@@ -118,7 +121,9 @@ def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultErro
         elif removed := _without_long_waves(*scans, shift_mm):
             lost = [other for other in lost if other != patch]
             yield _filtered(rows, patch, *removed)
-        elif not row.found and is_one_way(row.detail_correlation, row.slope_correlation):
+        elif not row.found and is_one_way(
+            row.detail_correlation, row.slope_correlation
+        ):
             doubts[patch] = (
                 "its striae match those of T0, but no detail shows where along them. Scan a larger "
                 "area, or one with a pit or a scar"
@@ -151,7 +156,9 @@ def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultErro
         _log.warning("%s: %s. %s", ", ".join(rows.t1[lost]), problem, remedy)
 
 
-def _filtered(rows: pd.DataFrame, patch: str, epoch: str, length_mm: float) -> FaultError:
+def _filtered(
+    rows: pd.DataFrame, patch: str, epoch: str, length_mm: float
+) -> FaultError:
     """The fault of a patch, one of whose scans has lost its long waves to a filter."""
     other, length_um = "T0" if epoch == "T1" else "T1", float(f"{length_mm * 1e3:.2g}")
     return FaultError(
@@ -176,7 +183,8 @@ def _without_long_waves(
     for cut in _CUTS:
         long = [low_pass(scan.values, spacing, cut * side) for scan in scans]
         short = [
-            scan.copy(data=scan.values - waves) for scan, waves in zip(scans, long, strict=True)
+            scan.copy(data=scan.values - waves)
+            for scan, waves in zip(scans, long, strict=True)
         ]
         for epoch, (one, other) in {"T0": (0, 1), "T1": (1, 0)}.items():
             lower, apart = (_times(waves[one], waves[other]) for waves in (long, short))
@@ -201,7 +209,9 @@ def _laid_otherwise(
     rows, mould = study.patches.set_index("patch"), study.config["scans"]["mould"]
     for number, patch in enumerate(patches):
         before, after = _heights(study, patch)
-        is_flipped = mould_of(mould, rows.loc[patch].get("flip", ""))["flip"] is not None
+        is_flipped = (
+            mould_of(mould, rows.loc[patch].get("flip", ""))["flip"] is not None
+        )
         matches = {
             way: _match(before, way.lay(after, is_flipped=is_flipped), maximum_shift_mm)
             for way in (_WAYS if number < _MOST_LAID else laid)
@@ -212,7 +222,9 @@ def _laid_otherwise(
     return laid
 
 
-def _laid_fault(files: pd.Series, patches: list[str], way: str, count: int) -> FaultError:
+def _laid_fault(
+    files: pd.Series, patches: list[str], way: str, count: int
+) -> FaultError:
     """The fault of T1 that match if they are laid otherwise; `count` is that of all T1."""
     who = f"T1 of patch {', '.join(patches)} match{'es' * (len(patches) == 1)} T0"
     if len(patches) == count > 1:
@@ -226,13 +238,18 @@ def _laid_fault(files: pd.Series, patches: list[str], way: str, count: int) -> F
     )
 
 
-def _other_patches(study: Study, lost: list[str], maximum_shift_mm: float) -> dict[str, str]:
+def _other_patches(
+    study: Study, lost: list[str], maximum_shift_mm: float
+) -> dict[str, str]:
     """By patch, the first other one whose T0 shows most of its T1.
 
     A T1 that lies between two patches shows a part of the other, too, and is no mistake of names.
     """
     pairs = (
-        (patch, other) for patch in lost for other in study.patches.patch if other != patch
+        (patch, other)
+        for patch in lost
+        for other in study.patches.patch
+        if other != patch
     )
     others: dict[str, str] = {}
     for patch, other in itertools.islice(pairs, _MOST_TRIED):
@@ -269,7 +286,9 @@ def _shifts(study: Study, registered: pd.DataFrame) -> str:
     if registered.empty:
         return ""
     shifts_um = np.hypot(registered.shift_x_um, registered.shift_y_um)
-    points_mm = [max(spacing_of(study.prepared[patch, "T0"])) for patch in registered.patch]
+    points_mm = [
+        max(spacing_of(study.prepared[patch, "T0"])) for patch in registered.patch
+    ]
     together = int((shifts_um < 1e3 * _CO_LOCATED * np.array(points_mm)).sum())
     count, most = len(registered), float(f"{shifts_um.max():.2g}")
     line = f"found on {count} patches, shifted by up to {most:g} µm"

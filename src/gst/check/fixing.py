@@ -63,7 +63,10 @@ def cures_of(study: Study) -> list[Cure]:
 
 def _of_places(study: Study) -> Iterator[Cure]:
     """Of scans that are laid wrongly, epochs exchanged, and a table mirrored or shifted."""
-    patch_mm, patches = study.config["scans"]["size_mm"], study.patches.set_index("patch")
+    patch_mm, patches = (
+        study.config["scans"]["size_mm"],
+        study.patches.set_index("patch"),
+    )
     if patches.empty or not shows_waves(study.face.height, patch_mm):
         return
     scans = {patch: study.prepared[patch, "T0"] for patch in patches.index}
@@ -72,7 +75,9 @@ def _of_places(study: Study) -> Iterator[Cure]:
     together, mould = table.iloc[-1], Mould(**study.config["scans"]["mould"])
     if together.orientation not in ("", AS_GIVEN):
         if not patches.flip.any():  # in some rows, which are another matter
-            yield _laid_right(together.orientation, mould, study.config["square"]["size_mm"])
+            yield _laid_right(
+                together.orientation, mould, study.config["square"]["size_mm"]
+            )
         return
     for row in table.iloc[:-1].itertuples():
         if row.orientation:
@@ -86,7 +91,9 @@ def _of_places(study: Study) -> Iterator[Cure]:
         yield Cure(
             "t0 and t1 are exchanged: heights rose with use",
             {},
-            lambda row: {"t0": row["t1"], "t1": row["t0"]} if row["t0"] and row["t1"] else {},
+            lambda row: (
+                {"t0": row["t1"], "t1": row["t0"]} if row["t0"] and row["t1"] else {}
+            ),
         )
     elif together.status == SHIFTED:
         x, y = (round(float(together[f"shift_{axis}_um"])) / 1e3 for axis in "xy")
@@ -132,7 +139,9 @@ def _laid_right(orientation: str, mould: Mould, size_mm: float) -> Cure:
     def cells(row: Mapping[str, str]) -> Mapping[str, object]:
         changed = _turned(row, turn)
         if mistake:
-            x, y = as_measured(_number(row["x_mm"]), _number(row["y_mm"]), size_mm, mistake)
+            x, y = as_measured(
+                _number(row["x_mm"]), _number(row["y_mm"]), size_mm, mistake
+            )
             changed |= {"x_mm": f"{round(x, 4):g}", "y_mm": f"{round(y, 4):g}"}
         return changed
 
@@ -206,16 +215,22 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
     if not changed:
         print("What cures it cannot be written into these files.")
         return False
-    print("", *(f"{cure.why[0].upper()}{cure.why[1:]}." for cure in cures), "", sep="\n")
+    print(
+        "", *(f"{cure.why[0].upper()}{cure.why[1:]}." for cure in cures), "", sep="\n"
+    )
     for path in changed:
         old, new = before[path].splitlines(), after[path].splitlines()
-        lines = difflib.unified_diff(old, new, str(path), f"{path}, mended", lineterm="", n=1)
+        lines = difflib.unified_diff(
+            old, new, str(path), f"{path}, mended", lineterm="", n=1
+        )
         print(*lines, sep="\n")
     if not (is_confirmed or _confirmed()):
         return False
     for path in changed:
         if text_of(path) != before[path]:
-            raise ConfigError(path, "has changed since it was read", "Run the command again.")
+            raise ConfigError(
+                path, "has changed since it was read", "Run the command again."
+            )
     for path in changed:
         copy = keep_copy(path)
         save_text(path, after[path])
@@ -226,7 +241,9 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
 def _confirmed() -> bool:
     if sys.stdin.isatty():
         print(
-            "\nWrite this, and keep the files as they are beside it? [y/N] ", end="", flush=True
+            "\nWrite this, and keep the files as they are beside it? [y/N] ",
+            end="",
+            flush=True,
         )
     return sys.stdin.readline().strip() == "y"  # empty where nobody is there to answer
 

@@ -63,9 +63,14 @@ _COPIED = {
         REPEAT,
         "T0",
     ): "Give the second scan without use, or leave repeat empty in the patch table.",
-    (REPEAT, "T1"): "Leave repeat empty if the patch was used in between, otherwise t1.",
+    (
+        REPEAT,
+        "T1",
+    ): "Leave repeat empty if the patch was used in between, otherwise t1.",
 }
-_OTHER_PATCH = "Correct their names in the patch table: each patch has scans of its own."
+_OTHER_PATCH = (
+    "Correct their names in the patch table: each patch has scans of its own."
+)
 # Scans that a message names, of those of which the same holds.
 _NAMED = 4
 # Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
@@ -115,14 +120,18 @@ class Asked:
     scan_settings: Mapping  # the section ``scans`` of the config
     maximum_unmeasured: float  # largest share (0 to 1) of unmeasured points in a patch
     placed: bool  # the scans are laid on the mesh: both must then see the same stone
-    reference: bool  # the whole square is pressed at the scans' resolution, which takes memory
+    reference: (
+        bool  # the whole square is pressed at the scans' resolution, which takes memory
+    )
     interlayer: Mapping | None  # the section ``interlayer`` of the config
     # As in `gstlib.macroscale.active_tool.ActiveTool.read`; None for one without a mesh.
     active_tool: Mapping | None
     accept: Sequence[str] = ()  # names of faults that do not stop the study
 
 
-def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Asked) -> Inputs:
+def check_inputs(
+    mesh: str | Path | None, scans: Iterable[ScanFile], asked: Asked
+) -> Inputs:
     """Read the mesh, unless it is None, and every scan of a study.
 
     Notes
@@ -130,7 +139,9 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
     What is odd but may be right is logged as a warning.
     """
     stone, frame, face, problems = _read_stone(mesh, asked)
-    heights = square_of(face.height, asked.face["size_mm"]) if face is not None else None
+    heights = (
+        square_of(face.height, asked.face["size_mm"]) if face is not None else None
+    )
     pieces, unreadable = _read_scans(scans, asked, heights)
     at_t0 = {patch: piece for (patch, epoch), piece in pieces.items() if epoch == "T0"}
     rows = [piece.facts for piece in pieces.values()]
@@ -192,7 +203,9 @@ def _find_frame(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> Frame
                 find_frame(points_mm, other, size_mm=size_mm)
             except ConfigError:
                 continue
-            problem = f"{error.problem}; with mesh_unit: {unit} it would be on the stone"
+            problem = (
+                f"{error.problem}; with mesh_unit: {unit} it would be on the stone"
+            )
             raise error.about(error.source, problem) from None
         raise
 
@@ -218,7 +231,9 @@ def _read_scans(
             try:
                 pieces[use.patch, use.epoch] = _cut(whole, use, asked, heights)
             except InputError as error:
-                named = f"{path} ({at_epoch(use.patch, use.epoch)})" if use.epoch else path
+                named = (
+                    f"{path} ({at_epoch(use.patch, use.epoch)})" if use.epoch else path
+                )
                 problems.append(error.about(named, error.problem))
     return pieces, problems
 
@@ -236,7 +251,11 @@ def _cut(
         mould_flip=mould_of(settings["mould"], use.flip)["flip"],
     )
     check_unmeasured(piece, asked.maximum_unmeasured)
-    facts = scan_facts(piece) | {"patch": use.patch, "epoch": use.epoch, "file": path.name}
+    facts = scan_facts(piece) | {
+        "patch": use.patch,
+        "epoch": use.epoch,
+        "file": path.name,
+    }
     facts["range_um"] = facts["highest_um"] - facts["lowest_um"]
     times = max(1, int(settings["size_mm"] / max(spacing_of(piece))) // _COARSE)
     return _Piece(
@@ -245,7 +264,9 @@ def _cut(
         facts,
         (piece.shape, spacing_of(piece)),
         (hash(whole.values.tobytes()), use.crop),
-        Amplitude.measured(path, piece, heights, use.place if use.epoch == "T0" else None),
+        Amplitude.measured(
+            path, piece, heights, use.place if use.epoch == "T0" else None
+        ),
     )
 
 
@@ -334,7 +355,11 @@ def _same_scans(pieces: _Pieces) -> Iterator[FaultError]:
             f"{at_epoch(*use)} has the same heights as {at_epoch(*first)} ({pieces[first].path})"
             + f"; likewise {len(others)} more: {more}" * bool(others),
             remedy,
-            [*dict.fromkeys(patch for pair in pairs[remedy] for patch, _ in reversed(pair))],
+            [
+                *dict.fromkeys(
+                    patch for pair in pairs[remedy] for patch, _ in reversed(pair)
+                )
+            ],
         )
 
 

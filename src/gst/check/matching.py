@@ -63,7 +63,9 @@ class Match:
     # Covariance (3, 3) of y and x (mm) and the turn (radians).
     covariance: np.ndarray = field(compare=False)
     is_found: bool  # whether correlation and lead are those of a right match
-    own: tuple[float, ...] = ()  # of scans that were found together: the correlation of each
+    own: tuple[
+        float, ...
+    ] = ()  # of scans that were found together: the correlation of each
     # Whether a scan was taken here, but at which of several places nearby, or where exactly, is
     # not certain; and the other places.
     is_uncertain: bool = False
@@ -98,9 +100,13 @@ class Match:
         One that does not fit there by itself is not found: it shows another place.
         """
         matches = []
-        for offset, own, fits in zip(offsets, self.own, _fitting(self.own), strict=True):
+        for offset, own, fits in zip(
+            offsets, self.own, _fitting(self.own), strict=True
+        ):
             lies = self.at(*map(float, offset))
-            matches.append(lies if fits else replace(lies, correlation=own, is_found=False))
+            matches.append(
+                lies if fits else replace(lies, correlation=own, is_found=False)
+            )
         return matches
 
     def carrying(self, inner: "Match", middle: Sequence[float]) -> "Match":

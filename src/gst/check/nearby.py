@@ -51,11 +51,15 @@ _LEAST_NEAR, _MOST_TURNED, _MOST_HIGHER = 0.8, 10.0, 1.4
 # A median of normal values tells as much as the mean of so many times as many.
 _MEDIAN_TELLS = 2 / math.pi
 
-_Pose = tuple[bool, float, int, int]  # mirrored, sign, half turns, and number of the turn
+_Pose = tuple[
+    bool, float, int, int
+]  # mirrored, sign, half turns, and number of the turn
 
 
 def match_near(
-    surface: xr.DataArray, scans: Sequence[xr.DataArray], places: Sequence[PatchPosition]
+    surface: xr.DataArray,
+    scans: Sequence[xr.DataArray],
+    places: Sequence[PatchPosition],
 ) -> list[Match]:
     """Find scans near places by hand: within 0.75 mm, and turned by a common angle up to 12°.
 
@@ -115,7 +119,9 @@ class _Lying(NamedTuple):
     def turned(self, off: float) -> list[PatchPosition]:
         """The places, turned further by an angle (degrees)."""
         places = (fit.place for fit in self.fits)
-        return [place._replace(rotation_deg=place.rotation_deg + off) for place in places]
+        return [
+            place._replace(rotation_deg=place.rotation_deg + off) for place in places
+        ]
 
     @property
     def own_turn(self) -> float:

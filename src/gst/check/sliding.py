@@ -218,7 +218,9 @@ class Image:
         absent = np.isnan(level)
         heights = np.where(absent, 0.0, level)
         padded = tuple(scipy.fft.next_fast_len(n, real=True) for n in level.shape)
-        transforms = (scipy.fft.rfft2(field, padded) for field in (heights, heights**2, absent))
+        transforms = (
+            scipy.fft.rfft2(field, padded) for field in (heights, heights**2, absent)
+        )
         return cls(level.shape, padded, *transforms)
 
     def _sums(

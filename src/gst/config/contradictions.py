@@ -94,10 +94,14 @@ def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
     if "mesh" not in tool:
         return None
     # no default of the schema, which a stone without a mesh would get, too
-    return {"mesh_unit": "mm"} | {name: value for name, value in tool.items() if name != "scan"}
+    return {"mesh_unit": "mm"} | {
+        name: value for name, value in tool.items() if name != "scan"
+    }
 
 
-def thinner_than_a_point(interlayer: Mapping, spacing_um: float) -> Iterator[FaultError]:
+def thinner_than_a_point(
+    interlayer: Mapping, spacing_um: float
+) -> Iterator[FaultError]:
     """Whether an interlayer is thinner than two points of a scan are apart."""
     if (thickness := interlayer["thickness_um"]) < spacing_um:
         yield FaultError(

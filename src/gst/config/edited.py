@@ -47,7 +47,9 @@ def text_of(path: Path) -> str:
     except UnicodeDecodeError:
         text = "\0"
     if "\0" in text:
-        raise ConfigError(path, "is not text and cannot be edited", "Save it as CSV in UTF-8.")
+        raise ConfigError(
+            path, "is not text and cannot be edited", "Save it as CSV in UTF-8."
+        )
     return text
 
 
@@ -218,7 +220,9 @@ def with_cells(
     try:
         records, mark = records_of(text.removeprefix("\ufeff"))
     except csv.Error as error:
-        raise ConfigError(_TABLE, f"cannot be read ({error})", "Correct its quotes.") from None
+        raise ConfigError(
+            _TABLE, f"cannot be read ({error})", "Correct its quotes."
+        ) from None
     rows = [record.cells for record in records if record.is_row]
     if not rows:
         return text
@@ -271,7 +275,9 @@ def _with_lines(text: str, lines: Sequence[str], line_end: str) -> str:
 def _names(header: Sequence[str], renamed: Mapping[str, str]) -> list[str]:
     """The names of a table's columns, as `gst.config.user_tables` recognises them."""
     names = [alike(name) for name in header]
-    names = [renamed[n] if n in renamed and renamed[n] not in names else n for n in names]
+    names = [
+        renamed[n] if n in renamed and renamed[n] not in names else n for n in names
+    ]
     if twice := [name for name in names if name and names.count(name) > 1]:
         problem = f"has two columns named {twice[0]!r}"
         raise ConfigError(_TABLE, problem, "Remove or rename one of them.")

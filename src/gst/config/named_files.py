@@ -28,9 +28,7 @@ def check_files(config: Mapping, patches: pd.DataFrame, source: str) -> None:
     ]
     if problems:
         problem = f"{len(problems)} of {len(files)} files cannot be used{''.join(problems)}\n "
-        remedy = (
-            "Put them there, or correct their names; paths are relative to the working folder."
-        )
+        remedy = "Put them there, or correct their names; paths are relative to the working folder."
         raise ConfigError(source, problem, remedy)
 
 
@@ -49,7 +47,9 @@ def path_problem(path: str) -> str | None:
     folder = Path(path).parent
     there = [file.name for file in folder.iterdir()] if folder.is_dir() else []
     near = difflib.get_close_matches(Path(path).name, there, n=1)
-    return f"{path} does not exist" + "".join(f" (did you mean {name}?)" for name in near)
+    return f"{path} does not exist" + "".join(
+        f" (did you mean {name}?)" for name in near
+    )
 
 
 def input_in_results(config: Mapping) -> str | None:
@@ -73,4 +73,6 @@ def input_in_results(config: Mapping) -> str | None:
 def _of_active_tool(config: Mapping) -> dict[str, str]:
     """Mesh and scan of the active tool, as far as there are any, by what they are."""
     tool = config["counterface"] or {}
-    return {f"counterface's {name}": tool[name] for name in ("mesh", "scan") if name in tool}
+    return {
+        f"counterface's {name}": tool[name] for name in ("mesh", "scan") if name in tool
+    }

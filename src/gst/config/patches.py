@@ -102,19 +102,26 @@ def find_scans(
                 rows.loc[line, column] = files[0]
             elif "*" in name and (files or row[column] or column == "t0"):
                 fits = f"{' and '.join(files)} fit" if files else "no file fits"
-                yield line, f"{fits} {name} in {folder}: let one fit, or name it as {column}"
+                yield (
+                    line,
+                    f"{fits} {name} in {folder}: let one fit, or name it as {column}",
+                )
         if is_named and not row.t0:
             yield line, "t0 is empty"
 
 
 def _names(row: pd.Series, is_named: bool, is_generated: bool) -> dict[str, str]:
     """The name of each scan of a patch, by column: from the table, or after patch and epoch."""
-    names = {each: row[each].replace("{patch}", row.patch) for each in EPOCHS if row[each]}
+    names = {
+        each: row[each].replace("{patch}", row.patch) for each in EPOCHS if row[each]
+    }
     if is_named:
         return names
     if is_generated:  # a synthetic specimen has the repeats that are named
         return {"t0": f"{row.patch}_T0.plu", "t1": f"{row.patch}_T1.plu"} | names
-    return {column: f"{row.patch}_{epoch}.*" for column, epoch in EPOCHS.items()} | names
+    return {
+        column: f"{row.patch}_{epoch}.*" for column, epoch in EPOCHS.items()
+    } | names
 
 
 def _fitting(name: str, folder: Path) -> list[str]:
@@ -146,7 +153,9 @@ def _repeated(rows: pd.DataFrame) -> Iterator[Problem]:
         yield line, f"same id as in line {first}"
 
 
-def _out_of_square(rows: pd.DataFrame, size: float, patch_size: float) -> Iterator[Problem]:
+def _out_of_square(
+    rows: pd.DataFrame, size: float, patch_size: float
+) -> Iterator[Problem]:
     """Patches whose footprint is not within the square."""
     for row in rows.itertuples():
         angle = math.radians(row.rotation_deg)
@@ -158,9 +167,7 @@ def _out_of_square(rows: pd.DataFrame, size: float, patch_size: float) -> Iterat
             if mm > _ROUNDING
         ]
         if beyond:
-            footprint = (
-                f"its footprint of {patch_size:g} mm sticks out of the {size:g} mm square"
-            )
+            footprint = f"its footprint of {patch_size:g} mm sticks out of the {size:g} mm square"
             yield row.Index, f"{footprint} by {' and '.join(beyond)}"
 
 
@@ -204,12 +211,16 @@ def scan_files(
             if name := getattr(row, column):
                 path = Path(folder) / name
                 scans.append(ScanFile(path, row.patch, epoch, crop, place, row.flip))
-    return scans + ([ScanFile(Path(counterface), COUNTERFACE, "")] if counterface else [])
+    return scans + (
+        [ScanFile(Path(counterface), COUNTERFACE, "")] if counterface else []
+    )
 
 
 def at_epoch(patch: str, epoch: str) -> str:
     """A patch's scan in words."""
-    return f"repeat of patch {patch}" if epoch == REPEAT else f"patch {patch} at {epoch}"
+    return (
+        f"repeat of patch {patch}" if epoch == REPEAT else f"patch {patch} at {epoch}"
+    )
 
 
 def natural(name: str) -> str:

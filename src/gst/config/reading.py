@@ -85,7 +85,9 @@ def _completed(value: Any, rule: Mapping) -> Any:
     if not isinstance(value, Mapping) or "properties" not in rule:
         return copy.deepcopy(value)
     keys = rule["properties"]
-    defaults = {name: part["default"] for name, part in keys.items() if "default" in part}
+    defaults = {
+        name: part["default"] for name, part in keys.items() if "default" in part
+    }
     return {
         name: _completed(part, keys.get(name, {}))
         for name, part in (defaults | dict(value)).items()
@@ -202,7 +204,9 @@ def refuse_study(config: Mapping, source: str) -> None:
     patches = read_study(config, source)
     poses_of(config)
     if config["inputs"] is not None:
-        check_files(config, patches, ", ".join(filter(None, [source, config["patches"]])))
+        check_files(
+            config, patches, ", ".join(filter(None, [source, config["patches"]]))
+        )
 
 
 def config_problems(config: Mapping) -> list[str]:
@@ -211,7 +215,9 @@ def config_problems(config: Mapping) -> list[str]:
         return unusable
     # the contradictions rely on correct types
     if errors := sorted(_validator().iter_errors(config), key=_order):
-        return list(dict.fromkeys(map(_explain, errors)))  # each missing key has an error
+        return list(
+            dict.fromkeys(map(_explain, errors))
+        )  # each missing key has an error
     return [*_contradictions(config), *file_problems(config)]
 
 
@@ -314,7 +320,9 @@ def _unknown_keys(section: str, names: set[str], rules: Mapping) -> str:
     renamed = ", ".join(f"{key} is now {KEYS[key]}" for key in unknown if key in KEYS)
     others = [key for key in unknown if key not in KEYS]
     alike = {key: difflib.get_close_matches(key, rules, n=1) for key in others}
-    meant = ", ".join(f"{matches[0]} for {key}" for key, matches in alike.items() if matches)
+    meant = ", ".join(
+        f"{matches[0]} for {key}" for key, matches in alike.items() if matches
+    )
     hint = f"{renamed}; " if renamed else ""
     hint += f"did you mean {meant}? " if meant else ""
     place = f"'{section}' has" if section else "there are"

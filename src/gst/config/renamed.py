@@ -18,7 +18,10 @@ KEYS = {
     "young_fraction": "young_log_sd",
 }
 COUPLINGS = {"placed": "equilibrium", "levelled": "paper"}
-STEPS = {"measure_detection": "estimate_detection_limit", "place_patches": "check_placement"}
+STEPS = {
+    "measure_detection": "estimate_detection_limit",
+    "place_patches": "check_placement",
+}
 
 # by table and old heading
 COLUMNS = {

@@ -79,7 +79,9 @@ def read_yaml(path: str | Path, remedy: str = "Correct its path.") -> dict:
         check_size(path, _LARGEST)
         text = Path(path).read_text(encoding="utf-8")
     except OSError as error:
-        raise ConfigError(path, f"cannot be opened ({error.strerror})", remedy) from None
+        raise ConfigError(
+            path, f"cannot be opened ({error.strerror})", remedy
+        ) from None
     except UnicodeDecodeError as error:
         raise _not_yaml(path, error) from None
     return parse_yaml(text, path)
@@ -135,10 +137,16 @@ def _syntax(text: str) -> Iterator[tuple[int, str]]:
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > _DEEPEST:
-            yield line, f"is nested more than {_DEEPEST} deep: write each list in its own key"
+            yield (
+                line,
+                f"is nested more than {_DEEPEST} deep: write each list in its own key",
+            )
         if isinstance(event, yaml.AliasEvent):
             # a few lines of aliases can stand for more values than memory holds
-            yield line, "repeats a value by an alias (*): write each value where it belongs"
+            yield (
+                line,
+                "repeats a value by an alias (*): write each value where it belongs",
+            )
         elif isinstance(event, yaml.DocumentStartEvent):
             documents += 1
             if documents > 1:
@@ -168,9 +176,15 @@ def _doubtful_keys(node: yaml.MappingNode, section: str) -> Iterator[tuple[int, 
         line = name.start_mark.line + 1
         full = f"{section}.{name.value}" if section else str(name.value)
         if name.tag != f"{_TAG}str" or name.value == "<<":
-            yield line, f"the key {full:.60} is not a name: write names, and decimal points"
+            yield (
+                line,
+                f"the key {full:.60} is not a name: write names, and decimal points",
+            )
             continue
         alike = unicodedata.normalize("NFKC", name.value).casefold()
         if alike in lines:
-            yield line, f"{full} is given in line {lines[alike]}, too: remove one of them"
+            yield (
+                line,
+                f"{full} is given in line {lines[alike]}, too: remove one of them",
+            )
         lines.setdefault(alike, line)

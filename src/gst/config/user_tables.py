@@ -176,7 +176,9 @@ def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
     # the columns with the same cells to fill in, by their lines and their first value
     columns: dict[tuple[str, tuple[int, ...]], list[str]] = {}
     for n, column in enumerate(header):
-        cells = {line: row[n] for line, row in lines if n < len(row) and is_to_do(row[n])}
+        cells = {
+            line: row[n] for line, row in lines if n < len(row) and is_to_do(row[n])
+        }
         if cells:
             first, *_ = cells.values()
             columns.setdefault((first, tuple(cells)), []).append(column)
@@ -232,7 +234,9 @@ def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         remedy = "Correct its path in the config, or save it as CSV in UTF-8."
         raise ConfigError(path, f"cannot be read ({error})", remedy) from error
-    lines = [(n, cells) for n, cells in lines if any(cells) and not _is_comment(cells[0])]
+    lines = [
+        (n, cells) for n, cells in lines if any(cells) and not _is_comment(cells[0])
+    ]
     count = len(lines) - 1
     if not 1 <= count <= _MOST_ROWS:
         raise ConfigError(
@@ -246,7 +250,9 @@ def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]
     columns: dict[str, str] = {}
     for column in header:
         if other := columns.get(alike(column)):
-            problem = f"line {line}: a column is given twice, as {other!r} and as {column!r}"
+            problem = (
+                f"line {line}: a column is given twice, as {other!r} and as {column!r}"
+            )
             raise ConfigError(path, problem, "Remove one of them, or rename it.")
         columns[alike(column)] = column
     return header, mark, lines[1:]
@@ -271,7 +277,9 @@ def records_of(text: str) -> tuple[list[Record], str]:
     """
     lines = [*io.StringIO(text, newline="")]
     # A spreadsheet puts a comment in quotes, and writes blank rows as rows of empty cells.
-    full = (line for line in lines if line.strip(' \t\r\n,;"') and not _is_comment(line))
+    full = (
+        line for line in lines if line.strip(' \t\r\n,;"') and not _is_comment(line)
+    )
     mark = separator_of(next(full, "")) or ","
     records: list[Record] = []
     rest, start = iter(lines), 0
@@ -279,7 +287,9 @@ def records_of(text: str) -> tuple[list[Record], str]:
         cells, end = [""], start + 1
         if line.strip() and not _is_comment(line):
             # takes as many lines as the row has
-            reader = csv.reader(itertools.chain([line], rest), delimiter=mark, strict=True)
+            reader = csv.reader(
+                itertools.chain([line], rest), delimiter=mark, strict=True
+            )
             cells = [cell.strip() for cell in next(reader)]
             end = start + reader.line_num
         records.append(Record("".join(lines[start:end]), cells, end))
@@ -297,7 +307,9 @@ def _sheet(path: Path) -> list[tuple[int, list[str]]]:
         reason = plain_text(f"{type(error).__name__}: {error}")
         if isinstance(error, InputError):
             reason = error.problem
-        problem = f"cannot be read as a workbook ({reason}): it is damaged, or too large"
+        problem = (
+            f"cannot be read as a workbook ({reason}): it is damaged, or too large"
+        )
         remedy = "Delete rows and columns without values, or save it as CSV in UTF-8."
         raise ConfigError(path, problem, remedy) from error
     width = max((len(cells) for _, cells in lines), default=0)
@@ -313,11 +325,15 @@ def _cells_by_row(content: io.BytesIO) -> list[tuple[int, list[str]]]:
             most = _MOST_TAGS if "worksheets/" in name else _MOST_OTHER_TAGS
             if (count := archive.read(name).count(b"<")) > most:
                 raise ValueError(f"{name} has {count} tags of XML")
-    book = openpyxl.load_workbook(content, read_only=True, data_only=True, keep_links=False)
+    book = openpyxl.load_workbook(
+        content, read_only=True, data_only=True, keep_links=False
+    )
     sheet = book.worksheets[0]
     sheet.reset_dimensions()  # which may be stated wrongly
     lines, letters = [], 0
-    for number, row in enumerate(sheet.iter_rows(max_row=_LAST_ROW, values_only=True), 1):
+    for number, row in enumerate(
+        sheet.iter_rows(max_row=_LAST_ROW, values_only=True), 1
+    ):
         near = ["" if cell is None else str(cell) for cell in row[:_MOST_COLUMNS]]
         cells = [cell[:_LONGEST_CELL].strip() for cell in near]
         letters += len(row) + sum(map(len, cells))

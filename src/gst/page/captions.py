@@ -25,7 +25,9 @@ def caption_of(name: str) -> str:
 def table_caption(name: str) -> str:
     """The caption of a table of results, with a line for each column."""
     table = TABLES[name]
-    text = textwrap.fill(table.caption, 110, break_long_words=False, break_on_hyphens=False)
+    text = textwrap.fill(
+        table.caption, 110, break_long_words=False, break_on_hyphens=False
+    )
     columns = [
         f"- ``{name}``{column.unit and f' ({column.unit})'}: {column.meaning}."
         for name, column in table.columns.items()

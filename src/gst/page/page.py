@@ -31,7 +31,9 @@ __all__ = ["Shown", "by_category", "data_url", "embedded", "render", "tool_scene
 
 # Faces of an active tool, which is drawn transparent over the first.
 _SECOND_FACES = 20_000
-_BESIDE = 0.2  # how much of the face the map shows beside the square, in sides of the square
+_BESIDE = (
+    0.2  # how much of the face the map shows beside the square, in sides of the square
+)
 _COLOURS = 256  # the most that a PNG with one byte per pixel can have
 
 
@@ -161,7 +163,11 @@ def tool_scene(
     return {
         "stone": stone_data(stone),
         "second": stone_data(coarsen(second, faces=_SECOND_FACES)) if second else None,
-        "frame": {"origin": list(frame.origin), "axes": frame.axes.tolist(), "size": size},
+        "frame": {
+            "origin": list(frame.origin),
+            "axes": frame.axes.tolist(),
+            "size": size,
+        },
         "view": view.axes[2].tolist(),
         "middle": list(map(float, view.origin)),
         "extent": [across, up],
@@ -171,7 +177,9 @@ def tool_scene(
             for patch, place in patches.items()
         ],
         "fields": list(map(mapped, fields, colours)),
-        "low": round(float(shown_x[0]) - half, 6),  # without the rounding of coordinates
+        "low": round(
+            float(shown_x[0]) - half, 6
+        ),  # without the rounding of coordinates
         "side": float(shown_x[-1] - shown_x[0]) + 2 * half,
         "scale": [to_hex(FORCE_MAP(share)) for share in np.linspace(0, 1, 13)],
     }
@@ -201,7 +209,11 @@ def render(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": _number, "script": to_script, "capfirst": _capitalised}
+    environment.filters |= {
+        "number": _number,
+        "script": to_script,
+        "capfirst": _capitalised,
+    }
     environment.filters |= {"breakable": _breakable, "score": _score}
     libraries = {"three_js": three_js, "shipped": shipped}
     return environment.get_template(template).render(content | libraries) + "\n"

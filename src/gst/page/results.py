@@ -34,11 +34,15 @@ def evenly(patches: Sequence[str], most: int) -> list[str]:
 class Results:
     """Files of a study by name, and settings; each figure and the page need some of them."""
 
-    files: Mapping[str, Any]  # a file, the folders with a file for each patch, or [] for none
+    files: Mapping[
+        str, Any
+    ]  # a file, the folders with a file for each patch, or [] for none
     patches: Sequence[str] = ()
     worn: Sequence[str] = ()  # those with a T1
     max_plotted_patches: int = 0  # that are drawn one by one
-    places: Mapping[str, list] | None = None  # columns ``patch, x_mm, y_mm, rotation_deg``
+    places: Mapping[str, list] | None = (
+        None  # columns ``patch, x_mm, y_mm, rotation_deg``
+    )
     size_mm: float = math.nan  # side of the square
     patch_mm: float = math.nan
     force_N: float = math.nan
@@ -54,7 +58,9 @@ class Results:
         """The part of a face that lies in the square."""
         return square_of(self.data(name, *only), self.size_mm)
 
-    def by_patch(self, name: str, patches: Iterable[str], *only: str) -> dict[str, xr.Dataset]:
+    def by_patch(
+        self, name: str, patches: Iterable[str], *only: str
+    ) -> dict[str, xr.Dataset]:
         """Datasets of the patches that have a file in these folders."""
         files = files_of(self.files.get(name, []), patches)
         return {patch: read_dataset(file, only) for patch, file in files.items()}
@@ -103,4 +109,6 @@ class Results:
     def contacts(self) -> dict[str, xr.Dataset]:
         path = "displacement", "mean_pressure", "contact_fraction", "stiffness"
         drawn = "height", "pressure", "mean_pressure", "contact_modulus"
-        return self.by_patch("contacts", self.drawn, *drawn, *(f"path_{name}" for name in path))
+        return self.by_patch(
+            "contacts", self.drawn, *drawn, *(f"path_{name}" for name in path)
+        )

@@ -24,7 +24,13 @@ from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.scoring import own_model
 from gstlib.wear.archard import CAPPED
 
-__all__ = ["refuse_edited", "reported", "write_contents", "write_json", "write_study_page"]
+__all__ = [
+    "refuse_edited",
+    "reported",
+    "write_contents",
+    "write_json",
+    "write_study_page",
+]
 
 # Tables that the answer is computed from.
 _SCORED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
@@ -40,16 +46,16 @@ _OF_PATCHES = {
 }
 _INSIDE = 0.5  # share of an element that lies in a patch which colours it
 _PAGE = "0 Overview", "the page of the study"
-_WHAT = (
-    "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
-)
+_WHAT = "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
 
 
 def refuse_edited(tables: Mapping[str, str]) -> None:
     """Raise an `InputError` if a table is no longer the one with this SHA-256, by path."""
     for table, digest in tables.items():
         if not Path(table).is_file() or sha256(table) != digest:
-            raise InputError(table, "was edited while the study ran", "Run the study again.")
+            raise InputError(
+                table, "was edited while the study ran", "Run the study again."
+            )
 
 
 def write_study_page(
@@ -101,9 +107,13 @@ def write_study_page(
     write_whole(page, render("page.html", **content).encode())
 
 
-def _answer(study: Results, config: Mapping[str, Any], proposed: pd.DataFrame | None) -> Answer:
+def _answer(
+    study: Results, config: Mapping[str, Any], proposed: pd.DataFrame | None
+) -> Answer:
     """The answer of the study: about its wear or, without patches, where to scan."""
-    tables = {name: study.table(f"{name}.csv") for name in _SCORED if study.has(f"{name}.csv")}
+    tables = {
+        name: study.table(f"{name}.csv") for name in _SCORED if study.has(f"{name}.csv")
+    }
     load = {"force_N": study.force_N, "square_mm": study.size_mm}
     if proposed is not None:
         exposure = study.data("exposure", "exposure", "touched")
@@ -140,7 +150,9 @@ def _scene(
         places = proposed.rename(columns={"place": "patch"}).assign(rotation_deg=0.0)
     active = None
     if study.has("counterface") and active_tool:
-        active = posed_mesh(ActiveTool.read(**active_tool), frame, size_mm=study.size_mm)
+        active = posed_mesh(
+            ActiveTool.read(**active_tool), frame, size_mm=study.size_mm
+        )
     sizes = study.size_mm, study.patch_mm
     return tool_scene(tool, frame, fields, places, sizes, active)
 
@@ -212,7 +224,9 @@ def reported(results: Path, steps: Sequence[str], level: str) -> list[dict[str, 
     """
     reporters: dict[str, dict[str, None]] = {}
     for name in steps:
-        step = re.sub(r"_\d+$", "", name).replace("_", " ")  # a batch is not a separate step
+        step = re.sub(r"_\d+$", "", name).replace(
+            "_", " "
+        )  # a batch is not a separate step
         for text in messages_of(results, name, level):
             reporters.setdefault(text, {})[step] = None
     messages = []

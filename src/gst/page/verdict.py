@@ -101,7 +101,12 @@ def verdict(
     active tool has a mesh; `wear_law` has the fields of `gstlib.conditions.Law`.
     """
     pressures, intervals = tables["patch_pressures"], tables["patch_intervals"]
-    facts: dict[str, Any] = {"interlayer": interlayer, "where": None, "wore": None, "own": None}
+    facts: dict[str, Any] = {
+        "interlayer": interlayer,
+        "where": None,
+        "wore": None,
+        "own": None,
+    }
     if "validation_summary" in tables:
         facts["scores"] = scores = _scores(tables["validation_summary"])
         by_stated = pressures[["patch"]].assign(stated_MPa=stated(pressures))
@@ -119,7 +124,9 @@ def verdict(
         use=_use(tables.get("use"), square_mm),
         laws=_laws(tables.get("laws")),
         load=_load(pressures, intervals, force_N),
-        exposed=None if poses is None else _highest(tables["exposure"], "exposure_N_per_mm"),
+        exposed=None
+        if poses is None
+        else _highest(tables["exposure"], "exposure_N_per_mm"),
         sure=_certainty(tables),
         is_archard=Law(**(wear_law or {})) == ARCHARD,
         force_N=force_N,
@@ -153,7 +160,8 @@ def _scores(summary: pd.DataFrame) -> dict[str, dict]:
     named = summary.assign(statistic=statistic_names(summary))
     by_model = named.fillna({"model": ""}).groupby("model")
     return {
-        str(model): rows.set_index("statistic").to_dict("index") for model, rows in by_model
+        str(model): rows.set_index("statistic").to_dict("index")
+        for model, rows in by_model
     }
 
 
@@ -175,7 +183,7 @@ def _laws(laws: pd.DataFrame | None) -> dict[str, Any] | None:
     """The best law beside the base, and the answer; None without laws."""
     if laws is None or laws.empty:
         return None
-    return _highest(laws[laws.law != BASE], "gain")
+    return _highest(laws[laws.law != BASE], "log_score_gain")
 
 
 def _highest(table: pd.DataFrame, column: str) -> dict[str, Any]:
@@ -205,7 +213,9 @@ def _contact(losses: pd.DataFrame) -> dict[str, pd.Series]:
     return {"touched": depths[is_touched], "untouched": depths[~is_touched]}
 
 
-def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, force_N: float) -> dict[str, Any]:
+def _load(
+    pressures: pd.DataFrame, intervals: pd.DataFrame, force_N: float
+) -> dict[str, Any]:
     """Which patches carry the load, and how well the highest pressure is known."""
     total = float(pressures.force_N.sum())
     if not total > 0:

@@ -123,4 +123,6 @@ def stone_data(mesh: "trimesh.Trimesh") -> dict[str, Any]:
 
 def packed(values: np.ndarray, kind: str) -> str:
     """Numbers as base64 of their bytes, row by row; `kind` is that of NumPy."""
-    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode(
+        "ascii"
+    )

@@ -14,7 +14,9 @@ _MOST_BATCHES = 16
 _EPOCHS = {"T0": "_T0", "T1": "_T1", "repeat": "_repeat"}
 
 
-def share_out(patches: Sequence[str], per_job: float | None = None) -> dict[str, list[str]]:
+def share_out(
+    patches: Sequence[str], per_job: float | None = None
+) -> dict[str, list[str]]:
     """The patches of each batch, in their order, by the batch's name.
 
     A patch stays in its batch when others come or go: its id alone decides, among as many batches

@@ -63,7 +63,9 @@ class Step(NamedTuple):
     outputs: list[Path]
 
 
-def step_of(log: str | Path, params: Mapping, inputs: Iterable, outputs: Iterable) -> Step:
+def step_of(
+    log: str | Path, params: Mapping, inputs: Iterable, outputs: Iterable
+) -> Step:
     """A step by what Snakemake knows about it."""
     read, made = ([Path(file) for file in files] for files in (inputs, outputs))
     return Step(Path(log).stem, dict(params), read, made)
@@ -99,7 +101,9 @@ def write_record(
     `read` is what it was given, as `given_to` has it, and `messages` are its own by level.
     """
     record = record_of(results, step.name)
-    record.unlink(missing_ok=True)  # or a folder would stand for the files that it names
+    record.unlink(
+        missing_ok=True
+    )  # or a folder would stand for the files that it names
     made = _Contents(results).digests(step.outputs)
     whole = read | {"outputs": made, "messages": messages}
     text = json.dumps(whole, indent=1, sort_keys=True, ensure_ascii=False)
@@ -153,7 +157,9 @@ def plan_again(
     return reasons
 
 
-def _difference(step: Step, contents: "_Contents", accepted: Container[str]) -> str | None:
+def _difference(
+    step: Step, contents: "_Contents", accepted: Container[str]
+) -> str | None:
     """In what a step as recorded differs from the step as it would be now, in a few words."""
     record = read_record(contents.results, step.name)
     if record is None:
@@ -232,7 +238,9 @@ def versions_of(results: Path, steps: Iterable[str]) -> dict[str, str]:
         for name, version in _part_of(results, step, "software").items():
             versions.setdefault(name, set()).add(version)
     texts = {name: ", ".join(sorted(each)) for name, each in sorted(versions.items())}
-    return {name: f"mixed: {text}" if ", " in text else text for name, text in texts.items()}
+    return {
+        name: f"mixed: {text}" if ", " in text else text for name, text in texts.items()
+    }
 
 
 def _refuse(results: Path, problem: str | None) -> None:
@@ -284,7 +292,9 @@ def _changed_files(
 def made_in(results: Path) -> list[Path]:
     """Every file of a finished study, as its steps recorded them."""
     steps = steps_in(results)
-    return [results / name for each in steps for name in _part_of(results, each, "outputs")]
+    return [
+        results / name for each in steps for name in _part_of(results, each, "outputs")
+    ]
 
 
 def steps_in(results: Path) -> dict[str, str | None]:
@@ -305,7 +315,9 @@ def check_links(results: Path) -> None:
         real = Path(os.path.realpath(path))
         if not real.is_relative_to(whole):
             problem = f"is a link to {real}, outside the results"
-            raise InputError(path, problem, "Remove the link: a study writes only there.")
+            raise InputError(
+                path, problem, "Remove the link: a study writes only there."
+            )
 
 
 def _part_of(results: Path, step: str, part: str) -> dict[str, Any]:
@@ -349,15 +361,21 @@ class _Contents:
             return [path]
         if maker := self._makers.get(name := _plain(path, self.results)):
             made = maker["outputs"]
-            return [self.results / each for each in made if Path(each).is_relative_to(name)]
+            return [
+                self.results / each for each in made if Path(each).is_relative_to(name)
+            ]
         return [file for file in sorted(path.rglob("[!.]*")) if file.is_file()]
 
     @cached_property
     def _makers(self) -> dict[str, Record]:
         """The record of the step that made a file or a folder, by its name in the results."""
         names = [file.stem for file in sorted(self.results.glob(f"{LOGS}/*.json"))]
-        records = [record for name in names if (record := read_record(self.results, name))]
-        return {name: record for record in records for name in record["params"]["makes"]}
+        records = [
+            record for name in names if (record := read_record(self.results, name))
+        ]
+        return {
+            name: record for record in records for name in record["params"]["makes"]
+        }
 
 
 def _changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> str | None:

@@ -69,7 +69,9 @@ class _LogFile(logging.FileHandler):
         self._screen.setLevel(logging.WARNING)
 
     def close(self) -> None:
-        with suppress(OSError):  # if it could not be written, it cannot be flushed either
+        with suppress(
+            OSError
+        ):  # if it could not be written, it cannot be flushed either
             super().close()
 
 
@@ -103,11 +105,15 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
         log.error("%s", error)
         raise SystemExit(1) from None
     except ImportError as error:
-        problem = "a package that the program needs is missing or broken: install it again"
+        problem = (
+            "a package that the program needs is missing or broken: install it again"
+        )
         log.exception("%s (%s)", problem, error)
         raise SystemExit(1) from None
     except Exception:
-        log.exception("unexpected error: this is a bug in the program, please report it")
+        log.exception(
+            "unexpected error: this is a bug in the program, please report it"
+        )
         raise SystemExit(1) from None
     finally:
         for handler in (file, screen):
@@ -165,7 +171,9 @@ def _refuse_other_params(results: Path, step: Step) -> None:
     asked = json.loads(os.environ.get(ASKED, "{}"))
     as_begun = asked.get(str(results), {}).get(step.name)
     if as_begun not in (None, hashes_of([step], results)[step.name]):
-        problem = "the config, its tables or the program were edited while the study runs"
+        problem = (
+            "the config, its tables or the program were edited while the study runs"
+        )
         remedy = "Start the study again: it makes anew what the edit changes."
         raise InputError(f"the step {step.name}", problem, remedy)
 
@@ -181,21 +189,30 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
     files: dict[str, Path | list[Path]] = {}
     for names in (snakemake.input, snakemake.output):
         for name, file in names.items():
-            files[name] = Path(file) if isinstance(file, str) else [Path(one) for one in file]
+            files[name] = (
+                Path(file) if isinstance(file, str) else [Path(one) for one in file]
+            )
     # What was imported stays: to look for garbage among it, the last time when the interpreter
     # ends, takes a quarter of a second.
     gc.freeze()
     accepted = _Accepted(snakemake.config.get("accept", ()))
-    settings = {name: value for name, value in snakemake.params.items() if name != "code"}
+    settings = {
+        name: value for name, value in snakemake.params.items() if name != "code"
+    }
     if "accept" in settings:
         settings["accept"] = accepted
     results = Path(snakemake.log[0]).parents[1]
-    step = step_of(snakemake.log[0], snakemake.params, snakemake.input, snakemake.output)
+    step = step_of(
+        snakemake.log[0], snakemake.params, snakemake.input, snakemake.output
+    )
     with job_log(snakemake.log[0]) as log:
         _refuse_other_params(results, step)
         # of files that are about to change
         record_of(results, step.name).unlink(missing_ok=True)
-        read = given_to(results, step) | {"software": software(), "faults": accepted.asked}
+        read = given_to(results, step) | {
+            "software": software(),
+            "faults": accepted.asked,
+        }
         with accepting(accepted):
             main(**files, **settings)
         messages = {level: logged(Path(snakemake.log[0]), level) for level in LEVELS}
@@ -209,7 +226,14 @@ def _used() -> str:
 
     used = resource.getrusage(resource.RUSAGE_SELF)
     wall_s, cpu_s = time.perf_counter() - _START, used.ru_utime + used.ru_stime
-    status, memory_mb = Path("/proc/self/status"), used.ru_maxrss / 1e6  # bytes on macOS
-    if status.is_file():  # Linux: what is above counts the process that started this one, too
-        memory_mb = int(re.findall(r"VmHWM:\s+(\d+)", status.read_text())[0]) * 1024 / 1e6
+    status, memory_mb = (
+        Path("/proc/self/status"),
+        used.ru_maxrss / 1e6,
+    )  # bytes on macOS
+    if (
+        status.is_file()
+    ):  # Linux: what is above counts the process that started this one, too
+        memory_mb = (
+            int(re.findall(r"VmHWM:\s+(\d+)", status.read_text())[0]) * 1024 / 1e6
+        )
     return f"{TOOK}{wall_s:.2f} s, {cpu_s:.2f} s of CPU, {memory_mb:.0f} MB of memory"

@@ -44,8 +44,12 @@ __all__ = [
     "written_by",
 ]
 
-CLAIMS = ".gst_outputs"  # in the results: the files that a study would write, one a line
-MOVED = "moved_aside"  # in the results: the user's files from folders that were made anew
+CLAIMS = (
+    ".gst_outputs"  # in the results: the files that a study would write, one a line
+)
+MOVED = (
+    "moved_aside"  # in the results: the user's files from folders that were made anew
+)
 # In the results, while a run or `gst clean` is at work there: its process and its machine.
 LOCK = ".gst_lock"
 # Environment variable of every process of a run: the results that it writes.
@@ -107,9 +111,7 @@ def _refuse_earlier(results: Path) -> None:
     """End with exit code 2 if an earlier version made these results, under other names."""
     if not any((results / f"logs/{step}.json").is_file() for step in STEPS):
         return
-    problem = (
-        "contains the results of an earlier version, whose steps and tables had other names"
-    )
+    problem = "contains the results of an earlier version, whose steps and tables had other names"
     remedy = (
         "Give `results` another name in the config, or run `gst clean` first. "
         "workflow/rename_tables.py copies the old tables under the present names."
@@ -122,7 +124,9 @@ def refuse_links(folder: Path) -> None:
     """Refuse links in Snakemake's own folder, through which it would write elsewhere."""
     for path in (folder, *folder.iterdir()):
         if path.is_symlink():
-            raise InputError(path, "is a link", "Remove it: Snakemake writes into this folder.")
+            raise InputError(
+                path, "is a link", "Remove it: Snakemake writes into this folder."
+            )
 
 
 def claim(files: Iterable[Path], results: Path) -> None:
@@ -155,7 +159,9 @@ def move_aside(jobs: Iterable[Any], results: Path, patches: Sequence[str]) -> No
         for file in (file for folder in job.output for file in _files_in(Path(folder))):
             made = _finished(file)
             is_made = made.relative_to(results).as_posix() in names
-            if not (is_made or file.name == _STAMP or made.stem.partition("_")[0] in left):
+            if not (
+                is_made or file.name == _STAMP or made.stem.partition("_")[0] in left
+            ):
                 moved.append(_moved(file, results))
     if moved:
         print(
@@ -196,7 +202,11 @@ def alive(results: Path) -> list[int]:
     """The processes of a run on this machine that writes these results, by number."""
     mark = str(results.resolve())
     processes = psutil.process_iter(["environ"])
-    return [each.pid for each in processes if (each.info["environ"] or {}).get(RESULTS) == mark]
+    return [
+        each.pid
+        for each in processes
+        if (each.info["environ"] or {}).get(RESULTS) == mark
+    ]
 
 
 @contextmanager
@@ -214,18 +224,24 @@ def locked(results: Path) -> Iterator[None]:
             yield
     except Timeout:
         if lock.pid is None:
-            raise InputError(results / LOCK, "is no lock of gst", "Remove it.") from None
+            raise InputError(
+                results / LOCK, "is no lock of gst", "Remove it."
+            ) from None
         host = Path(lock.lock_file).read_text(encoding="utf-8").split()[1]
         if host.partition("?")[0] == platform.node():
             raise _at_work(results, [lock.pid]) from None
-        problem = f"a run that was started on {host} may still be at work on these results"
+        problem = (
+            f"a run that was started on {host} may still be at work on these results"
+        )
         remedy = f"If it is not, remove {lock.lock_file} and try again."
         raise InputError(results, problem, remedy) from None
 
 
 def _at_work(results: Path, pids: Sequence[int]) -> InputError:
     problem = f"a run or its jobs are still at work on these results (processes {pids})"
-    return InputError(results, problem, f"Wait, or end them: kill {' '.join(map(str, pids))}")
+    return InputError(
+        results, problem, f"Wait, or end them: kill {' '.join(map(str, pids))}"
+    )
 
 
 def written_by(steps: Iterable[Step], results: Path) -> Iterator[Path]:
@@ -237,7 +253,10 @@ def written_by(steps: Iterable[Step], results: Path) -> Iterator[Path]:
 
 def _in_the_way(path: Path, results: Path) -> Iterator[Path]:
     """The files that are lost if a step writes `path`; also one in the place of its folder."""
-    for each in (path, *(folder for folder in path.parents if results in folder.parents)):
+    for each in (
+        path,
+        *(folder for folder in path.parents if results in folder.parents),
+    ):
         if os.path.lexists(each) and not each.is_dir():
             yield each
     yield from _files_in(path)
@@ -263,5 +282,8 @@ def _moved(file: Path, results: Path) -> Path:
     aside.parent.mkdir(parents=True, exist_ok=True)
     number, target = 1, aside
     while os.path.lexists(target):
-        number, target = number + 1, aside.with_name(f"{aside.stem}_{number}{aside.suffix}")
+        number, target = (
+            number + 1,
+            aside.with_name(f"{aside.stem}_{number}{aside.suffix}"),
+        )
     return file.rename(target)

@@ -51,7 +51,9 @@ def refuse_other_study(config: Mapping[str, Any]) -> None:
     """
     results = Path(config["results"])
     try:
-        written = read_provenance(results, "title", "inputs", parts=("config", "inputs"))
+        written = read_provenance(
+            results, "title", "inputs", parts=("config", "inputs")
+        )
     except (OSError, InputError):
         return  # none, or half written: the study writes it anew
     made = written["config"]
@@ -122,9 +124,14 @@ def _requirements() -> list[str]:
     try:
         return metadata.requires("gstlib") or []
     except metadata.PackageNotFoundError:
-        project = tomllib.loads((gst.ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+        project = tomllib.loads((gst.ROOT / "pyproject.toml").read_text("utf-8"))[
+            "project"
+        ]
         extras = project["optional-dependencies"]
-        return [*project["dependencies"], *(text for name in _EXTRAS for text in extras[name])]
+        return [
+            *project["dependencies"],
+            *(text for name in _EXTRAS for text in extras[name]),
+        ]
 
 
 @functools.cache
@@ -136,7 +143,9 @@ def commit(folder: str | Path) -> str | None:
     # a config or a table that was changed is in the record itself
     command = ["git", "status", "--porcelain=v2", "--branch", "--", *_PROGRAM]
     try:
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, check=True
+        )
     except (OSError, subprocess.CalledProcessError):
         return None
     head, *lines = done.stdout.splitlines()
@@ -171,7 +180,9 @@ def source_hash(script: str | Path) -> str:
 @functools.cache
 def library_hash(script: str | Path) -> str:
     """Hash of the modules of `gstlib` that a script imports, and of those that they import."""
-    return _hash_of(part for part in _parts_of(Path(script)) if part[0].startswith("gstlib"))
+    return _hash_of(
+        part for part in _parts_of(Path(script)) if part[0].startswith("gstlib")
+    )
 
 
 def _parts_of(script: Path) -> list[tuple[str, Path]]:

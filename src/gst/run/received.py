@@ -34,7 +34,10 @@ _TEXT_OR_NULL = {"type": ["string", "null"]}
 _OBJECT_OR_NULL = {"type": ["object", "null"]}
 _TEXT_BY_NAME = {"type": "object", "additionalProperties": _TEXT}
 # Of a file that was missing there is no digest.
-_DIGESTS = {"type": "object", "additionalProperties": {"type": "string", "minLength": 1}}
+_DIGESTS = {
+    "type": "object",
+    "additionalProperties": {"type": "string", "minLength": 1},
+}
 
 
 def _form(required: Iterable[str] | None = None, **properties: Any) -> dict[str, Any]:
@@ -44,7 +47,9 @@ def _form(required: Iterable[str] | None = None, **properties: Any) -> dict[str,
 
 
 RECORD = _form(
-    params=_form(["makes"], makes=_TEXTS, steps=_TEXT_BY_NAME, config=_form([], accept=_TEXTS)),
+    params=_form(
+        ["makes"], makes=_TEXTS, steps=_TEXT_BY_NAME, config=_form([], accept=_TEXTS)
+    ),
     inputs=_DIGESTS,
     files=_TEXT_BY_NAME,
     outputs=_DIGESTS,
@@ -105,7 +110,9 @@ def regular_file(path: str | Path, within: str | Path) -> Path:
     """The real path of a regular file in a folder; raises an `InputError` if it is not one."""
     if not is_readable(path, {Path(os.path.realpath(within))}):
         problem = f"is not a regular file within the folder {os.path.realpath(within)}"
-        raise InputError(path, problem, "Remove it, or run the study again in its own folder.")
+        raise InputError(
+            path, problem, "Remove it, or run the study again in its own folder."
+        )
     return Path(os.path.realpath(path))
 
 
@@ -121,7 +128,9 @@ def read_json(path: Path, within: Path, form: Mapping[str, Any]) -> Any:
     check_size(file, _LARGEST_JSON)
     try:
         value = json.loads(file.read_bytes())
-        json.dumps(value, ensure_ascii=False).encode()  # halves of characters raise an error
+        json.dumps(
+            value, ensure_ascii=False
+        ).encode()  # halves of characters raise an error
         if _depth(value) > _DEEPEST:
             raise ValueError("it is nested too deeply")
         if error := best_match(Draft202012Validator(form).iter_errors(value)):
@@ -134,7 +143,9 @@ def read_json(path: Path, within: Path, form: Mapping[str, Any]) -> Any:
 
 def _depth(value: Any) -> int:
     parts = value.values() if isinstance(value, dict) else value
-    return 1 + max(map(_depth, parts), default=0) if isinstance(value, dict | list) else 0
+    return (
+        1 + max(map(_depth, parts), default=0) if isinstance(value, dict | list) else 0
+    )
 
 
 def read_provenance(

@@ -44,7 +44,10 @@ BETWEEN = {
 }
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
 # and returns them at once. Here arrays of up to 32 MB use freed memory again.
-_REUSE_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**30)}
+_REUSE_MEMORY = {
+    "MALLOC_MMAP_THRESHOLD_": str(2**25),
+    "MALLOC_TRIM_THRESHOLD_": str(2**30),
+}
 # Nothing in the working folder is a module or a profile unless the command line names it: a study
 # that somebody received must run no code of its own.
 _NO_OTHER_CODE = {"PYTHONSAFEPATH": "1", "SNAKEMAKE_PROFILE": "none"}
@@ -79,14 +82,18 @@ def run_study(
         raise InputError("gst study", problem, remedy)
     if importlib.util.find_spec("snakemake") is None:
         problem = "Snakemake, which runs the study, is not installed"
-        raise InputError("gst study", problem, "Install it: pip install 'gstlib[workflow]'")
+        raise InputError(
+            "gst study", problem, "Install it: pip install 'gstlib[workflow]'"
+        )
     folder = Path(profile) if os.sep in profile else ROOT / "profiles" / profile
     if not folder.is_dir():
         remedy = "Name default, slurm, or your own folder by its path, such as ./profiles/mine."
         raise InputError("--profile", f"there is no folder {folder}", remedy)
     settings = read_yaml(folder / "config.yaml")
     if settings.get("executor") == "slurm" and shutil.which("sbatch") is None:
-        problem = "this profile hands jobs to Slurm, and there is no sbatch on this machine"
+        problem = (
+            "this profile hands jobs to Slurm, and there is no sbatch on this machine"
+        )
         raise InputError(
             folder, problem, "Start the study where Slurm is, or without --profile."
         )
@@ -126,7 +133,14 @@ def _is_refused(option: str) -> bool:
 def _snakemake(*arguments: object, environment: dict[str, str]) -> int:
     """Run Snakemake, and return its exit code; the lock is that of gst."""
     snakefile = ROOT / "Snakefile"
-    command = [sys.executable, "-m", "gst.run.scheduler", "--nolock", "--snakefile", snakefile]
+    command = [
+        sys.executable,
+        "-m",
+        "gst.run.scheduler",
+        "--nolock",
+        "--snakefile",
+        snakefile,
+    ]
     words = list(map(str, [*command, *arguments]))
     around = _REUSE_MEMORY | os.environ | _NO_OTHER_CODE | environment
     # an entry without a name is the working folder
@@ -189,9 +203,14 @@ def remove_results(config: Path, *, intermediate: bool) -> None:
     for name, number in places.items():
         print(f"{number:6} files in {folder / name}")
     size = sum(file.lstat().st_size for file in made) / 1e6
-    if input(f"Remove these {len(made)} files ({size:.1f} MB) from {folder}? [y/N] ") != "y":
+    if (
+        input(f"Remove these {len(made)} files ({size:.1f} MB) from {folder}? [y/N] ")
+        != "y"
+    ):
         return
-    emptied = {place for file in made for place in file.parents if folder in place.parents}
+    emptied = {
+        place for file in made for place in file.parents if folder in place.parents
+    }
     with locked(folder):
         for file in made:
             file.unlink(missing_ok=True)

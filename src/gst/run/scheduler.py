@@ -36,9 +36,13 @@ def steps_of(workflow: Any, results: Path) -> list[Step]:
     A rule with wildcards has a step for each of its files that other steps read.
     """
     logs = results / LOGS
-    rules = [rule for rule in workflow.rules if rule.log and Path(rule.log[0]).parent == logs]
+    rules = [
+        rule for rule in workflow.rules if rule.log and Path(rule.log[0]).parent == logs
+    ]
     with_wildcards = [rule for rule in rules if rule.has_wildcards()]
-    jobs: list[tuple[Any, dict]] = [(rule, {}) for rule in rules if not rule.has_wildcards()]
+    jobs: list[tuple[Any, dict]] = [
+        (rule, {}) for rule in rules if not rule.has_wildcards()
+    ]
     steps: dict[str, Step] = {}
     for rule, values in jobs:  # which grow
         wildcards = Wildcards(fromdict=values)
@@ -99,7 +103,9 @@ def _with_failed_start(script: PythonScript) -> str:
     return _preamble(script) + lines
 
 
-def adapt(workflow: Any, steps: list[Step], results: Path, accepted: Container[str]) -> None:
+def adapt(
+    workflow: Any, steps: list[Step], results: Path, accepted: Container[str]
+) -> None:
     """Adapt Snakemake to steps that are known by their records; the Snakefile calls this.
 
     The main process notes what runs again, and what each step was asked: on a cluster a job reads
@@ -111,7 +117,9 @@ def adapt(workflow: Any, steps: list[Step], results: Path, accepted: Container[s
         AGAIN.update(plan_again(steps, results, accepted))
         order_dates(steps, AGAIN)
         asked = json.loads(os.environ.get(ASKED, "{}"))
-        os.environ[ASKED] = json.dumps(asked | {str(results): hashes_of(steps, results)})
+        os.environ[ASKED] = json.dumps(
+            asked | {str(results): hashes_of(steps, results)}
+        )
 
 
 def end(scheduler: JobScheduler, *_: Any) -> None:

@@ -28,7 +28,17 @@ _AFTER = (
     "depois usato usado"
 )
 _WORDS = dict.fromkeys(_BEFORE.split(), 0.0) | dict.fromkeys(_AFTER.split(), 1.0)
-_EPOCHS = {"epoch", "stage", "state", "phase", "time", "zeit", "zustand", "etat", "fase"}
+_EPOCHS = {
+    "epoch",
+    "stage",
+    "state",
+    "phase",
+    "time",
+    "zeit",
+    "zustand",
+    "etat",
+    "fase",
+}
 # Each amount of use has its kind, and how many of the kind's unit it is.
 _AMOUNTS = {
     word: (kind, unit)
@@ -38,7 +48,11 @@ _AMOUNTS = {
         ("time", 1 / 60, "sec second seconds sekunden"),
         ("strokes", 1.0, "stroke strokes"),
         ("cycles", 1.0, "cycle cycles cyc zyklen cicli ciclos"),
-        ("blows", 1.0, "pass passes blow blows hit hits coups colpi golpes schlage turns"),
+        (
+            "blows",
+            1.0,
+            "pass passes blow blows hit hits coups colpi golpes schlage turns",
+        ),
     )
     for word in words.split()
 }
@@ -82,7 +96,9 @@ class _Name:
     name: str
     chunks: list[str] = field(default_factory=list)  # without marks, as written
     marks: dict[str, float] = field(default_factory=dict)  # rank by kind of mark
-    written: dict[str, str] = field(default_factory=dict)  # the text of each mark, likewise
+    written: dict[str, str] = field(
+        default_factory=dict
+    )  # the text of each mark, likewise
     repeat: int | None = None  # 0 if it has no number
     day: str = ""  # the date, as digits that sort
     is_twofold: bool = False  # two marks of one kind
@@ -117,7 +133,11 @@ def read_names(names: Iterable[str], pattern: str | None = None) -> Names:
     [Row(patch='1', t0='S1a.sur', t1='S1b.sur', repeat='')]
     """
     names = sorted(names)
-    files = _by_pattern(names, pattern) if pattern else [_taken_apart(name) for name in names]
+    files = (
+        _by_pattern(names, pattern)
+        if pattern
+        else [_taken_apart(name) for name in names]
+    )
     epochs, questions = _rank(files)
     earliest = min(file.rank for file in files)
     places: dict[tuple[str, ...], list[_Name]] = {}
@@ -145,7 +165,9 @@ def _by_pattern(names: Sequence[str], pattern: str) -> list[_Name]:
         match = re.fullmatch(form, str(PurePosixPath(name).with_suffix("")))
         if match is None or len(match.groupdict()) < 2:
             raise InputError(
-                name, f"does not have the form {pattern}", "Correct --names, or rename it."
+                name,
+                f"does not have the form {pattern}",
+                "Correct --names, or rename it.",
             )
         files.append((name, match["patch"], match["epoch"]))
     epochs = sorted(
@@ -162,7 +184,9 @@ def _taken_apart(name: str) -> _Name:
     """A name with its marks apart from the chunks that name the place."""
     file = _Name(name)
     path = PurePosixPath(unicodedata.normalize("NFKD", name))
-    plain = "".join(c for c in str(path.with_suffix("")) if not unicodedata.combining(c))
+    plain = "".join(
+        c for c in str(path.with_suffix("")) if not unicodedata.combining(c)
+    )
     if date := _DATE.search(plain):
         file.day = "".join(date.group("y", "m", "d")) if date["y"] else ""
         plain = f"{plain[: date.start()]} {plain[date.end() :]}"
@@ -185,7 +209,9 @@ def _is_mark(file: _Name, chunk: str, *, is_joined: bool = False) -> bool:
     """
     amount = re.fullmatch(r"(\d+)([a-z]+)|([a-z]+)(\d+)", chunk)
     if amount:
-        number, word = sorted(filter(None, amount.groups()))  # digits come before letters
+        number, word = sorted(
+            filter(None, amount.groups())
+        )  # digits come before letters
         if word in _AMOUNTS:
             kind, unit = _AMOUNTS[word]
             file.mark(kind, unit * float(number), chunk)
@@ -207,7 +233,9 @@ def _is_mark(file: _Name, chunk: str, *, is_joined: bool = False) -> bool:
 def _rank(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
     """Give each file its rank; the marks that tell earlier from later ones, and questions."""
     questions = [
-        f"{file.name} has two marks of use that disagree" for file in files if file.is_twofold
+        f"{file.name} has two marks of use that disagree"
+        for file in files
+        if file.is_twofold
     ]
     # of a repeat, the epoch need not be said
     scans = [file for file in files if file.repeat is None] or files
@@ -224,12 +252,20 @@ def _rank(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
     if len(complete) < len(vary):
         questions.append("some names say when the scan was made, and others do not")
     elif any(not _agree(complete[0], other) for other in complete[1:]):
-        shown = ", ".join(sorted({f.written[k] for f in files for k in vary if k in f.marks}))
-        questions.append(f"the names have several marks that do not agree in order ({shown})")
-    told = {file.rank: file.written.get(vary[0], "without it") for file in reversed(files)}
+        shown = ", ".join(
+            sorted({f.written[k] for f in files for k in vary if k in f.marks})
+        )
+        questions.append(
+            f"the names have several marks that do not agree in order ({shown})"
+        )
+    told = {
+        file.rank: file.written.get(vary[0], "without it") for file in reversed(files)
+    }
     if len(told) > 2:
         states = ", ".join(told[rank] for rank in sorted(told))
-        questions.append(f"there are {len(told)} states ({states}), and a study compares two")
+        questions.append(
+            f"there are {len(told)} states ({states}), and a study compares two"
+        )
     return (f'"{told[min(told)]}"', f'"{told[max(told)]}"'), questions
 
 
@@ -247,14 +283,18 @@ def _rank_alike(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
     for file in files:
         days.setdefault(file.key, []).append(file.day)
     if any(len(own) != 2 or len({*own} - {""}) != 2 for own in days.values()):
-        text = "none of the names says which scan was made before use and which after it"
+        text = (
+            "none of the names says which scan was made before use and which after it"
+        )
         return ("", ""), [text]
     for file in files:
         file.rank = float(file.day == max(days[file.key]))
     return ("the earlier date", "the later one"), []
 
 
-def _complete(kind: str, files: Sequence[_Name], scans: Sequence[_Name]) -> list[float] | None:
+def _complete(
+    kind: str, files: Sequence[_Name], scans: Sequence[_Name]
+) -> list[float] | None:
     """The ranks of all files by a kind of mark; None if those without it could be either."""
     ranks = [file.marks[kind] for file in files if kind in file.marks]
     is_open = any(kind not in file.marks for file in scans)
@@ -290,7 +330,10 @@ def _scans_of(
 
 
 def _doubts(
-    t0: _Name | None, t1: _Name | None, rest: Sequence[_Name], keys: Iterable[tuple[str, ...]]
+    t0: _Name | None,
+    t1: _Name | None,
+    rest: Sequence[_Name],
+    keys: Iterable[tuple[str, ...]],
 ) -> Iterator[str]:
     """Questions of one place: whether all of its scans are there, no others, and in order."""
     if t1 and not t0:
@@ -316,7 +359,9 @@ def _patch_names(files: Sequence[_Name]) -> list[str]:
     for file in files:
         parts = [
             written
-            for n, (chunk, written) in enumerate(zip(file.key, file.chunks, strict=True))
+            for n, (chunk, written) in enumerate(
+                zip(file.key, file.chunks, strict=True)
+            )
             if any(chunk != key[n] if are_as_long else chunk not in key for key in keys)
         ]
         patches.append(re.sub(r"[^A-Za-z0-9-]", "", "-".join(parts)))

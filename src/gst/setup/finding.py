@@ -146,7 +146,10 @@ def view_of(
 
 
 def _from_above(
-    mesh: "trimesh.Trimesh", first: OnStone, scans: Sequence[xr.DataArray], readings: np.ndarray
+    mesh: "trimesh.Trimesh",
+    first: OnStone,
+    scans: Sequence[xr.DataArray],
+    readings: np.ndarray,
 ) -> OnStone:
     """The same scans on the mesh as it looks from straight above where they were found."""
     reading = readings[first.reading]
@@ -172,11 +175,15 @@ def _from_above(
         match, _ = match_together(view, scans, reading[np.newaxis])
     except ValueError:  # it sticks out of this view
         return first
-    return OnStone(frame, match.among([first.match.next_best], len(scans)), first.reading)
+    return OnStone(
+        frame, match.among([first.match.next_best], len(scans)), first.reading
+    )
 
 
 def find_on_map(
-    overview: xr.DataArray, scans: Mapping[str, xr.DataArray], readings: np.ndarray | None
+    overview: xr.DataArray,
+    scans: Mapping[str, xr.DataArray],
+    readings: np.ndarray | None,
 ) -> dict[str, Match]:
     """Find scans on a larger map, each by itself; by the stage where heights do not find all.
 

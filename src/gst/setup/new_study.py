@@ -23,7 +23,14 @@ from gst.config.patches import cell_of
 from gst.config.reading import complete
 from gst.config.strict_yaml import parse_yaml
 from gst.config.todo import TODO, is_to_do, left_in
-from gst.setup.scan_folder import OTHER_SPACING, Pairs, Scan, pair_scans, read_scans, scans_in
+from gst.setup.scan_folder import (
+    OTHER_SPACING,
+    Pairs,
+    Scan,
+    pair_scans,
+    read_scans,
+    scans_in,
+)
 from gst.setup.scan_positions import (
     DOUBT,
     OK,
@@ -35,7 +42,14 @@ from gst.setup.scan_positions import (
 )
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
-from gstlib.io.meshes import UNITS, is_closed, is_mesh, read_mesh, steps_of, units_of_size
+from gstlib.io.meshes import (
+    UNITS,
+    is_closed,
+    is_mesh,
+    read_mesh,
+    steps_of,
+    units_of_size,
+)
 from gstlib.macroscale.face import largest_face
 from gstlib.preprocess.use_face import Layout, find_use_face
 from gstlib.surfaces.footprints import PatchPosition
@@ -85,7 +99,9 @@ def new_study(
     """
     config_path, table_path = folder / "study.yaml", folder / "patches.csv"
     if there := [path for path in (config_path, table_path) if path.exists()]:
-        raise InputError(there[0], "exists already", "Name another folder, or remove it.")
+        raise InputError(
+            there[0], "exists already", "Name another folder, or remove it."
+        )
     stone, table = _read_stone(mesh), ""
     lines = [stone.line]
     values: dict[str, Any] = {
@@ -112,8 +128,12 @@ def new_study(
         write_whole(table_path, table.encode())
     write_whole(config_path, text.encode())
     wide = min(_WIDEST, max(len(line.text) for line in lines))
-    listed = [f"  {topic:<{_TOPIC}}{text:<{wide}}  {state}" for topic, text, state in lines]
-    return "".join(f"{line.rstrip()}\n" for line in listed) + _what_next(folder, table, text)
+    listed = [
+        f"  {topic:<{_TOPIC}}{text:<{wide}}  {state}" for topic, text, state in lines
+    ]
+    return "".join(f"{line.rstrip()}\n" for line in listed) + _what_next(
+        folder, table, text
+    )
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -178,7 +198,11 @@ def _face(stone: _Stone, values: Mapping[str, Any]) -> tuple[float, Line]:
 
 
 def _from_scans(
-    folder: Path, stone: _Stone, paths: Sequence[Path], overview: Path | None, names: str | None
+    folder: Path,
+    stone: _Stone,
+    paths: Sequence[Path],
+    overview: Path | None,
+    names: str | None,
 ) -> tuple[dict[str, Any], str, list[Line]]:
     """Values of the config, the patch table, and lines of the listing."""
     root, files, others = scans_in(paths)
@@ -186,7 +210,9 @@ def _from_scans(
         root, [path for path in files if overview is None or path != overview.resolve()]
     )
     if not scans:
-        raise InputError(root, f"no scan in it can be read: {faults[0]}", "Export them again.")
+        raise InputError(
+            root, f"no scan in it can be read: {faults[0]}", "Export them again."
+        )
     pairs = pair_scans(scans, names)
     by_name = {scan.name: scan for scan in scans if scan not in pairs.overviews}
     first = {row.patch: by_name.get(row.t0) for row in pairs.rows}
@@ -201,15 +227,21 @@ def _from_scans(
     values["scans.mould.flip"] = "x" if pairs.invert is True else None
     values |= where.values
     lines = [of_units, *of_sizes, *_of_pairs(pairs)]
-    if is_to_do(values["scans.mould.invert"]) == is_to_do(pairs.invert):  # else the mesh tells
+    if is_to_do(values["scans.mould.invert"]) == is_to_do(
+        pairs.invert
+    ):  # else the mesh tells
         state = TO_DO if is_to_do(pairs.invert) else OK
         lines.append(Line("Mould", pairs.mould, state))
     lines += where.lines
-    lines += [Line("Not read", fault.removeprefix(f"{root}/"), DOUBT) for fault in faults]
+    lines += [
+        Line("Not read", fault.removeprefix(f"{root}/"), DOUBT) for fault in faults
+    ]
     left = [*pairs.left, *(path.relative_to(root).as_posix() for path in others)]
     left = [name for name in left if not is_mesh(name)]
     if left:
-        text = ", ".join(left[:_SHOWN]) + f", … ({len(left)} files)" * (len(left) > _SHOWN)
+        text = ", ".join(left[:_SHOWN]) + f", … ({len(left)} files)" * (
+            len(left) > _SHOWN
+        )
         lines.append(Line("Left out", text))
     return values, _table(pairs, where.places, is_cut=is_cut), lines
 
@@ -227,9 +259,13 @@ def _units(scans: Sequence[Scan]) -> tuple[dict[str, Any], Line]:
     units, count = {scan.unit for scan in scans} - {None}, f"{len(scans)} files"
     if TODO in units or len(units) > 1:
         text = f"{count}; some state neither unit nor spacing: what are these?"
-        return {"scans.unit": TODO, "scans.spacing_um": TODO}, Line("Scans", text, TO_DO)
+        return {"scans.unit": TODO, "scans.spacing_um": TODO}, Line(
+            "Scans", text, TO_DO
+        )
     unit = units.pop() if units else None
-    sizes = {f"{width:.3g} × {height:.3g}" for height, width in (s.size_mm for s in scans)}
+    sizes = {
+        f"{width:.3g} × {height:.3g}" for height, width in (s.size_mm for s in scans)
+    }
     steps = {f"{1e3 * scan.spacing_mm[1]:.3g}" for scan in scans}
     stated = f"{unit} (only {unit} makes such a field)" if unit else "unit stated"
     text = f"{' and '.join(sorted(sizes))} mm, every {' and '.join(sorted(steps))} µm, {stated}"
@@ -240,7 +276,9 @@ def _sizes(
     scans: Sequence[Scan], units: dict[str, Any]
 ) -> tuple[dict[str, Any], bool, list[Line]]:
     """The side of the patches, and whether they are cut from the scans before use."""
-    if units["scans.unit"] == TODO:  # of points without a spacing, only the others tell it
+    if (
+        units["scans.unit"] == TODO
+    ):  # of points without a spacing, only the others tell it
         sides = [side for scan in scans if scan.unit != TODO for side in scan.size_mm]
         likely = f"{TODO} {np.mean(sides):.3g}" if sides and _are_same(sides) else TODO
         return {"scans.size_mm": likely}, False, []
@@ -249,9 +287,7 @@ def _sizes(
         return {"scans.size_mm": float(f"{np.mean(sides):.3g}")}, False, []
     size_mm = math.floor(1e3 * min(sides)) / 1e3
     if _are_same([min(scan.size_mm) for scan in scans]):
-        text = (
-            f"they are not square: the middle {size_mm:g} mm of each one before use are taken"
-        )
+        text = f"they are not square: the middle {size_mm:g} mm of each one before use are taken"
         return {"scans.size_mm": size_mm}, True, [Line("", text, DOUBT)]
     text = f"they are of several sizes: is {size_mm:g} mm the side of all patches?"
     return {"scans.size_mm": f"{TODO} {size_mm:g}"}, True, [Line("", text, TO_DO)]
@@ -265,7 +301,9 @@ def _of_pairs(pairs: Pairs) -> Iterator[Line]:
     """Which scans belong together and why, and what is asked."""
     wide = [max(map(len, column)) for column in zip(*pairs.rows, strict=True)]
     for row, evidence in list(zip(pairs.rows, pairs.evidence, strict=True))[:_SHOWN]:
-        cells = [f"{cell:<{width}}" for cell, width in zip(row, wide, strict=True) if width]
+        cells = [
+            f"{cell:<{width}}" for cell, width in zip(row, wide, strict=True) if width
+        ]
         state = TO_DO if TODO in "".join(row) else DOUBT if ";" in evidence else OK
         yield Line("", "  ".join([*cells, evidence]), state)
     if len(pairs.rows) > _SHOWN:
@@ -311,7 +349,9 @@ def _template(values: dict[str, Any], questions: Sequence[str]) -> str:
     """The shipped config for an own stone, with these values, and the questions above."""
     own = (ROOT / "config/own.yaml").read_text(encoding="utf-8")
     head = own.index("\nresults:")
-    body = own[head:].replace(".venv/bin/gst", "gst").replace("data/own/mesh.stl", "MESH")
+    body = (
+        own[head:].replace(".venv/bin/gst", "gst").replace("data/own/mesh.stl", "MESH")
+    )
     lines = textwrap.TextWrapper(98, initial_indent="# - ", subsequent_indent="#   ")
     asked = "".join(f"{lines.fill(question)}\n" for question in questions)
     text = _HEAD + asked + with_values(body, values)

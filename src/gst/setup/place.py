@@ -58,7 +58,9 @@ from gstlib.io.files import check_regular
 __all__ = ["PlaceServer", "serve"]
 
 # The files of the page, by the room in which they lie.
-_FILES = dict.fromkeys(("place.css", "place.html", "place.js", "square.js"), "gst.setup")
+_FILES = dict.fromkeys(
+    ("place.css", "place.html", "place.js", "square.js"), "gst.setup"
+)
 _FILES |= dict.fromkeys(("page.css", "viewer.js"), "gst.page")
 _JSON = "application/json"
 # Bytes of what a page sends: ten thousand patches.
@@ -107,7 +109,9 @@ class _Command:
     def __init__(self, name: str, config: Path):
         self._config = config
         self._words = ["-m", "gst", *_COMMANDS[name], str(config)]
-        self._log, self._number = (_LOGS / f"place_{name}.{kind}" for kind in ("log", "pid"))
+        self._log, self._number = (
+            _LOGS / f"place_{name}.{kind}" for kind in ("log", "pid")
+        )
         self._own: subprocess.Popen | None = None
 
     def start(self) -> None:
@@ -172,10 +176,16 @@ def _records(text: str) -> list[dict[str, str]]:
     for line in text.splitlines():
         match = _REPORT.match(line)
         level = match[1].lower() if match else "text"
-        if not match and records and (records[-1]["level"] == "text" or line[:1] == " "):
+        if (
+            not match
+            and records
+            and (records[-1]["level"] == "text" or line[:1] == " ")
+        ):
             records[-1]["text"] += f"\n{line}"
         elif line.strip():
-            records.append({"level": level, "text": line[match.end() if match else 0 :]})
+            records.append(
+                {"level": level, "text": line[match.end() if match else 0 :]}
+            )
     return records
 
 
@@ -205,7 +215,9 @@ def _locked() -> TextIO:
         is_free = False
     except OSError as error:
         problem = f"cannot be the lock of this folder: {error.strerror}"
-        remedy = "Remove it, or copy the study to a folder that you can write to and lock."
+        remedy = (
+            "Remove it, or copy the study to a folder that you can write to and lock."
+        )
         raise InputError(_LOCK, problem, remedy) from None
     file = os.fdopen(number, "r+", errors="replace")
     host, _, process = file.read(1000).strip().partition(" ")
@@ -218,9 +230,13 @@ def _locked() -> TextIO:
     owner = f"process {process} on {host}"
     if not is_free:
         problem = f"is already open in another `gst place` ({owner})"
-        raise InputError(Path.cwd(), problem, "Use that page, or end that process first.")
+        raise InputError(
+            Path.cwd(), problem, "Use that page, or end that process first."
+        )
     problem = f"names a `gst place` that may still run ({owner})"
-    raise InputError(_LOCK, problem, "End it there. If it does not run, remove this file.")
+    raise InputError(
+        _LOCK, problem, "End it there. If it does not run, remove this file."
+    )
 
 
 class PlaceServer(ThreadingHTTPServer):
@@ -261,10 +277,14 @@ class PlaceServer(ThreadingHTTPServer):
         removed once the page has been opened. It is in the study, because a browser from a sandbox
         such as Snap cannot read the machine's temporary files.
         """
-        self._redirect = tempfile.TemporaryDirectory(dir=_LOGS.resolve(), prefix="place-")
+        self._redirect = tempfile.TemporaryDirectory(
+            dir=_LOGS.resolve(), prefix="place-"
+        )
         file = Path(self._redirect.name, "gst-place.html")
         file.touch(mode=0o600)
-        file.write_text(f'<meta http-equiv="refresh" content="0; url={self.url}">', "utf-8")
+        file.write_text(
+            f'<meta http-equiv="refresh" content="0; url={self.url}">', "utf-8"
+        )
         webbrowser.open(file.as_uri())
 
     def remove_redirect(self) -> None:
@@ -320,7 +340,9 @@ _POST: _Answers = {
     "file": lambda server, sent: save_file(
         server.config, sent["patch"], sent["column"], sent["name"]
     ),
-    "places": lambda server, sent: save_places(server.config, sent["square"], sent["patches"]),
+    "places": lambda server, sent: save_places(
+        server.config, sent["square"], sent["patches"]
+    ),
     "start": lambda server, rest: _command(server, rest).start(),
     "stop": lambda server, rest: _command(server, rest).stop(),
     "end": lambda _server, _rest: None,
@@ -349,7 +371,10 @@ class _Handler(BaseHTTPRequestHandler):
     def _answer(self) -> None:
         try:
             name = self._asked_for()
-            if self.command == "GET" and (name or "place.html") in (*_FILES, "three.js"):
+            if self.command == "GET" and (name or "place.html") in (
+                *_FILES,
+                "three.js",
+            ):
                 self.server.remove_redirect()  # a page has been opened
                 self._send_file(name or "place.html")
                 return
@@ -407,7 +432,9 @@ class _Handler(BaseHTTPRequestHandler):
             sent = json.loads(self.rfile.read(int(length)), parse_constant=int)
         except (ValueError, RecursionError):
             raise _RefusedError(HTTPStatus.BAD_REQUEST, "not JSON") from None
-        if (error := best_match(Draft202012Validator(schema).iter_errors(sent))) is not None:
+        if (
+            error := best_match(Draft202012Validator(schema).iter_errors(sent))
+        ) is not None:
             raise _RefusedError(HTTPStatus.BAD_REQUEST, error.message)
         return sent
 
@@ -459,9 +486,14 @@ def serve(config: Path, *, browser: bool) -> None:
         if signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)  # as Ctrl-C does
     with PlaceServer(config) as server:
-        print(f"{server.url}\nThis page is on this machine alone. Ctrl-C ends it.", flush=True)
+        print(
+            f"{server.url}\nThis page is on this machine alone. Ctrl-C ends it.",
+            flush=True,
+        )
         if browser:
-            print("If the browser does not show it, open this address there.", flush=True)
+            print(
+                "If the browser does not show it, open this address there.", flush=True
+            )
             server.open_browser()
         try:
             server.serve_forever()

@@ -23,7 +23,15 @@ from gstlib.surfaces.frames import Frame
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Matches", "corners_of", "described", "located", "on_square", "seen_in", "snapped"]
+__all__ = [
+    "Matches",
+    "corners_of",
+    "described",
+    "located",
+    "on_square",
+    "seen_in",
+    "snapped",
+]
 
 # The stage's zero is anywhere, and no file says which way its axes run.
 _DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
@@ -37,7 +45,9 @@ class Matches(NamedTuple):
     frame: Frame | None  # in which places are; None if nothing was found on the stone
     # Of the overview, or of all scans together; None if they cannot be matched.
     on_stone: Match | None
-    scans: dict[str, Match]  # those that are not found have a place that is not to be used
+    scans: dict[
+        str, Match
+    ]  # those that are not found have a place that is not to be used
 
     @property
     def placed(self) -> dict[str, Match]:
@@ -135,7 +145,9 @@ def snapped(
     side = min(min(sides_of(scan)) for scan in scans.values())
     if not shows_waves(view, side):
         edge = view.attrs["mesh_edge_mm"]
-        raise ValueError(f"edges of {edge:.2g} mm show no waves in scans of {side:.2g} mm")
+        raise ValueError(
+            f"edges of {edge:.2g} mm show no waves in scans of {side:.2g} mm"
+        )
     names = [name for name in scans if name in places]
     matches = match_near(
         view, [scans[name] for name in names], [places[name] for name in names]
@@ -174,7 +186,9 @@ def described(match: Match) -> str:
         return f"{fit}, ± {max(1, round(1e3 * match.error_mm))} µm"
     if match.is_uncertain:
         error = f"± {math.ceil(1e3 * match.error_mm)} µm"
-        others = "; ".join(f"x {at.x_mm:.2f}, y {at.y_mm:.2f} mm" for at in match.alternatives)
+        others = "; ".join(
+            f"x {at.x_mm:.2f}, y {at.y_mm:.2f} mm" for at in match.alternatives
+        )
         more = f", and as well at {others}" * bool(others)
         at = f"x {match.place.x_mm:.2f}, y {match.place.y_mm:.2f} mm"
         return f"not certain (fits at {at}, {error}{more}); an overview map would tell"

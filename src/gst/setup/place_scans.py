@@ -59,11 +59,15 @@ def find_places(path: Path) -> dict[str, Any]:
     mesh, size_mm = mesh_of(path), config["square"]["size_mm"]
     laid = unless_to_do(config["square"]["points_mm"])
     overview = _overview_of(config, [*rows.t0, *rows.t1, *rows["repeat"]])
-    by_heights = located(mesh, heights, overview=overview, stages=_stages([*scans.values()]))
+    by_heights = located(
+        mesh, heights, overview=overview, stages=_stages([*scans.values()])
+    )
     matches, problem = by_heights.scans, ""
     if by_heights.placed:
         side_mm = config["scans"]["size_mm"]
-        frame, around_mm, places = on_square(by_heights, side_mm=side_mm, least_mm=size_mm)
+        frame, around_mm, places = on_square(
+            by_heights, side_mm=side_mm, least_mm=size_mm
+        )
         if laid is None:
             laid, size_mm = corners_of(frame, around_mm), around_mm
         else:
@@ -79,11 +83,15 @@ def find_places(path: Path) -> dict[str, Any]:
             matches = snapped(mesh, frame, size_mm, heights, places_of(hand))
         except ValueError as error:
             matches, problem = {}, f"the mesh is too coarse: {error}"
-        places = {patch: match.place for patch, match in matches.items() if match.is_found}
+        places = {
+            patch: match.place for patch, match in matches.items() if match.is_found
+        }
     answers, turn = _of_matches(config, matches, places)
     return {
         "square": {"points_mm": laid, "size_mm": size_mm},
-        "places": [{"patch": patch} | _shown(place, turn) for patch, place in places.items()],
+        "places": [
+            {"patch": patch} | _shown(place, turn) for patch, place in places.items()
+        ],
         "said": {patch: described(match) for patch, match in matches.items()},
         "all": problem or _how_many(len(places), len(rows), matches),
         "answers": answers,
@@ -97,7 +105,9 @@ def _shown(place: PatchPosition, turn: float) -> dict[str, float]:
 
 def _how_many(places: int, scans: int, matches: Mapping[str, Match]) -> str:
     """How many scans are found, which are not certain, and what to do next."""
-    uncertain = ", ".join(patch for patch, match in matches.items() if match.is_uncertain)
+    uncertain = ", ".join(
+        patch for patch, match in matches.items() if match.is_uncertain
+    )
     doubt = (
         f" {uncertain}: not certain, and not moved. Lay each nearer to its place by eye, or add an "
         "overview map."

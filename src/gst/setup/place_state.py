@@ -40,7 +40,14 @@ __all__ = [
     "rows_of",
     "unless_to_do",
 ]
-__all__ += ["save_answers", "save_file", "save_places", "state_of", "stone_of", "version_of"]
+__all__ += [
+    "save_answers",
+    "save_file",
+    "save_places",
+    "state_of",
+    "stone_of",
+    "version_of",
+]
 
 # What the page may write into the config; `inputs.mesh`, for one, is not among it, for the page
 # shows files.
@@ -117,7 +124,9 @@ def check_files(path: Path) -> None:
     """Raise an `InputError` if the config or its table is a link, or lies outside the study."""
     for file in _files_of(path):
         if file.is_symlink() or not file.resolve().is_relative_to(Path.cwd()):
-            problem = "is a link, or lies outside the folder of the study, and is not changed"
+            problem = (
+                "is a link, or lies outside the folder of the study, and is not changed"
+            )
             raise InputError(file, problem, "Put the file itself into the folder.")
 
 
@@ -140,7 +149,11 @@ def state_of(path: Path) -> dict[str, Any]:
     rows, has_scans = rows_of(config)
     columns = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
     asked = [
-        {"patch": row.patch, "column": column, "likely": likely.removeprefix(TODO).strip()}
+        {
+            "patch": row.patch,
+            "column": column,
+            "likely": likely.removeprefix(TODO).strip(),
+        }
         for row in rows.itertuples()
         for column in EPOCHS
         if is_to_do(likely := getattr(row, column))
@@ -155,7 +168,10 @@ def state_of(path: Path) -> dict[str, Any]:
         },
         "patch_size_mm": unless_to_do(config["scans"]["size_mm"]),
         "has_scans": has_scans,
-        "patches": rows[columns].astype(object).where(rows.notna(), None).to_dict("records"),
+        "patches": rows[columns]
+        .astype(object)
+        .where(rows.notna(), None)
+        .to_dict("records"),
         "asked": asked,
         "files": _scan_names(config) if asked else [],
         "own_tool": "mesh" in (config["counterface"] or {}),
@@ -188,7 +204,9 @@ def rows_of(config: Mapping) -> tuple[pd.DataFrame, bool]:
         return no_patches(), False
     ignored = columns_of("places")
     table = read_rows(config["patches"], "patches", renamed=_RENAMED, ignored=ignored)
-    has_scans = not {"t0", "t1"}.isdisjoint(table.columns) or "wear_grade" not in table.columns
+    has_scans = (
+        not {"t0", "t1"}.isdisjoint(table.columns) or "wear_grade" not in table.columns
+    )
     rows = table.rows.reset_index(drop=True)
     if config["inputs"] is not None and has_scans:
         # what no file fits, the check says
@@ -217,9 +235,13 @@ def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str |
     """
     config = read_unfinished(path)
     state = state_of(path)
-    is_asked = (patch, column) in [(row["patch"], row["column"]) for row in state["asked"]]
+    is_asked = (patch, column) in [
+        (row["patch"], row["column"]) for row in state["asked"]
+    ]
     if not is_asked or name not in ["", *state["files"]]:
-        problem = f"{column} of patch {patch} is not asked for, or there is no scan {name}"
+        problem = (
+            f"{column} of patch {patch} is not asked for, or there is no scan {name}"
+        )
         raise ConfigError(config["patches"], problem, "Load the page again.")
     cells = {column: cell_of(name)}
     kept = _write_cells(
@@ -243,14 +265,18 @@ def save_places(
     if not is_known and (has_scans or len({*names}) < len(names)):
         problem = f"the page has the patches {names}, the table {[*former.patch]}"
         raise ConfigError(config["patches"], problem, "Load the page again.")
-    is_turned = bool(former.rotation_deg.any() or any(row["rotation_deg"] for row in rows))
+    is_turned = bool(
+        former.rotation_deg.any() or any(row["rotation_deg"] for row in rows)
+    )
     table = [_cells(row, turn=is_turned, grade=not has_scans) for row in rows]
     points = square["points_mm"]
     values: dict[str, Any] = {"square.size_mm": square["size_mm"]}
     values["square.points_mm"] = TODO if points is None else points
     if not has_scans:
         values["patches"] = str(config["patches"] or _TABLE) if rows else None
-    changed = {key: value for key, value in values.items() if value != _value(config, key)}
+    changed = {
+        key: value for key, value in values.items() if value != _value(config, key)
+    }
     _checked(path, changed)  # before the table is written
     if not rows:  # a config never names a table that is gone
         _save_config(path, changed)
@@ -301,7 +327,9 @@ def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> str |
     elif rows:
         left = {row["patch"]: row for row in rows}
         # each row takes its own out, and those that the table lacks come at its end
-        return _write_cells(file, lambda row: left.pop(row["patch"], None), left.values())
+        return _write_cells(
+            file, lambda row: left.pop(row["patch"], None), left.values()
+        )
     elif former is not None and file.exists():
         kept = keep_copy(file)
         file.unlink()
@@ -354,9 +382,13 @@ def stone_of(path: Path) -> dict[str, Any]:
 def mesh_of(path: Path) -> "trimesh.Trimesh":
     inputs = read_unfinished(path)["inputs"]
     if inputs is None:
-        raise ConfigError(path, "names no mesh", "Give inputs.mesh, or begin with `gst new`.")
+        raise ConfigError(
+            path, "names no mesh", "Give inputs.mesh, or begin with `gst new`."
+        )
     if is_to_do(inputs["mesh_unit"]):
-        raise ConfigError(path, "does not say the unit of the mesh", "Give it on this page.")
+        raise ConfigError(
+            path, "does not say the unit of the mesh", "Give it on this page."
+        )
     mesh = Path(inputs["mesh"])
     return _read_once(mesh, inputs["mesh_unit"], version_of(mesh))
 

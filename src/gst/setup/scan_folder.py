@@ -30,7 +30,15 @@ from gstlib.io.text import SCAN_UNITS
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.grid import coarser, spacing_of
 
-__all__ = ["OTHER_SPACING", "OVERVIEW", "Pairs", "Scan", "pair_scans", "read_scans", "scans_in"]
+__all__ = [
+    "OTHER_SPACING",
+    "OVERVIEW",
+    "Pairs",
+    "Scan",
+    "pair_scans",
+    "read_scans",
+    "scans_in",
+]
 
 # Points along a scan that is compared with others, and points that make a loss.
 _COARSE, _SPOT = 128, 2
@@ -39,7 +47,10 @@ _FIELDS = 0.05, 30.0
 # Scans with which one that does not fit its own is compared: each takes a tenth of a second or two.
 _MOST_OTHERS = 40
 _NOT_FOUND = "; not found by heights"
-OTHER_SPACING, _NO_SPACING = "; not compared: another spacing", "; not compared: which spacing?"
+OTHER_SPACING, _NO_SPACING = (
+    "; not compared: another spacing",
+    "; not compared: which spacing?",
+)
 # Spacings that differ by less (a share) are one.
 _SAME_SPACING = 1e-3
 # A map so many times as long as the other scans shows the places of several.
@@ -84,7 +95,9 @@ def scans_in(paths: Iterable[Path]) -> tuple[Path, list[Path], list[Path]]:
                 (scans if is_scan(file) or not is_folder else others).add(file)
     root = Path(os.path.commonpath(sorted(roots)))
     if not scans:
-        raise InputError(root, "holds no scan", "Name the folder of the scans as --scans.")
+        raise InputError(
+            root, "holds no scan", "Name the folder of the scans as --scans."
+        )
     return root, sorted(scans), sorted(others - scans)
 
 
@@ -245,7 +258,9 @@ def _overviews(scans: Sequence[Scan]) -> list[Scan]:
     return [scan for scan in sized if max(scan.size_mm) > OVERVIEW * usual]
 
 
-def _confirmed(row: Row, rows: Sequence[Row], compared: _Comparisons) -> tuple[Row, str, str]:
+def _confirmed(
+    row: Row, rows: Sequence[Row], compared: _Comparisons
+) -> tuple[Row, str, str]:
     """A row with its doubtful cells, what its heights say of its names, and a question."""
     _, t0, t1, again = row
     if again and not compared.match(t0, again).is_found:
@@ -253,7 +268,9 @@ def _confirmed(row: Row, rows: Sequence[Row], compared: _Comparisons) -> tuple[R
         return row._replace(repeat=_doubtful(again)), "", text
     if not (t0 and t1):
         return row, " and heights" * bool(again), ""
-    if len({compared.scans[name].unit == TODO for name in (t0, t1)}) > 1:  # both may be alike
+    if (
+        len({compared.scans[name].unit == TODO for name in (t0, t1)}) > 1
+    ):  # both may be alike
         return row, _NO_SPACING, ""
     if not compared.can(t0, t1):
         return row, OTHER_SPACING, ""
@@ -281,7 +298,9 @@ class _Order(NamedTuple):
     backwards: int  # of these, with the later one at t0
 
     @classmethod
-    def counted(cls, pairs: Sequence[tuple[str, str]], compared: _Comparisons) -> "_Order":
+    def counted(
+        cls, pairs: Sequence[tuple[str, str]], compared: _Comparisons
+    ) -> "_Order":
         matches = [each for pair in pairs if (each := compared.match(*pair)).is_found]
         when = [[compared.scans[name].acquired for name in pair] for pair in pairs]
         dated = [pair for pair in when if all(pair) and pair[0] != pair[1]]
@@ -306,11 +325,15 @@ class _Order(NamedTuple):
         why += [f"{self.fell} of {self.pairs} lost height"] * bool(self.fell)
         questions = []
         if not self.matched and self.compared > 1:
-            questions.append("no scan after use is found by its heights on the one before use")
+            questions.append(
+                "no scan after use is found by its heights on the one before use"
+            )
         if self.backwards:
             pairs = f"{self.backwards} of {self.pairs} pairs"
             questions.append(f"in {pairs}, t0 has a later date in its file than t1")
-        return f"{epochs[0] or 't0'} is the earlier: {', '.join(why)}" * bool(why), questions
+        return f"{epochs[0] or 't0'} is the earlier: {', '.join(why)}" * bool(
+            why
+        ), questions
 
     def of_moulds(self, *, is_told: bool) -> tuple[bool | str, str]:
         """Whether moulds were scanned, and why: there, heights rise where the stone lost some."""
@@ -321,5 +344,8 @@ class _Order(NamedTuple):
             return TODO, f"{text}: moulds were scanned, or t0 and t1 are exchanged"
         if self.fell > self.rose:
             pairs = f"{self.fell} of {self.pairs} pairs"
-            return False, f"the stone itself was scanned: heights fell with use in {pairs}"
+            return (
+                False,
+                f"the stone itself was scanned: heights fell with use in {pairs}",
+            )
         return TODO, "the stone itself, or moulds of it? Nothing tells"

@@ -76,7 +76,11 @@ def where_scanned(
         by = "the stage's distances" if overview is None else overview.name
         if matches.placed:
             return _by_heights(matches, invert, float(size_mm), by)
-        fit = described(matches.on_stone) if matches.on_stone else "too small for the mesh"
+        fit = (
+            described(matches.on_stone)
+            if matches.on_stone
+            else "too small for the mesh"
+        )
         none = ", and no scan is found on it" * bool(matches.frame)
         doubt = f"{by}, on the mesh: {fit}{none}" + f"; {doubt}" * bool(doubt)
     if stages is None:
@@ -92,7 +96,9 @@ def default_square_mm() -> float:
 
 def _by_heights(matches: Matches, invert: bool | str, size_mm: float, by: str) -> Where:
     """The square around the scans that were found, how they are laid, and how sure that is."""
-    frame, square_mm, places = on_square(matches, side_mm=size_mm, least_mm=default_square_mm())
+    frame, square_mm, places = on_square(
+        matches, side_mm=size_mm, least_mm=default_square_mm()
+    )
     first = next(iter(matches.placed.values()))
     inverted = first.inverted
     values = {
@@ -105,7 +111,9 @@ def _by_heights(matches: Matches, invert: bool | str, size_mm: float, by: str) -
     assert matches.on_stone is not None
     lines = [Line("Where", f"{by}, on the mesh: {described(matches.on_stone)}", OK)]
     for patch, match in matches.scans.items():
-        lines.append(Line("", f"{patch}: {described(match)}", OK if match.is_found else TO_DO))
+        lines.append(
+            Line("", f"{patch}: {described(match)}", OK if match.is_found else TO_DO)
+        )
     laid = "mirrored" * first.mirrored, "inverted, as moulds" * inverted
     how = " and ".join(filter(None, laid)) or "as it was scanned"
     lines.append(Line("", f"the scanned surface fits the mesh {how}", OK))
@@ -131,7 +139,10 @@ def _stages(
         return None, "stage coordinates are the same for different places"
     sizes = np.array([scan.size_mm for scan in there])
     if (np.ptp(sizes, axis=0) > SAME_SIZE * sizes.min()).any():
-        return None, "stage coordinates are of maps of different sizes, corners or centres"
+        return (
+            None,
+            "stage coordinates are of maps of different sizes, corners or centres",
+        )
     return stages, ""
 
 
@@ -143,10 +154,14 @@ def _by_stage(
     is_mould: bool,
 ) -> Where:
     """Distances of patches, in the middle of a square that is still to be laid."""
-    at = np.asarray(stages) * ((-1, 1) if is_mould else (1, 1))  # a mould is seen from behind
+    at = np.asarray(stages) * (
+        (-1, 1) if is_mould else (1, 1)
+    )  # a mould is seen from behind
     middle = (at.min(axis=0) + at.max(axis=0)) / 2
     span = float(np.ptp(at, axis=0).max()) + size_mm
-    square_mm = max(default_square_mm(), math.ceil(2 * span) / 2)  # in halves of a millimetre
+    square_mm = max(
+        default_square_mm(), math.ceil(2 * span) / 2
+    )  # in halves of a millimetre
     places = {}
     for patch, place in zip(patches, at, strict=True):
         x, y = np.round(place - middle + square_mm / 2, 4).tolist()

@@ -50,12 +50,16 @@ def compare_scans(
         again = {repeat.name: _prepared(repeat, unit, spacing_um)}
         detection = estimate_detection_limit({repeat.name: before}, again, **search)
         if detection is None:
-            problem = f"does not show the surface of {t0.name}, scanned again without use"
+            problem = (
+                f"does not show the surface of {t0.name}, scanned again without use"
+            )
             raise InputError(repeat, problem, "Give another --repeat, or leave it out.")
     change = register_patch(before, after, patch=t1.name, detection=detection, **search)
     if not change.attrs["registration_found"]:
         problem = f"was not found on {t0}: the same details do not appear in both"
-        raise InputError(t1, problem, "Look at both with `gst inspect --pictures FOLDER`.")
+        raise InputError(
+            t1, problem, "Look at both with `gst inspect --pictures FOLDER`."
+        )
     return before["height"], change
 
 
@@ -80,7 +84,9 @@ def describe_change(change: xr.Dataset) -> Iterator[str]:
     if not facts["known_fraction"]:
         yield "change      none, because hardly any point has a height of its own in both scans"
         return
-    source = "the repeat" if facts["detection"] == "repeat" else "the unchanged part of T1"
+    source = (
+        "the repeat" if facts["detection"] == "repeat" else "the unchanged part of T1"
+    )
     yield f"detectable  more than {facts['level_of_detection_um']:.3g} µm, from {source}"
     yield (
         f"loss        {100 * extent['loss_fraction']:.2g} % of the area, "

@@ -21,7 +21,15 @@ from urllib.parse import quote
 
 from gst import ROOT
 from gst.config.strict_yaml import as_yaml
-from gst.run.chain import LOGS, PAGE, check_chain, is_inside, made_in, read_record, steps_in
+from gst.run.chain import (
+    LOGS,
+    PAGE,
+    check_chain,
+    is_inside,
+    made_in,
+    read_record,
+    steps_in,
+)
 from gst.run.provenance import program_hash
 from gst.run.received import CONTENTS, read_json, read_provenance, regular_file
 from gstlib.errors import InputError
@@ -29,8 +37,18 @@ from gstlib.io.files import write_whole
 
 __all__ = ["pack_study"]
 
-_PROVENANCE, _CONTENTS, _METADATA = "provenance.json", "contents.json", "ro-crate-metadata.json"
-_IN_CONFIG = "title", "specimen", "patches", "published", "gesture"  # the keys that are read
+_PROVENANCE, _CONTENTS, _METADATA = (
+    "provenance.json",
+    "contents.json",
+    "ro-crate-metadata.json",
+)
+_IN_CONFIG = (
+    "title",
+    "specimen",
+    "patches",
+    "published",
+    "gesture",
+)  # the keys that are read
 _FORMATS = {
     ".csv": "text/csv",
     ".html": "text/html",
@@ -93,7 +111,11 @@ class _File(NamedTuple):
 
 
 def pack_study(
-    results: Path, target: Path, *, authors: Sequence[str] = (), licence: str | None = None
+    results: Path,
+    target: Path,
+    *,
+    authors: Sequence[str] = (),
+    licence: str | None = None,
 ) -> int:
     """Pack a finished study: page, tables, figures, records, config with its tables, program.
 
@@ -143,13 +165,17 @@ def _check_target(target: Path) -> None:
         names = zipfile.ZipFile(regular_file(target, target.parent)).namelist()
     if target.is_symlink() or _METADATA not in names:
         problem = "exists, and is not a package of `gst package`"
-        raise InputError(target, problem, "Remove it, or give another name with --output.")
+        raise InputError(
+            target, problem, "Remove it, or give another name with --output."
+        )
 
 
 def _results(results: Path, contents: Iterable[Mapping[str, str]]) -> list[_File]:
     """The page and its contents, with the provenance."""
     files = [
-        _File(f"results/{name}", regular_file(results / name, results).read_bytes(), title)
+        _File(
+            f"results/{name}", regular_file(results / name, results).read_bytes(), title
+        )
         for name, title in ((_PROVENANCE, "Provenance"), (_CONTENTS, "Captions"))
     ]
     made = {*made_in(results)} - {results / _PROVENANCE, results / _CONTENTS}
@@ -165,7 +191,9 @@ def _results(results: Path, contents: Iterable[Mapping[str, str]]) -> list[_File
         made.remove(file)
         _, _, category = entry["category"].partition(" ")
         title = f"{category}: {entry['title']}"
-        files.append(_File(f"results/{name}", regular_file(file, results).read_bytes(), title))
+        files.append(
+            _File(f"results/{name}", regular_file(file, results).read_bytes(), title)
+        )
     return files
 
 
@@ -182,7 +210,9 @@ def _records(results: Path) -> list[_File]:
 def _tables(results: Path, provenance: Mapping[str, Any]) -> list[_File]:
     """The config and the tables that it names."""
     config = provenance["config"]
-    files = [_File("config/study.yaml", as_yaml(config).encode(), "The config as it was run")]
+    files = [
+        _File("config/study.yaml", as_yaml(config).encode(), "The config as it was run")
+    ]
     gesture = config["gesture"] or {}
     tables = config["patches"], config["published"], gesture.get("table")
     named = {str(Path(table)) for table in tables if table is not None}
@@ -203,7 +233,9 @@ def _tables(results: Path, provenance: Mapping[str, Any]) -> list[_File]:
 def _program(software: Mapping[str, Any]) -> list[_File]:
     """The program, which must be the one that made the results."""
     if software["program"] != program_hash():
-        problem = f"another version of the program made the results: {_version(software)}"
+        problem = (
+            f"another version of the program made the results: {_version(software)}"
+        )
         remedy = "Run the study again: only steps that have changed are redone."
         raise InputError(ROOT, problem, remedy)
     files = {place: ROOT / name for place, name in _PROGRAM.items()}
@@ -216,7 +248,11 @@ def _program(software: Mapping[str, Any]) -> list[_File]:
             if _NOT_PACKED.isdisjoint(within.parts):
                 files[f"{place}/{within.as_posix()}"] = file
     # an installed program lies without its lock files
-    return [_File(place, file.read_bytes()) for place, file in files.items() if file.is_file()]
+    return [
+        _File(place, file.read_bytes())
+        for place, file in files.items()
+        if file.is_file()
+    ]
 
 
 def _version(software: Mapping[str, Any]) -> str:
@@ -228,7 +264,9 @@ def _metadata(
     about: Mapping[str, Any], files: Iterable[_File], authors: Iterable[str]
 ) -> bytes:
     """The whole and its named files, as RO-Crate describes them."""
-    people = [{"@id": f"#{quote(each)}", "@type": "Person", "name": each} for each in authors]
+    people = [
+        {"@id": f"#{quote(each)}", "@type": "Person", "name": each} for each in authors
+    ]
     described = [
         {
             "@id": quote(file.place),
@@ -251,7 +289,10 @@ def _metadata(
         "about": {"@id": "./"},
         "conformsTo": {"@id": "https://w3id.org/ro/crate/1.1"},
     }
-    context = ["https://w3id.org/ro/crate/1.1/context", {"sha256": "http://schema.org/sha256"}]
+    context = [
+        "https://w3id.org/ro/crate/1.1/context",
+        {"sha256": "http://schema.org/sha256"},
+    ]
     graph = {"@context": context, "@graph": [descriptor, whole, *described, *people]}
     return (json.dumps(graph, indent=1, ensure_ascii=False) + "\n").encode()
 

@@ -63,7 +63,9 @@ def describe_changes(changes: pd.DataFrame, at_most: int = 20) -> str:
     for table, group in changes.groupby("table", sort=False):
         plural = "s" if len(group) > 1 else ""
         lines.append(f"{table}: {len(group)} change{plural}")
-        largest_first = group.sort_values("relative", ascending=False, na_position="first")
+        largest_first = group.sort_values(
+            "relative", ascending=False, na_position="first"
+        )
         for change in largest_first.head(at_most).itertuples():
             place = ", ".join(filter(None, [change.row, change.column]))
             by = "" if np.isnan(change.relative) else f"  ({change.relative:.2g})"
@@ -78,20 +80,28 @@ def _cells_of(folder: Path) -> _Cells:
     """Every cell of the tables of results, and every value of their `provenance.json`."""
     files = sorted((folder / "tables").glob("*.csv"))
     if not files:
-        raise InputError(folder, "has no tables/*.csv", "Name the results folder of a study.")
+        raise InputError(
+            folder, "has no tables/*.csv", "Name the results folder of a study."
+        )
     cells: _Cells = {}
     try:
         for path in files:
             file = regular_file(path, folder)
             check_size(file)
             text = io.BytesIO(file.read_bytes())
-            cells |= _cells(path.name, pd.read_csv(text, dtype=str, keep_default_na=False))
+            cells |= _cells(
+                path.name, pd.read_csv(text, dtype=str, keep_default_na=False)
+            )
     except ValueError as error:
-        raise InputError(folder, f"cannot be read: {error}", "Run the study again.") from error
+        raise InputError(
+            folder, f"cannot be read: {error}", "Run the study again."
+        ) from error
     record = folder / "provenance.json"
     if os.path.lexists(record):
         values = _values(read_json(record, folder, {"type": "object"}))
-        cells |= _cells(_PROVENANCE, pd.DataFrame(values, columns=["key", "value"], dtype=str))
+        cells |= _cells(
+            _PROVENANCE, pd.DataFrame(values, columns=["key", "value"], dtype=str)
+        )
     return cells
 
 

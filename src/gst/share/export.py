@@ -27,7 +27,11 @@ from gstlib.surfaces.grid import spacing_of
 __all__ = ["export_study", "tool_with", "x3p_of"]
 
 # The files of each patch, in the folders of their batches.
-_BY_PATCH = {"T0": "surfaces/T0/*/*.h5", "change": "change/*/*.h5", "wear": "wear/*/*.h5"}
+_BY_PATCH = {
+    "T0": "surfaces/T0/*/*.h5",
+    "change": "change/*/*.h5",
+    "wear": "wear/*/*.h5",
+}
 _TOOL = "tool.ply"
 # The format asks for a date; that of the export says nothing about a result.
 _NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
@@ -44,7 +48,9 @@ def export_study(results: Path, to: Path) -> list[Path]:
     """
     check_chain(results)
     if there := [*to.glob("*.x3p"), *to.glob(_TOOL)]:
-        remedy = "Remove the files of an earlier export, or give another folder with --to."
+        remedy = (
+            "Remove the files of an earlier export, or give another folder with --to."
+        )
         raise InputError(to, f"has the file {min(there).name} already", remedy)
     written = []
     try:
@@ -85,7 +91,10 @@ def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
         if registered.attrs["registration_found"]:
             yield "T1", registered.t1
             loss = -registered.change
-            yield "loss", loss.assign_attrs(units="mm", long_name="measured height loss")
+            yield (
+                "loss",
+                loss.assign_attrs(units="mm", long_name="measured height loss"),
+            )
     if wear := files.get("wear"):
         for depth in read_dataset(wear, only=["depth"]).depth:
             yield f"predicted_{depth.model.item()}", depth
@@ -110,7 +119,10 @@ def _tool(results: Path, made: set[Path]) -> bytes:
     if inputs is None:
         mesh, unit = _recorded(results / "specimen/mesh.stl", made), "mm"
     else:
-        mesh, unit = _measured(results, Path(inputs["mesh"])), inputs.get("mesh_unit", "mm")
+        mesh, unit = (
+            _measured(results, Path(inputs["mesh"])),
+            inputs.get("mesh_unit", "mm"),
+        )
     contact = _recorded(results / "macroscale/contact.h5", made)
     grid = read_dataset(contact, only=["pressure"]).pressure
     fields = {"pressure_MPa": grid}
@@ -138,7 +150,9 @@ def _row_of_patch(table: Path, grid: xr.DataArray, size_mm: float) -> xr.DataArr
 def _recorded(file: Path, made: set[Path]) -> Path:
     """A file that a step of the study made; raises an `InputError` if none did."""
     if file not in made:
-        raise InputError(file, "was made by no step of this study", "Run the study again.")
+        raise InputError(
+            file, "was made by no step of this study", "Run the study again."
+        )
     return file
 
 

@@ -43,5 +43,7 @@ def press_scan(
                 periodic=periodic,
             )
         except ContactError as error:
-            raise InputError(path, str(error), "Look at its picture: gst inspect.") from error
+            raise InputError(
+                path, str(error), "Look at its picture: gst inspect."
+            ) from error
     return height, contact, [str(warning.message) for warning in caught]

@@ -186,7 +186,9 @@ class Cone(Indenter):
         distance = np.hypot(x, y)
         with np.errstate(divide="ignore"):
             ratio = np.maximum(self.contact_radius / distance, 1.0)
-        return self.contact_modulus / (2 * math.tan(self.half_angle)) * np.arccosh(ratio)
+        return (
+            self.contact_modulus / (2 * math.tan(self.half_angle)) * np.arccosh(ratio)
+        )
 
 
 @dataclass(frozen=True)
@@ -296,7 +298,9 @@ class GreenwoodWilliamson:
     def mean_pressure(self, separation):
         """(4/3) E* η √R σ^³⁄₂ F_³⁄₂(d/σ) (MPa) at d (mm); broadcasts."""
         mean = self.height**1.5 * self._mean_power(separation, 1.5)
-        return 4 / 3 * self.contact_modulus * self.density * math.sqrt(self.radius) * mean
+        return (
+            4 / 3 * self.contact_modulus * self.density * math.sqrt(self.radius) * mean
+        )
 
     def _mean_power(self, separation, power):
         """Fₙ(t), the mean of (s − t)ⁿ over s > t, normal: by parabolic cylinder functions."""
@@ -373,7 +377,10 @@ def love_rectangle_displacement(
         return a * np.arcsinh(b / np.abs(a)) + b * np.arcsinh(a / np.abs(b))
 
     integral = (
-        corner(left, top) - corner(left, bottom) - corner(right, top) + corner(right, bottom)
+        corner(left, top)
+        - corner(left, bottom)
+        - corner(right, top)
+        + corner(right, bottom)
     )
     return pressure * integral / (math.pi * contact_modulus)
 

@@ -151,8 +151,12 @@ class SplitConvolution:
         sigma = _sigma(spacing)
         padded = _margin_padding(shape, spacing)
         lengths = tuple(m * step for m, step in zip(padded, spacing, strict=True))
-        coarse = tuple(even_size(math.ceil(length * _SIGMA / sigma)) for length in lengths)
-        coarse_spacing = tuple(length / m for length, m in zip(lengths, coarse, strict=True))
+        coarse = tuple(
+            even_size(math.ceil(length * _SIGMA / sigma)) for length in lengths
+        )
+        coarse_spacing = tuple(
+            length / m for length, m in zip(lengths, coarse, strict=True)
+        )
         element = math.prod(spacing) / (math.pi * contact_modulus)
 
         quadrant = tuple(m // 2 + 1 for m in padded)
@@ -165,7 +169,9 @@ class SplitConvolution:
         # To the coarse grid, into its middle; and back.
         down_y, down_x = (
             _smoothing(m, step, sigma) * _shift(m, (size - n) / (2 * size))
-            for m, step, size, n in zip(coarse, coarse_spacing, padded, shape, strict=True)
+            for m, step, size, n in zip(
+                coarse, coarse_spacing, padded, shape, strict=True
+            )
         )
         down = down_x[: coarse[1] // 2 + 1, None] * down_y / math.prod(coarse)
         up = down.conj() * math.prod(padded)

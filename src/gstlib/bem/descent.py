@@ -39,7 +39,12 @@ class _Response:
     """
 
     def __init__(self, window, pressure, field, error):
-        self.window, self.pressure, self.field, self.error = window, pressure, field, error
+        self.window, self.pressure, self.field, self.error = (
+            window,
+            pressure,
+            field,
+            error,
+        )
 
     def compute(self, pressure):
         """The displacement of a pressure, approximately."""
@@ -112,7 +117,9 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
         response.compute(pressure := load.scaled(pressure))
     progress, last, step, started = _Progress(iterations), None, 1.0, False
     while iterations < MAX_ITERATIONS:
-        rigid, penetration, free = _interpenetration(load, pressure, response.field - relief)
+        rigid, penetration, free = _interpenetration(
+            load, pressure, response.field - relief
+        )
         violation = np.abs(penetration * free).max()
         stalled = progress.is_stalled(iterations)
         if stalled or response.error > _LARGE_ERROR * violation:
@@ -127,10 +134,14 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
 
         # Directions whose displacement is known already: the last change and, unless load or
         # limit hold it, the pressure itself, which sets the level of the whole.
-        scalable = load.force is None and 0 < response.pressure.max() < load.pressure_cap
+        scalable = (
+            load.force is None and 0 < response.pressure.max() < load.pressure_cap
+        )
         level = [(response.pressure, response.field)] if scalable else []
         pairs = level if last is None else [last, *level]
-        direction, lift = _direction(window.preconditioner, load, penetration, free, pairs)
+        direction, lift = _direction(
+            window.preconditioner, load, penetration, free, pairs
+        )
         trial = load.admissible(pressure + step * direction, lift)
         if progress.cautious or dot(penetration, trial - pressure) <= 0:
             gradient = penetration * free / window.half_space.self_influence
@@ -153,9 +164,13 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
         # What the trial cut stays at its bound.
         inside = (trial > 0) & (trial < load.pressure_cap)
         pressure = load.admissible(
-            np.where(inside, response.pressure, trial), None if lift is None else lift * inside
+            np.where(inside, response.pressure, trial),
+            None if lift is None else lift * inside,
         )
-        if np.abs(pressure - response.pressure).max() > _LARGE_CUT * np.abs(last[0]).max():
+        if (
+            np.abs(pressure - response.pressure).max()
+            > _LARGE_CUT * np.abs(last[0]).max()
+        ):
             if not started:
                 # At the first, most often that of the start, much is still to change.
                 started = True
@@ -197,7 +212,9 @@ def _direction(preconditioner, load, penetration, free, pairs):
     if not pairs:
         return direction, lift
     weights = _energy_weights(pairs, [dot(direction, image) for _, image in pairs])
-    conjugate = direction - _combination(weights, [vector for vector, _ in pairs]) * free
+    conjugate = (
+        direction - _combination(weights, [vector for vector, _ in pairs]) * free
+    )
     if load.force is not None:
         conjugate = load.balanced(conjugate, lift)
     return (direction if dot(conjugate, penetration) <= 0 else conjugate), lift
@@ -213,7 +230,9 @@ def _line_search(penetration, steps):
         scale = dot(penetration, change) / dot(change, image)
         weights = np.zeros(len(steps))
         weights[0] = scale if scale > 0 else 1.0
-    return weights, [_combination(weights, column) for column in zip(*steps, strict=True)]
+    return weights, [
+        _combination(weights, column) for column in zip(*steps, strict=True)
+    ]
 
 
 def _energy_weights(pairs, right):

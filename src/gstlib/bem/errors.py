@@ -63,12 +63,16 @@ class ConvergenceError(ContactError):
     """
 
 
-def checked_number(name: str, value: object, unit: str, *, positive: bool = False) -> float:
+def checked_number(
+    name: str, value: object, unit: str, *, positive: bool = False
+) -> float:
     """A finite number that is not negative or, if required, positive."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
-        raise ContactInputError(f"{name} must be a number ({unit}), got {value!r}") from None
+        raise ContactInputError(
+            f"{name} must be a number ({unit}), got {value!r}"
+        ) from None
     if not 0 <= number < math.inf or (positive and number == 0):
         wanted = "positive and finite" if positive else "finite and not negative"
         raise ContactInputError(f"{name} must be {wanted} ({unit}), got {value}")
@@ -88,7 +92,9 @@ def checked_tolerance(tolerance: object) -> float:
 def checked_cap(pressure_cap: float, mean_pressure: float) -> float:
     """A cap on the pressure (MPa), above the mean pressure; infinite for none."""
     if pressure_cap != math.inf:
-        pressure_cap = checked_number("pressure_cap", pressure_cap, "MPa", positive=True)
+        pressure_cap = checked_number(
+            "pressure_cap", pressure_cap, "MPa", positive=True
+        )
     if mean_pressure >= pressure_cap:
         raise ContactInputError(
             f"mean_pressure {mean_pressure:g} MPa is not below pressure_cap {pressure_cap:g} MPa"
@@ -99,7 +105,9 @@ def checked_cap(pressure_cap: float, mean_pressure: float) -> float:
 def checked_steps(steps: object) -> int:
     """A number of steps, at least 1."""
     if not isinstance(steps, int | np.integer) or steps < 1:
-        raise ContactInputError(f"steps must be an integer of at least 1, got {steps!r}")
+        raise ContactInputError(
+            f"steps must be an integer of at least 1, got {steps!r}"
+        )
     return int(steps)
 
 
@@ -118,9 +126,13 @@ def checked_array(
     try:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError) as error:
-        raise ContactInputError(f"{name} must be an array of numbers: {error}") from None
+        raise ContactInputError(
+            f"{name} must be an array of numbers: {error}"
+        ) from None
     if array.ndim != 2 or array.size == 0:
-        raise ContactInputError(f"{name} must be a (ny, nx) array, got shape {array.shape}")
+        raise ContactInputError(
+            f"{name} must be a (ny, nx) array, got shape {array.shape}"
+        )
     if shape is not None and array.shape != shape:
         raise ContactInputError(f"{name} has shape {array.shape}, the surface {shape}")
     missing = np.isneginf(array) if holes else np.zeros(array.shape, bool)
@@ -130,5 +142,7 @@ def checked_array(
             f"{name} has {bad} values that are NaN or infinite: fill unmeasured points first"
         )
     if missing.all():
-        raise ContactInputError(f"{name} are −inf everywhere: there is no surface to touch")
+        raise ContactInputError(
+            f"{name} are −inf everywhere: there is no surface to touch"
+        )
     return array

@@ -21,7 +21,9 @@ _IRREGULAR = 1e-3
 _DIGITS = 15
 
 
-def as_given(heights: Any, spacing: Any) -> tuple[Any, Any, Callable[[str, np.ndarray], Any]]:
+def as_given(
+    heights: Any, spacing: Any
+) -> tuple[Any, Any, Callable[[str, np.ndarray], Any]]:
     """Heights (y, x), their spacing, and what makes a field, by its name and values, like them.
 
     The coordinates (mm) of a `DataArray` decide its spacing. Fields of an array are arrays.
@@ -39,12 +41,18 @@ def as_given(heights: Any, spacing: Any) -> tuple[Any, Any, Callable[[str, np.nd
     if not hasattr(heights, "values") or callable(heights.values):
         raise ContactInputError("heights are a Dataset: give one of its variables")
     if heights.attrs.get("units", "mm") != "mm":
-        raise ContactInputError(f"heights are in {heights.attrs['units']}: convert them to mm")
+        raise ContactInputError(
+            f"heights are in {heights.attrs['units']}: convert them to mm"
+        )
     if heights.ndim != 2:
-        raise ContactInputError(f"heights have the dimensions {heights.dims}, not (y, x)")
+        raise ContactInputError(
+            f"heights have the dimensions {heights.dims}, not (y, x)"
+        )
     ordered = rows_first(heights)
     stated = (None, None) if spacing is None else np.broadcast_to(spacing, 2)
-    steps = tuple(step_of(ordered, *at) for at in zip(ordered.dims, stated, strict=True))
+    steps = tuple(
+        step_of(ordered, *at) for at in zip(ordered.dims, stated, strict=True)
+    )
 
     def like(name: str, values: np.ndarray) -> Any:
         field = ordered.copy(data=values).rename(name).transpose(*heights.dims)
@@ -57,7 +65,9 @@ def as_given(heights: Any, spacing: Any) -> tuple[Any, Any, Callable[[str, np.nd
 
 def rows_first(field: Any) -> Any:
     """A field; transposed if it is a `DataArray` (x, y), for points and slopes are (y, x)."""
-    return field.transpose("y", "x") if getattr(field, "dims", ()) == ("x", "y") else field
+    return (
+        field.transpose("y", "x") if getattr(field, "dims", ()) == ("x", "y") else field
+    )
 
 
 def step_of(field: Any, dim: str, stated: Any = None) -> float:
@@ -75,7 +85,9 @@ def step_of(field: Any, dim: str, stated: Any = None) -> float:
     """
     if dim not in field.coords:
         if stated is None:
-            raise ContactInputError(f"the dimension {dim} has no coordinates (mm): give them")
+            raise ContactInputError(
+                f"the dimension {dim} has no coordinates (mm): give them"
+            )
         return float(stated)
     axis = field[dim]
     if (units := axis.attrs.get("units", "mm")) != "mm":
@@ -95,7 +107,11 @@ def step_of(field: Any, dim: str, stated: Any = None) -> float:
 
 def _mean_step(dim, values):
     """Mean step of the values of a coordinate, which must rise in even steps."""
-    if values.ndim != 1 or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+    if (
+        values.ndim != 1
+        or values.dtype.kind not in "iuf"
+        or not np.isfinite(values).all()
+    ):
         raise ContactInputError(f"the coordinate {dim} must be finite numbers (mm)")
     if values.size < 2:
         raise ContactInputError(
@@ -105,7 +121,9 @@ def _mean_step(dim, values):
     values = values.astype(float)
     mean = float(values[-1] - values[0]) / (values.size - 1)
     if mean < 0:
-        raise ContactInputError(f"the coordinate {dim} falls: sort it by .sortby({dim!r})")
+        raise ContactInputError(
+            f"the coordinate {dim} falls: sort it by .sortby({dim!r})"
+        )
     off = np.abs(np.diff(values) - mean)
     if not off.max() <= _IRREGULAR * mean or mean == 0:
         at = int(np.argmax(off))

@@ -79,10 +79,14 @@ def contact_modulus(
         if not young > 0:
             raise ContactInputError(f"young_{body} must be positive (MPa), got {young}")
         if not -1 < poisson <= 0.5:
-            raise ContactInputError(f"poisson_{body} must lie in (-1, 0.5], got {poisson}")
+            raise ContactInputError(
+                f"poisson_{body} must lie in (-1, 0.5], got {poisson}"
+            )
         compliance += (1 - poisson**2) / young
     if compliance == 0:
-        raise ContactInputError("both bodies are rigid: one Young's modulus must be finite")
+        raise ContactInputError(
+            "both bodies are rigid: one Young's modulus must be finite"
+        )
     return 1 / compliance
 
 
@@ -140,7 +144,9 @@ class HalfSpace:
         periodic: bool = False,
     ):
         if len(shape) != 2 or min(shape) < 1:
-            raise ContactInputError(f"shape must be (ny, nx), at least (1, 1), got {shape}")
+            raise ContactInputError(
+                f"shape must be (ny, nx), at least (1, 1), got {shape}"
+            )
         self.shape = tuple(shape)
         dy, dx = np.broadcast_to(np.asarray(spacing), 2)
         self.spacing = (
@@ -174,13 +180,17 @@ class HalfSpace:
             return self._exact(np.float32)
         reach = self.layer.reach if self.layer else 0.0
         if SplitConvolution.saves(self.shape, self.spacing, reach):
-            return SplitConvolution(self.shape, self.spacing, self.contact_modulus, self.kernel)
+            return SplitConvolution(
+                self.shape, self.spacing, self.contact_modulus, self.kernel
+            )
         return self._exact(np.float32)
 
     @cached_property
     def _inverse(self):
         padded = self.shape if self.periodic else inverse_padding(self.shape)
-        return EvenConvolution(self.shape, 1 / self.spectrum(padded), np.float32, padded)
+        return EvenConvolution(
+            self.shape, 1 / self.spectrum(padded), np.float32, padded
+        )
 
     def _exact(self, dtype):
         padded = self.shape if self.periodic else exact_padding(self.shape)
@@ -201,11 +211,15 @@ class HalfSpace:
             2 * math.pi / (m * coarsening * side)
             for m, side in zip(grid, self.spacing, strict=True)
         ]
-        y, x = (np.arange(m // 2 + 1) * step for m, step in zip(grid, steps, strict=True))
+        y, x = (
+            np.arange(m // 2 + 1) * step for m, step in zip(grid, steps, strict=True)
+        )
         wave_number = np.hypot(y[:, None], x)
         wave_number[0, 0] = 0.5 * min(steps)
         spectrum = self.springs + 2 / (self.contact_modulus * wave_number)
-        return spectrum + 1 / self.layer.stiffness(wave_number) if self.layer else spectrum
+        return (
+            spectrum + 1 / self.layer.stiffness(wave_number) if self.layer else spectrum
+        )
 
     def kernel(self, shape: tuple[int, int], coarsening: int = 1) -> np.ndarray:
         """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
@@ -223,7 +237,9 @@ class HalfSpace:
         Both are of shape (ny, nx). A pressure of another shape, or not of finite real numbers,
         raises `ContactInputError`.
         """
-        return self.exact_displacement(checked_array("pressure", pressure, self.shape)).copy()
+        return self.exact_displacement(
+            checked_array("pressure", pressure, self.shape)
+        ).copy()
 
     def exact_displacement(self, pressure: np.ndarray) -> np.ndarray:
         """`displacement`, unchecked; the next call overwrites it."""
@@ -259,7 +275,11 @@ class HalfSpace:
                 return box
         self._convolutions = self.convolutions
         self._box = HalfSpace(
-            shape, self.spacing, self.contact_modulus, springs=self.springs, layer=self.layer
+            shape,
+            self.spacing,
+            self.contact_modulus,
+            springs=self.springs,
+            layer=self.layer,
         )
         return self._box
 

@@ -69,7 +69,9 @@ class Layer:
         checked_number("young", self.young, "MPa", positive=True)
         checked_number("thickness", self.thickness, "mm", positive=True)
         if not -1 < self.poisson <= 0.5:
-            raise ContactInputError(f"poisson must lie in (-1, 0.5], got {self.poisson}")
+            raise ContactInputError(
+                f"poisson must lie in (-1, 0.5], got {self.poisson}"
+            )
 
     @property
     def modulus(self) -> float:
@@ -84,12 +86,19 @@ class Layer:
     @property
     def uniform_influence(self) -> float:
         """Displacement under unit pressure all over (mm/MPa), t(1 + ν)(1 − 2ν)/(E(1 − ν))."""
-        return self.thickness * (1 - 2 * self.poisson) / (1 - self.poisson) ** 2 / self.modulus
+        return (
+            self.thickness
+            * (1 - 2 * self.poisson)
+            / (1 - self.poisson) ** 2
+            / self.modulus
+        )
 
     def stiffness(self, wave_number):
         """Pressure per displacement (MPa/mm) of waves of these wave numbers (1/mm), > 0."""
         wave_number = np.asarray(wave_number, dtype=float)
-        return self.modulus * wave_number / 2 / self._share(wave_number * self.thickness)
+        return (
+            self.modulus * wave_number / 2 / self._share(wave_number * self.thickness)
+        )
 
     def _share(self, zeta):
         """f(ζ): displacement of a wave over that of a half-space."""
@@ -111,7 +120,9 @@ class Layer:
         weights = _LARGEST_WAVE / 2 * weights * (1 - self._share(zeta))
         return CubicSpline(_TABLE, j0(np.outer(_TABLE, zeta)) @ weights)
 
-    def kernel(self, shape: tuple[int, int], spacing: tuple[float, float]) -> np.ndarray:
+    def kernel(
+        self, shape: tuple[int, int], spacing: tuple[float, float]
+    ) -> np.ndarray:
         """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
 
         As in `HalfSpace.kernel`.

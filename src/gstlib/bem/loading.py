@@ -86,11 +86,19 @@ class LoadPath:
 
     def table(self) -> "pd.DataFrame":
         """A row for each state, units in the names of its columns."""
-        curve = self.displacement, self.mean_pressure, self.contact_fraction, self.stiffness
+        curve = (
+            self.displacement,
+            self.mean_pressure,
+            self.contact_fraction,
+            self.stiffness,
+        )
         return curve_table(*curve).assign(residual=self.residual)
 
     def plot(
-        self, y: str = "contact_fraction", x: str = "mean_pressure_MPa", axes: Any = None
+        self,
+        y: str = "contact_fraction",
+        x: str = "mean_pressure_MPa",
+        axes: Any = None,
     ) -> Any:
         """Draw a column of `table` over another; the Matplotlib axes, new ones unless given."""
         return plot_curve(self.table(), x, y, axes)
@@ -153,7 +161,9 @@ def load_path(
     heights, spacing, like = as_given(heights, spacing)
     problem = ContactProblem(heights, spacing, contact_modulus, periodic=periodic)
     pressures = _checked_pressures(target_pressure)
-    loads = [LoadControl(force=pressure * problem.relief.size) for pressure in pressures]
+    loads = [
+        LoadControl(force=pressure * problem.relief.size) for pressure in pressures
+    ]
     has_one_target = np.ndim(target_pressure) == 0
     steps = checked_steps(steps) if has_one_target else len(loads)
     tolerance = checked_tolerance(tolerance)
@@ -166,7 +176,10 @@ def load_path(
     # What sets a state, and how fast it grows with the displacement.
     level, rate = np.array(pressures), stiffness
     if has_one_target:
-        level, rate = final.displacement * np.arange(1, steps + 1) / steps, np.ones(steps)
+        level, rate = (
+            final.displacement * np.arange(1, steps + 1) / steps,
+            np.ones(steps),
+        )
         loads = [LoadControl(displacement) for displacement in level]
     state, tangent = final, None
     for index in reversed(range(steps)):
@@ -190,7 +203,9 @@ def load_path(
     )
 
 
-def curve_table(displacement, mean_pressure, contact_fraction, stiffness) -> "pd.DataFrame":
+def curve_table(
+    displacement, mean_pressure, contact_fraction, stiffness
+) -> "pd.DataFrame":
     """A load path, units in the names of its columns; all are of shape (steps,)."""
     import pandas as pd  # here: solving needs it not
 
@@ -245,9 +260,12 @@ def _below(problem, above, load, tolerance, tangent, descent):
 def _checked_pressures(target_pressure):
     """List of mean pressures (MPa): the target alone, or that of each state."""
     if not np.size(target_pressure):
-        raise ContactInputError("target_pressure has no numbers: give one at least (MPa)")
+        raise ContactInputError(
+            "target_pressure has no numbers: give one at least (MPa)"
+        )
     numbers = [
-        checked_number("target_pressure", number, "MPa") for number in np.ravel(target_pressure)
+        checked_number("target_pressure", number, "MPa")
+        for number in np.ravel(target_pressure)
     ]
     if numbers != sorted(numbers):
         raise ContactInputError(f"target_pressure must ascend (MPa), got {numbers}")
@@ -278,5 +296,7 @@ def _unit_response(window, start):
         solution = solution + scale * direction
         residual = residual - scale * image
     # The energy 2·Σp' − p'ᵀKp', stationary at the solution where it equals Σp'.
-    stiffness = (solution.sum() + dot(residual, solution)) / math.prod(window.half_space.shape)
+    stiffness = (solution.sum() + dot(residual, solution)) / math.prod(
+        window.half_space.shape
+    )
     return solution, float(stiffness)

@@ -261,7 +261,9 @@ def checked_point(load_point) -> np.ndarray:
     except (TypeError, ValueError):
         point = np.zeros(0)
     if point.shape != (2,) or not np.isfinite(point).all():
-        raise ContactInputError(f"load_point must be a point (y, x) in mm, got {load_point!r}")
+        raise ContactInputError(
+            f"load_point must be a point (y, x) in mm, got {load_point!r}"
+        )
     return point
 
 

@@ -94,7 +94,9 @@ def measure_roughness(heights, spacing=None, *, periodic: bool = False) -> Rough
     return Roughness(float(np.nanstd(measured)), slope_of(heights, (dy, dx)), curvature)
 
 
-def measure_spectrum(heights, spacing=None, *, periodic: bool = False) -> "pd.DataFrame":
+def measure_spectrum(
+    heights, spacing=None, *, periodic: bool = False
+) -> "pd.DataFrame":
     """Power spectrum of a surface, averaged over directions in rings of equal width.
 
     Parameters
@@ -124,7 +126,9 @@ def measure_spectrum(heights, spacing=None, *, periodic: bool = False) -> "pd.Da
     steps = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
     heights = heights - heights.mean()
     if not periodic:
-        along_y, along_x = (scipy.signal.windows.hann(n, sym=False) for n in heights.shape)
+        along_y, along_x = (
+            scipy.signal.windows.hann(n, sym=False) for n in heights.shape
+        )
         window = np.outer(along_y, along_x)
         heights = heights * window / math.sqrt((window**2).mean())
     density = np.abs(np.fft.fft2(heights)) ** 2 * steps.prod() / heights.size
@@ -144,7 +148,9 @@ def _wave_numbers(shape, spacing):
     return 2 * math.pi * np.hypot(y[:, None], x)
 
 
-def slope_of(heights: np.ndarray, spacing: tuple[float, float], every: int = 1) -> float:
+def slope_of(
+    heights: np.ndarray, spacing: tuple[float, float], every: int = 1
+) -> float:
     """R.m.s. slope of heights (mm), by differences between neighbours with a finite height.
 
     Along every line, or `every` so many.

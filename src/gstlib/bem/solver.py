@@ -150,13 +150,18 @@ def solve_contact(  # noqa: PLR0913
 
     A flat surface carries the force off its middle by tilting:
 
-    >>> state = gstlib.solve_contact(*flat, mean_pressure=10.0, through=(0.4, 0.45))
+    >>> state = gstlib.solve_contact(*flat, mean_pressure=10.0, load_point=(0.4, 0.45))
     >>> [round(1e4 * slope) for slope in state.tilt]
     [0, 3]
     """
     heights, spacing, like = as_given(heights, spacing)
     problem = ContactProblem(
-        heights, spacing, contact_modulus, springs=springs, layer=layer, periodic=periodic
+        heights,
+        spacing,
+        contact_modulus,
+        springs=springs,
+        layer=layer,
+        periodic=periodic,
     )
     load = problem.load(displacement, mean_pressure, pressure_cap)
     if initial_pressure is not None:
@@ -168,7 +173,9 @@ def solve_contact(  # noqa: PLR0913
         initial_pressure = np.where(problem.relief > -math.inf, initial_pressure, 0.0)
     if load_point is not None:
         if periodic:
-            raise ContactInputError("a periodic surface cannot tilt: leave out `load_point`")
+            raise ContactInputError(
+                "a periodic surface cannot tilt: leave out `load_point`"
+            )
         if load.force is None or pressure_cap < math.inf:
             raise ContactInputError(
                 "a force through a point needs mean_pressure (MPa), not displacement, and no "
@@ -219,7 +226,11 @@ class ContactProblem:
     @property
     def full_displacement(self):
         """Displacement at which a periodic surface is in full contact, and no longer sinks (mm)."""
-        return math.inf if self.half_space.uniform_influence else -float(self.relief.mean())
+        return (
+            math.inf
+            if self.half_space.uniform_influence
+            else -float(self.relief.mean())
+        )
 
     def load(self, displacement, mean_pressure, pressure_cap):
         """The load that the arguments of `solve_contact` state."""
@@ -247,7 +258,9 @@ class ContactProblem:
         The force (MPa, sum of the elements' pressures) acts through a point (y, x) (mm).
         """
         load, tilt = resting(self.relief, self.half_space, force, load_point)
-        problem, _ = self.lowered(-load.plane([0.0, *(tilt * load.length)], self.relief.shape))
+        problem, _ = self.lowered(
+            -load.plane([0.0, *(tilt * load.length)], self.relief.shape)
+        )
         problem.tilt = tilt
         return problem, load
 
@@ -261,7 +274,13 @@ class ContactProblem:
         return problem, -top
 
     def solve(
-        self, load, tolerance, initial_pressure=None, window=None, nearby=None, field=None
+        self,
+        load,
+        tolerance,
+        initial_pressure=None,
+        window=None,
+        nearby=None,
+        field=None,
     ):
         """Solve at one load; arguments as in :func:`solve_contact`, already checked.
 
@@ -272,13 +291,26 @@ class ContactProblem:
         if load.displacement == 0 or load.force == 0:
             nothing, tilt = np.zeros_like(self.relief), tuple(self.tilt.tolist())
             return ContactState(
-                *(nothing, -self.relief, 0.0, 0.0, 0.0, 0, 0, 0.0, load.pressure_cap, tilt),
+                *(
+                    nothing,
+                    -self.relief,
+                    0.0,
+                    0.0,
+                    0.0,
+                    0,
+                    0,
+                    0.0,
+                    load.pressure_cap,
+                    tilt,
+                ),
                 periodic=self.half_space.periodic,
             )
         if self.full_displacement == 0:
             flat = np.full_like(self.relief, load.force / self.relief.size)
             mean = float(flat[0, 0])
-            state = ContactState(flat, 0 * flat, 0.0, mean, 1.0, 0, 0, 0.0, load.pressure_cap)
+            state = ContactState(
+                flat, 0 * flat, 0.0, mean, 1.0, 0, 0, 0.0, load.pressure_cap
+            )
             return replace(state, periodic=True)
         few = self._only_candidates(load)
         if few.size:
@@ -324,7 +356,9 @@ class ContactProblem:
         relief = _mean_of_four(relief)
         half_space = self.half_space
         spacing = tuple(2 * side for side in half_space.spacing)
-        options = {name: getattr(half_space, name) for name in ("springs", "layer", "periodic")}
+        options = {
+            name: getattr(half_space, name) for name in ("springs", "layer", "periodic")
+        }
         coarse = ContactProblem(relief, spacing, half_space.contact_modulus, **options)
         # δ is counted from the summit of the finest grid, which averaging lowers.
         coarse.relief = relief
@@ -333,19 +367,29 @@ class ContactProblem:
     def _start(self, load):
         """Pressure to start from, and the window to follow: from the next coarser grid."""
         shape = self.relief.shape
-        uniform = np.full(shape, 0.0 if load.force is None else load.force / math.prod(shape))
+        uniform = np.full(
+            shape, 0.0 if load.force is None else load.force / math.prod(shape)
+        )
         uniform[np.isneginf(self.relief)] = 0.0
         if max(shape) <= _COARSEST:
             return uniform, None
         half = load.coarser(self._coarser.relief)
         start = self._coarser._start(half)
-        coarse = self._coarser._iterate(half, _COARSE_TOLERANCE, *start, certified=False)
+        coarse = self._coarser._iterate(
+            half, _COARSE_TOLERANCE, *start, certified=False
+        )
 
         # Candidates under the same elastic displacement: where the finer relief comes near it.
-        with np.errstate(invalid="ignore"):  # no surface: not a number, and no candidate
-            depth = coarse.gap + self._coarser.relief - _CANDIDATE_GAP * coarse.displacement
+        with np.errstate(
+            invalid="ignore"
+        ):  # no surface: not a number, and no candidate
+            depth = (
+                coarse.gap + self._coarser.relief - _CANDIDATE_GAP * coarse.displacement
+            )
         depth[coarse.contact] = -math.inf
-        depth = np.repeat(np.repeat(depth, 2, axis=0), 2, axis=1)[: shape[0], : shape[1]]
+        depth = np.repeat(np.repeat(depth, 2, axis=0), 2, axis=1)[
+            : shape[0], : shape[1]
+        ]
         candidates = np.union1d(np.flatnonzero(self.relief > depth), load.followed())
         rows, columns = np.divmod(candidates, shape[1])
         pressure = coarse.pressure[rows // 2, columns // 2]
@@ -436,7 +480,9 @@ class ContactProblem:
         gap -= rigid
         # Either the gap is open where there is pressure, or negative where there could be more.
         opened = gap.reshape(-1)[contact]
-        below = gap if load.pressure_cap == math.inf else gap[pressure < load.pressure_cap]
+        below = (
+            gap if load.pressure_cap == math.inf else gap[pressure < load.pressure_cap]
+        )
         violation = max(opened.max(initial=0.0), -below.min(initial=0.0))
         state = ContactState(
             pressure=pressure,
@@ -468,6 +514,8 @@ def _mean_of_four(relief):
     if np.isfinite(total).all():
         return 0.25 * total
     there = [np.isfinite(part) for part in quarters]
-    total = sum(np.where(mask, part, 0.0) for mask, part in zip(there, quarters, strict=True))
+    total = sum(
+        np.where(mask, part, 0.0) for mask, part in zip(there, quarters, strict=True)
+    )
     count = sum(mask.astype(int) for mask in there)
     return np.where(count > 0, total / np.maximum(count, 1), -math.inf)

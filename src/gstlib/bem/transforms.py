@@ -49,7 +49,9 @@ def from_waves(waves: np.ndarray, out: np.ndarray) -> None:
     """Real lines (m, n), n even, of waves (m, n // 2 + 1)."""
     if HAS_DUCC0:
         length = out.shape[1]
-        ducc0.fft.c2r(waves, axes=(1,), lastsize=length, forward=False, inorm=2, out=out)
+        ducc0.fft.c2r(
+            waves, axes=(1,), lastsize=length, forward=False, inorm=2, out=out
+        )
     else:
         _pocketfft()[1](waves, (1,), out.shape[1], False, 2, out, 1)
 

@@ -39,7 +39,13 @@ from .state import ContactState
 
 __all__ = ["ThirdBody", "WearPath", "wear_path"]
 
-_OF_STATE = "contact_fraction", "displacement", "mean_pressure", "iterations", "convolutions"
+_OF_STATE = (
+    "contact_fraction",
+    "displacement",
+    "mean_pressure",
+    "iterations",
+    "convolutions",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +202,9 @@ def wear_path(  # noqa: PLR0913
     bodies = _bodies(heights, mean_pressure, third_body, steps)
     total = sum(body.share * float(body.pressures.sum()) for body in bodies)
     if not total > 0:
-        raise ContactInputError("mean_pressure must be positive in one step at least (MPa)")
+        raise ContactInputError(
+            "mean_pressure must be positive in one step at least (MPa)"
+        )
     highest_mean = max(float(body.pressures.max()) for body in bodies)
     pressure_cap = checked_cap(pressure_cap, highest_mean)
     mean_loss = checked_number("mean_loss", mean_loss, "mm")
@@ -233,7 +241,9 @@ def wear_path(  # noqa: PLR0913
             states.append(tuple(state.like(like) for state in reached))
         if keep_depths:
             depths.append(like("depth", depth.copy()))
-        curve.append([float(depth.mean())] + [getattr(reached[0], name) for name in _OF_STATE])
+        curve.append(
+            [float(depth.mean())] + [getattr(reached[0], name) for name in _OF_STATE]
+        )
     warn_of_doubts(reached[0], bodies[0].problem)
     columns = map(np.array, zip(*curve, strict=True))
     return WearPath(
@@ -257,7 +267,12 @@ class _Body:
     problem: ContactProblem
 
     def __init__(self, share, heights, pressures, layer=None):
-        self.share, self.heights, self.pressures, self.layer = share, heights, pressures, layer
+        self.share, self.heights, self.pressures, self.layer = (
+            share,
+            heights,
+            pressures,
+            layer,
+        )
         self.last_pressure = self.field = None
 
     def press(self, step, pressure_cap, tolerance):
@@ -265,7 +280,9 @@ class _Body:
         load = LoadControl(
             force=self.pressures[step] * self.heights.size, pressure_cap=pressure_cap
         )
-        state = self.problem.solve(load, tolerance, self.last_pressure, field=self.field)
+        state = self.problem.solve(
+            load, tolerance, self.last_pressure, field=self.field
+        )
         relief, self.field = self.problem.relief, np.zeros_like(self.heights)
         there = relief > -math.inf
         self.field[there] = state.gap[there] + relief[there] + state.displacement
@@ -282,7 +299,9 @@ def _bodies(heights, mean_pressure, third_body, steps):
     """The bodies that do a share of the wear, the bare stone first."""
     share = third_body.share if third_body else 0.0
     if not 0 <= share <= 1:
-        raise ContactInputError(f"share of the third body must lie in [0, 1], got {share}")
+        raise ContactInputError(
+            f"share of the third body must lie in [0, 1], got {share}"
+        )
     bodies = []
     if share < 1:
         bodies.append(_Body(1 - share, heights, _in_steps(mean_pressure, steps)))

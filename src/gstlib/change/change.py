@@ -23,7 +23,12 @@ import xarray as xr
 
 from gstlib.change import noise
 from gstlib.change.noise import Detection
-from gstlib.change.registration import Registration, apply_registration, is_other, register
+from gstlib.change.registration import (
+    Registration,
+    apply_registration,
+    is_other,
+    register,
+)
 from gstlib.change.search import LEAST_POINTS
 from gstlib.errors import InputError
 from gstlib.surfaces.grid import described, spacing_of
@@ -57,7 +62,10 @@ _CO_LOCATED = 0.5
 _FIELDS = {
     "t1": ("mm", "height at T1 on the grid of T0"),
     "change": ("mm", "height change from T0 to T1"),
-    "level_of_detection": ("mm", "height change that noise exceeds on one point in twenty"),
+    "level_of_detection": (
+        "mm",
+        "height change that noise exceeds on one point in twenty",
+    ),
     "loss": ("1", "height loss beyond the level of detection"),
     "gain": ("1", "height gain beyond the level of detection"),
 }
@@ -185,7 +193,9 @@ def measured_change(
     ``filled``, ``outlier``. Other parameters as in `register` and `height_change`, whose results
     are returned. All change is unknown if T1 was not found.
     """
-    registration = register(before.height, after.height, maximum_shift_mm=maximum_shift_mm)
+    registration = register(
+        before.height, after.height, maximum_shift_mm=maximum_shift_mm
+    )
     replaced0, replaced1 = (
         (epoch.filled.astype(bool) | epoch.outlier.astype(bool)).values
         for epoch in (before, after)
@@ -283,7 +293,11 @@ def _report(
     shift = registration.shift_y_mm, registration.shift_x_mm
     off = np.abs(np.divide(shift, spacing_of(before.height))).max()
     if off < _CO_LOCATED:
-        _log.info("patch %s: T1 was co-located with T0 already: off by %.2g points", patch, off)
+        _log.info(
+            "patch %s: T1 was co-located with T0 already: off by %.2g points",
+            patch,
+            off,
+        )
     if not change.attrs["known_fraction"]:
         _log.warning(
             "patch %s: hardly any point has a height of its own at T0 and at T1 (%.0f %% and "
@@ -364,7 +378,9 @@ def height_change(
         places = [np.linspace(-0.5, 0.5, count, endpoint=False) for count in t0.shape]
         y, x = np.meshgrid(*places, indexing="ij")
         planes = np.stack([np.ones(t0.shape), y, x])
-        plane, sigma, kept = noise.unchanged_plane(planes[:, inside], difference[inside])
+        plane, sigma, kept = noise.unchanged_plane(
+            planes[:, inside], difference[inside]
+        )
         datum = np.einsum("i,ijk->jk", plane, planes)
         slopes = noise.squared_slopes(t0)
         left = np.where(inside, difference - datum, np.nan)
@@ -381,16 +397,21 @@ def height_change(
             (lateral + error**2) * slope
             for error, slope in zip(registered, slopes, strict=True)
         )
-        limit = np.where(inside, sigmas * np.sqrt(np.maximum(variance, smallest)), np.nan)
+        detectable = sigmas * np.sqrt(np.maximum(variance, smallest))
+        limit = np.where(inside, detectable, np.nan)
         typical = np.median(limit[inside])
-        cluster = max(minimum_cluster_points, math.ceil(noise.CLUSTER * alike_mm2 / cell_mm2))
+        cluster = max(
+            minimum_cluster_points, math.ceil(noise.CLUSTER * alike_mm2 / cell_mm2)
+        )
     change = np.where(inside, difference - datum, np.nan)
     loss, gain = (
-        noise.spots(sign * change / limit, minimum_cluster_points, cluster) for sign in (-1, 1)
+        noise.spots(sign * change / limit, minimum_cluster_points, cluster)
+        for sign in (-1, 1)
     )
     fields = after - datum, change, limit.astype(np.float32), loss, gain
+    named = zip(_FIELDS, fields, strict=True)
     maps = xr.Dataset(
-        {name: (("y", "x"), values) for name, values in zip(_FIELDS, fields, strict=True)},
+        {name: (("y", "x"), values) for name, values in named},
         coords={axis: t0[axis] for axis in ("y", "x")},
         attrs={
             "level_of_detection_um": float(typical * 1e3),
@@ -418,7 +439,9 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
     dy, dx = spacing_of(registered)
     change = registered["change"].values
     inside = np.isfinite(change)
-    loss, gain = (registered[name].values.astype(bool) & inside for name in ("loss", "gain"))
+    loss, gain = (
+        registered[name].values.astype(bool) & inside for name in ("loss", "gain")
+    )
     lost_um = -change[loss] * 1e3
     share = 1 / inside.sum() if inside.any() else np.nan
     return {

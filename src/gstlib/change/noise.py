@@ -97,7 +97,11 @@ class Detection(NamedTuple):
 
 
 def own_detection(
-    left: np.ndarray, steepness: np.ndarray, kept: np.ndarray, smallest: float, cell_mm2: float
+    left: np.ndarray,
+    steepness: np.ndarray,
+    kept: np.ndarray,
+    smallest: float,
+    cell_mm2: float,
 ) -> Detection:
     """The error of a change (NaN if unknown) from its unchanged part, of which `kept` marks some.
 
@@ -219,7 +223,9 @@ def unchanged_plane(
     return plane, sigma, kept
 
 
-def spots(excess: np.ndarray, minimum_cluster_points: int, cluster_points: int) -> np.ndarray:
+def spots(
+    excess: np.ndarray, minimum_cluster_points: int, cluster_points: int
+) -> np.ndarray:
     """The points beyond the level of detection in spots that count; corners count as adjacent.
 
     `excess` is the change over the level of detection.

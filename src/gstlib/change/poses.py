@@ -43,7 +43,11 @@ def sample(
 
 
 def on_moving(
-    pose: np.ndarray, y: np.ndarray, x: np.ndarray, shape: tuple[int, ...], aspect: float
+    pose: np.ndarray,
+    y: np.ndarray,
+    x: np.ndarray,
+    shape: tuple[int, ...],
+    aspect: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns on the moving surface, of that shape, of elements of the reference."""
     shift_y, shift_x, turn = pose

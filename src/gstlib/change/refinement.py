@@ -85,9 +85,16 @@ class _Level(NamedTuple):
 
     @classmethod
     def smoothed(
-        cls, h0: np.ndarray, h1: np.ndarray, aspect: float, smoothing: float, stride: int
+        cls,
+        h0: np.ndarray,
+        h1: np.ndarray,
+        aspect: float,
+        smoothing: float,
+        stride: int,
     ) -> Self:
-        smooth0, smooth1 = (scipy.ndimage.gaussian_filter(h, smoothing) for h in (h0, h1))
+        smooth0, smooth1 = (
+            scipy.ndimage.gaussian_filter(h, smoothing) for h in (h0, h1)
+        )
         gradient = np.gradient(smooth0)
         slopes = np.stack([slope[::stride, ::stride] for slope in gradient])
         coarse = smooth0[::stride, ::stride]
@@ -162,7 +169,9 @@ class _Level(NamedTuple):
         return np.sqrt(np.sum(shifts**2, axis=1))
 
 
-def _robust_fit(design: np.ndarray, values: np.ndarray, plane: np.ndarray) -> np.ndarray:
+def _robust_fit(
+    design: np.ndarray, values: np.ndarray, plane: np.ndarray
+) -> np.ndarray:
     """Least squares with biweights of the residuals of the last plane, the first three rows."""
     left = values - np.einsum("i,ij->j", plane, design[:3])
     left -= np.median(left)

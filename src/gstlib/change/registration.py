@@ -54,7 +54,9 @@ class Registration:
     shift_y_mm: float
     rotation_deg: float  # of the moving surface, x towards y
     overlap: float  # share of the reference's area that the moving surface covers
-    correlation: float  # Pearson's, of heights over the overlap, a plane removed from each
+    correlation: (
+        float  # Pearson's, of heights over the overlap, a plane removed from each
+    )
     # of band-passed heights, free of the long waves that match by chance
     detail_correlation: float
     # of their slopes, in the direction in which these correlate least: striae match along one alone
@@ -64,7 +66,9 @@ class Registration:
     )
     residual_mm: float  # robust standard deviation of the levelled height difference
     shift_x_error_mm: float  # standard errors in the middle of the overlap
-    shift_y_error_mm: float  # NaN if no slopes that both surfaces share determine the shift
+    shift_y_error_mm: (
+        float  # NaN if no slopes that both surfaces share determine the shift
+    )
     # whether the details correlate well enough, in every direction, to believe it
     is_reliable: bool
 
@@ -105,13 +109,17 @@ def register(
         )
     h0, h1 = reference.values, moving.values
     factor = max(
-        math.ceil(max(h.shape) / size) for h, size in zip((h0, h1), _SEARCH_SIZES, strict=True)
+        math.ceil(max(h.shape) / size)
+        for h, size in zip((h0, h1), _SEARCH_SIZES, strict=True)
     )
     aspect = float(spacing[0] / spacing[1])
     details = Details.between(h0, h1, aspect, factor)
     left = 1 - maximum_shift_mm / spacing / h0.shape
     match = details.search(max(LEAST_OVERLAP, float(np.prod(np.maximum(left, 0)))))
-    errors, dale_depth_ratio = np.full(2, math.nan), details.dale_depth_ratio(match.pose)
+    errors, dale_depth_ratio = (
+        np.full(2, math.nan),
+        details.dale_depth_ratio(match.pose),
+    )
     if not (match.is_beyond_chance and is_other(dale_depth_ratio)):
         match, errors = refine(h0, h1, details, match, factor)
         dale_depth_ratio = details.dale_depth_ratio(match.pose)
@@ -141,7 +149,10 @@ def register(
 
 
 def apply_registration(
-    moving: xr.DataArray, marked: np.ndarray, registration: Registration, like: xr.DataArray
+    moving: xr.DataArray,
+    marked: np.ndarray,
+    registration: Registration,
+    like: xr.DataArray,
 ) -> tuple[xr.DataArray, np.ndarray]:
     """The moving surface, and its marked points, on the grid of the reference (`like`).
 
@@ -170,4 +181,6 @@ def is_other(dale_depth_ratio: float, times: float = OTHER_HEIGHTS) -> bool:
 
 def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:
     """First coordinates (y, x) of the moving grid minus those of the reference, mm."""
-    return np.array([float(moving[axis][0]) - float(reference[axis][0]) for axis in "yx"])
+    return np.array(
+        [float(moving[axis][0]) - float(reference[axis][0]) for axis in "yx"]
+    )

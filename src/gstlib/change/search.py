@@ -69,7 +69,8 @@ def _slopes(heights: np.ndarray) -> np.ndarray:
     that run between the axes.
     """
     rises = [
-        scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=axis) for axis in _AXES
+        scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=axis)
+        for axis in _AXES
     ]
     slopes = np.stack(rises)
     steepness = np.hypot(*slopes)
@@ -106,7 +107,9 @@ class Details(NamedTuple):
     longest: float  # longest wave that they contain, elements
 
     @classmethod
-    def between(cls, h0: np.ndarray, h1: np.ndarray, aspect: float, factor: int) -> Self:
+    def between(
+        cls, h0: np.ndarray, h1: np.ndarray, aspect: float, factor: int
+    ) -> Self:
         longest = math.ceil(max(h0.shape) / factor) * _LONGEST_FRACTION
         shortest = max(_NOISE_ELEMENTS, factor / 2)
         thinned = []
@@ -151,9 +154,13 @@ class Details(NamedTuple):
                 return match
             matches.append(match)
         best = max(matches, key=lambda match: match.strength)
-        if best.is_beyond_chance:  # striae that match: finer details show where along them
+        if (
+            best.is_beyond_chance
+        ):  # striae that match: finer details show where along them
             _, direction = self.compare_slopes(best.pose)
-            along = [np.einsum("i,i...->...", direction, slopes) for slopes in self.slopes]
+            along = [
+                np.einsum("i,i...->...", direction, slopes) for slopes in self.slopes
+            ]
             a, b = map(np.nan_to_num, along)
             shift = self._peak(a, b, least_overlap)
             match = self._turned(shift)
@@ -163,19 +170,25 @@ class Details(NamedTuple):
 
     def determine(self, match: Match) -> bool:
         """Whether the details match beyond chance, and in every direction."""
-        return match.is_beyond_chance and self.compare_slopes(match.pose)[0] >= LEAST_ALONG
+        return (
+            match.is_beyond_chance and self.compare_slopes(match.pose)[0] >= LEAST_ALONG
+        )
 
     def compare_slopes(self, pose: np.ndarray) -> tuple[float, np.ndarray]:
         """The least correlation of slopes along any direction, and this direction (y, x)."""
         first, second = self.slopes
         shape = self.reference.shape
-        moved = np.stack([sample(slope, pose, shape, self.aspect, order=1) for slope in second])
+        moved = np.stack(
+            [sample(slope, pose, shape, self.aspect, order=1) for slope in second]
+        )
         inside = np.isfinite(first[0] + moved[0])
         one = first[:, inside]
         other = turn_back(pose[2], self.aspect) @ moved[:, inside]
         if one.shape[1] < LEAST_POINTS:
             return 0.0, np.ones(2)
-        one, other = (slopes - slopes.mean(axis=1, keepdims=True) for slopes in (one, other))
+        one, other = (
+            slopes - slopes.mean(axis=1, keepdims=True) for slopes in (one, other)
+        )
         products = [np.einsum("ik,jk->ij", slopes, slopes) for slopes in (one, other)]
         traces = [np.trace(product) for product in products]
         for product, trace in zip(products, traces, strict=True):
@@ -183,7 +196,12 @@ class Details(NamedTuple):
             flattest = directions[:, 0]
             if not flattest @ product @ flattest > ROUNDING**2 * trace:
                 return 0.0, flattest  # the rest along this direction is rounding
-        own = sum(product / trace for product, trace in zip(products, traces, strict=True)) / 2
+        own = (
+            sum(
+                product / trace for product, trace in zip(products, traces, strict=True)
+            )
+            / 2
+        )
         shared = np.einsum("ik,jk->ij", one, other)
         shared /= math.sqrt(math.prod(traces))
         correlations, directions = scipy.linalg.eigh((shared + shared.T) / 2, own)

@@ -157,7 +157,9 @@ def rise_warnings(
 def is_more(one: ArrayLike, other: ArrayLike) -> np.ndarray:
     """Whether a share of a patch, as that which rose, is clearly more than another, which fell."""
     other = np.asarray(other)
-    return np.asarray(one) > np.maximum(_GAIN_OVER_LOSS * other, other + _GAIN_LESS_LOSS)
+    return np.asarray(one) > np.maximum(
+        _GAIN_OVER_LOSS * other, other + _GAIN_LESS_LOSS
+    )
 
 
 def _rose(registration: pd.DataFrame) -> pd.Series:
@@ -207,11 +209,19 @@ def select_patches(
             faults.append(f"pressure {pressure_MPa:.3g} below {least_MPa:g} MPa{by}")
         match = matches.get(patch, {"found": True})
         values = {"overlap": match.get("overlap")}
-        if match["found"]:  # of the detail: the long waves of a stone match wherever T1 is laid
+        if match[
+            "found"
+        ]:  # of the detail: the long waves of a stone match wherever T1 is laid
             values["correlation"] = match.get("detail_correlation")
         else:
-            one_way = is_one_way(match["detail_correlation"], match["slope_correlation"])
-            why = ": its striae match, but nothing shows where along them" if one_way else ""
+            one_way = is_one_way(
+                match["detail_correlation"], match["slope_correlation"]
+            )
+            why = (
+                ": its striae match, but nothing shows where along them"
+                if one_way
+                else ""
+            )
             faults.append(f"T1 was not found on T0{why}")
         for name, value in values.items():
             if value is not None and value < (least := selection[f"minimum_{name}"]):

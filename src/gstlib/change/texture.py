@@ -70,7 +70,10 @@ def measure_texture(
     for patch in scans:
         change = changes.get(patch)
         of_patch = texture_rows(
-            scans[patch].height, change, s_filter_um=s_filter_um, l_filter_um=l_filter_um
+            scans[patch].height,
+            change,
+            s_filter_um=s_filter_um,
+            l_filter_um=l_filter_um,
         )
         if change is not None and len(of_patch) == 1:
             _log.log(
@@ -126,7 +129,9 @@ def texture_rows(
     if "T1" in values:
         before, after = values["T0"], values["T1"]
         values["change"] = {name: after[name] - before[name] for name in before}
-    size_y, size_x = (n * step for n, step in zip(epochs["T0"].shape, spacing, strict=True))
+    size_y, size_x = (
+        n * step for n, step in zip(epochs["T0"].shape, spacing, strict=True)
+    )
     return [
         {"epoch": epoch, "size_x_mm": size_x, "size_y_mm": size_y, **of_epoch}
         for epoch, of_epoch in values.items()
@@ -181,7 +186,9 @@ def _material_ratio(heights: np.ndarray) -> dict[str, float]:
     line = [top, top + 100 * slope]
     smr1, smr2 = np.interp(line, curve[::-1], ratio[::-1])
     levels = np.interp([smr1, smr2, _PEAKS, _DALES], ratio, curve)
-    peaks, _, material, core = (np.maximum(heights - level, 0).mean() for level in levels)
+    peaks, _, material, core = (
+        np.maximum(heights - level, 0).mean() for level in levels
+    )
     _, dales, void, deep = (np.maximum(level - heights, 0).mean() for level in levels)
     return {
         "Sk": -100 * slope,

@@ -51,10 +51,13 @@ def check_grid(
     Each is given as ((ny, nx), (dy, dx)): shape and spacing, mm.
     """
     (shape, spacing), (patch_shape, patch_spacing) = counterface, patch
-    if shape == patch_shape and np.allclose(spacing, patch_spacing, rtol=_SAME_SPACING, atol=0):
+    if shape == patch_shape and np.allclose(
+        spacing, patch_spacing, rtol=_SAME_SPACING, atol=0
+    ):
         return
     own, other = (
-        f"{n[1]} × {n[0]} points every {s[1]:g} × {s[0]:g} mm" for n, s in (counterface, patch)
+        f"{n[1]} × {n[0]} points every {s[1]:g} × {s[0]:g} mm"
+        for n, s in (counterface, patch)
     )
     raise InputError(
         source,

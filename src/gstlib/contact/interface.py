@@ -80,7 +80,9 @@ class Interface:
         (Bemporad & Paggi, Int. J. Solids Struct. 69-70 (2015) 465).
         """
         plane = replace(self.plane, offset=0.0).heights(self.height)
-        return self.height.copy(data=self.height.values + plane + self.counterface.values)
+        return self.height.copy(
+            data=self.height.values + plane + self.counterface.values
+        )
 
     @property
     def pressed(self) -> xr.DataArray:

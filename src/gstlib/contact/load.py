@@ -45,7 +45,9 @@ class Load(NamedTuple):
         return cls(force_N / area, load_point)
 
 
-def from_corner(place: tuple[float, float], surface: xr.DataArray) -> tuple[float, float]:
+def from_corner(
+    place: tuple[float, float], surface: xr.DataArray
+) -> tuple[float, float]:
     """A place (y, x), mm, on a surface, counted from the corner of its grid."""
     y, x = (
         along - (float(surface[axis][0]) - step / 2)

@@ -109,7 +109,9 @@ def contact_at_pressure(
     this one, is where the solver starts.
     """
     load_point = (
-        None if load.load_point is None else from_corner(load.load_point, interface.height)
+        None
+        if load.load_point is None
+        else from_corner(load.load_point, interface.height)
     )
     state = _run(
         solve_contact,
@@ -125,7 +127,9 @@ def contact_at_pressure(
     )
     if load_point is not None:
         interface = interface.tilted(state.tilt)
-    return Contact.of_state(state, interface, load=load, modulus=modulus, tolerance=tolerance)
+    return Contact.of_state(
+        state, interface, load=load, modulus=modulus, tolerance=tolerance
+    )
 
 
 def solve_again(
@@ -169,7 +173,9 @@ def _run(
         ) from error
     except ContactError as error:
         raise InputError(
-            source, f"its contact could not be solved: {error}", "Look at the surface's figure."
+            source,
+            f"its contact could not be solved: {error}",
+            "Look at the surface's figure.",
         ) from error
     state = getattr(solved, "final", solved)
     _log.info(

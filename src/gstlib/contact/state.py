@@ -30,7 +30,10 @@ _VARIABLES = FIELDS | {
     "counterface": ("mm", "height of the face pressed on it, 0 of a flat"),
     "slope_y": ("1", "slope along y of the plane that the surface lies on"),
     "slope_x": ("1", "slope along x of the plane that the surface lies on"),
-    "surroundings": ("mm", "displacement by the macroscale pressures outside the patch"),
+    "surroundings": (
+        "mm",
+        "displacement by the macroscale pressures outside the patch",
+    ),
     "placed": ("1", "whether it is pressed among its surroundings, or alone"),
     "contact_modulus": ("MPa", "contact modulus"),
     "target_pressure": ("MPa", "mean pressure asked for"),
@@ -48,7 +51,10 @@ _VARIABLES = FIELDS | {
     "contact_fraction": ("1", "real over nominal contact area"),
     "residual": ("1", "largest violation of contact conditions"),
     "stiffness": ("MPa/mm", "contact stiffness"),
-    "interface_stiffness": ("MPa/mm", "contact stiffness without the cut-out's own compliance"),
+    "interface_stiffness": (
+        "MPa/mm",
+        "contact stiffness without the cut-out's own compliance",
+    ),
 }
 # By the number of dimensions.
 _DIMS: tuple[tuple[str, ...], ...] = ((), ("step",), ("y", "x"), ("step", "y", "x"))
@@ -89,7 +95,9 @@ class Contact(ContactState):
     tolerance: float
 
     @classmethod
-    def of_state(cls, state: ContactState, interface: Interface, **settings: Any) -> "Contact":
+    def of_state(
+        cls, state: ContactState, interface: Interface, **settings: Any
+    ) -> "Contact":
         """What the solver gives of an interface; `settings` are the other attributes."""
         fields = {
             name: xr.DataArray(
@@ -107,7 +115,9 @@ class Contact(ContactState):
         values = {
             "height": face.height.values,
             "counterface": face.counterface.values,
-            "surroundings": surroundings if is_equilibrium else np.zeros(face.height.shape),
+            "surroundings": surroundings
+            if is_equilibrium
+            else np.zeros(face.height.shape),
             "slope_y": face.plane.slope_y,
             "slope_x": face.plane.slope_x,
             "placed": is_equilibrium,
@@ -119,7 +129,9 @@ class Contact(ContactState):
             **{name: float(getattr(self, name)) for name in _NUMBERS},
             **{name: getattr(self, name).values for name in _FIELDS},
         }
-        return xr.Dataset(_variables(values), coords={"y": face.height.y, "x": face.height.x})
+        return xr.Dataset(
+            _variables(values), coords={"y": face.height.y, "x": face.height.x}
+        )
 
     @classmethod
     def from_dataset(cls, stored: xr.Dataset) -> "Contact":
@@ -161,7 +173,9 @@ class ContactPath(LoadPath):
             along["interface_stiffness"] = self.interface_stiffness
         if self.states:
             for name in _FIELDS:
-                along[name] = np.stack([_finite(getattr(state, name)) for state in self.states])
+                along[name] = np.stack(
+                    [_finite(getattr(state, name)) for state in self.states]
+                )
         steps = np.arange(1, len(self.displacement) + 1)
         stored = self.final.to_dataset().assign_coords(step=steps)
         return stored.assign(_variables(along, _PATH))

@@ -11,13 +11,24 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.coupling.orientations import LOOKS, ORIENTATIONS, TABLES, as_measured, oriented
+from gstlib.coupling.orientations import (
+    LOOKS,
+    ORIENTATIONS,
+    TABLES,
+    as_measured,
+    oriented,
+)
 from gstlib.surfaces.footprints import moved, on_patch, places_of, spline_of
 
 __all__ = ["AGREES", "CANNOT_TELL", "ELSEWHERE", "SHIFTED", "WAVE_PER_EDGE"]
 __all__ += ["Comparison", "Shift", "shows_waves"]
 
-AGREES, SHIFTED, ELSEWHERE, CANNOT_TELL = "agrees", "shifted", "elsewhere", "cannot tell"
+AGREES, SHIFTED, ELSEWHERE, CANNOT_TELL = (
+    "agrees",
+    "shifted",
+    "elsewhere",
+    "cannot tell",
+)
 # A triangular net of edge a resolves waves down to √3 a, twice the distance between its rows.
 WAVE_PER_EDGE = math.sqrt(3)
 
@@ -184,7 +195,9 @@ class Comparison:
     def _under(self, patches: pd.DataFrame) -> np.ndarray:
         """Heights (patches, points) of the square under each patch."""
         places = places_of(patches).values()
-        under = [on_patch(self.spline, place, _SHAPE, self.patch_mm) for place in places]
+        under = [
+            on_patch(self.spline, place, _SHAPE, self.patch_mm) for place in places
+        ]
         return _flat(np.array(under))
 
     def _products_across(self) -> tuple[np.ndarray, np.ndarray]:
@@ -192,7 +205,9 @@ class Comparison:
         return self.looks[:, 0] @ self.under.T, np.sum(self.under**2, axis=-1)
 
     @cached_property
-    def tables(self) -> dict[str, tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]]:
+    def tables(
+        self,
+    ) -> dict[str, tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]]:
         """For each of `TABLES`, the right patches, shifts that all may share, and `products_at`."""
         patches = self.patches
         at = [self.at] if self.is_few else slice(None)
@@ -210,7 +225,9 @@ class Comparison:
         fits = self.correlation(*self._products_across())
         _, place = scipy.optimize.linear_sum_assignment(-fits)
         columns = ["x_mm", "y_mm", "rotation_deg"]
-        patches = self.patches.assign(**self.patches.iloc[place][columns].to_dict("list"))
+        patches = self.patches.assign(
+            **self.patches.iloc[place][columns].to_dict("list")
+        )
         shifts = self.patch_mm * _SHIFTS[[self.at]]
         return patches, shifts, *self.products_at(patches, shifts)
 

@@ -42,7 +42,9 @@ def surroundings(
     `shape`, that of the scan, in mm, positive into the stone.
     """
     inside = footprint_weights(pressure, place, size_mm)
-    square = HalfSpace(pressure.shape, spacing_of(pressure), contact_modulus_MPa, layer=layer)
+    square = HalfSpace(
+        pressure.shape, spacing_of(pressure), contact_modulus_MPa, layer=layer
+    )
     displaced = pressure.copy(data=square.displacement(pressure.values * (1 - inside)))
     return on_patch(spline_of(displaced), place, shape, size_mm)
 
@@ -64,7 +66,9 @@ def prepare_faces(
     if face is None:
         return level, None
     filtered = s_filtered(face, s_filter_um)
-    return level, turned_over(filtered, height, source="counterface", patch_source=source)
+    return level, turned_over(
+        filtered, height, source="counterface", patch_source=source
+    )
 
 
 def place_patch(
@@ -91,7 +95,12 @@ def place_patch(
     slopes = float(at.slope_y), float(at.slope_x)
     size_mm = float(composite.patch_mm)
     return placed_faces(
-        height, face, contact, PatchPosition.from_dataset(at), size_mm=size_mm, slopes=slopes
+        height,
+        face,
+        contact,
+        PatchPosition.from_dataset(at),
+        size_mm=size_mm,
+        slopes=slopes,
     )
 
 
@@ -130,7 +139,11 @@ def placed_faces(
     """
     ny, nx = height.shape
     displaced = surroundings(
-        contact.pressure, place, (ny, nx), size_mm=size_mm, contact_modulus_MPa=contact.modulus
+        contact.pressure,
+        place,
+        (ny, nx),
+        size_mm=size_mm,
+        contact_modulus_MPa=contact.modulus,
     )
     larger = contact.interface
     if larger.counterface.values.any():

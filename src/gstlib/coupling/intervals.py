@@ -38,7 +38,13 @@ from gstlib.surfaces.footprints import PatchPosition, moved, places_of, spline_o
 from gstlib.surfaces.grid import coarser
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["Errors", "Macroscale", "draw_contact_moduli", "draw_point", "pressure_intervals"]
+__all__ = [
+    "Errors",
+    "Macroscale",
+    "draw_contact_moduli",
+    "draw_point",
+    "pressure_intervals",
+]
 
 _log = logging.getLogger(__name__)
 
@@ -121,7 +127,9 @@ def draw_contact_moduli(
     for stone in (1, 2):
         young, ratio = material[f"young_{stone}_MPa"], material[f"poisson_{stone}"]
         nominal += [young, ratio]
-        drawn.append(young * np.exp(errors.young_log_sd * generator.standard_normal(draws)))
+        drawn.append(
+            young * np.exp(errors.young_log_sd * generator.standard_normal(draws))
+        )
         ratios = ratio + errors.poisson * generator.standard_normal(draws)
         # no stone is auxetic, nor above the ratio of the incompressible
         drawn.append(np.clip(ratios, min(0.0, ratio), max(0.5, ratio)))
@@ -201,7 +209,7 @@ def pressure_intervals(
     >>> gstlib.pressure_intervals(  # doctest: +SKIP
     ...     Macroscale(face, None, None), patches, stones | {"contact_modulus_MPa": 1e4},
     ...     Errors(0, 0, 0, 0, 0, 0, force_log_sd=0.1),
-    ...     force_N=200.0, through=None, patch_mm=0.5, seed=1,
+    ...     force_N=200.0, load_point=None, patch_mm=0.5, seed=1,
     ... ).high_MPa.round()[0]
     60.0
     """
@@ -210,23 +218,32 @@ def pressure_intervals(
     modulus = study_modulus(material)
     moduli = modulus * draw_contact_moduli(material, errors, generator=generator)
     forces_N = force_N * np.exp(
-        errors.force_log_sd * np.random.default_rng([seed, 3]).standard_normal(len(moduli))
+        errors.force_log_sd
+        * np.random.default_rng([seed, 3]).standard_normal(len(moduli))
     )
     mesh = coarser(macroscale.face.height, _COARSER)
     mesh_errors = draw_mesh_errors(
         macroscale.face, mesh, len(moduli), np.random.default_rng([seed, 2])
     )
     generators = [np.random.default_rng([seed, 1, draw]) for draw in range(len(moduli))]
-    places = [_misplaced(pressures, mesh, errors, patch_mm, each) for each in generators]
+    places = [
+        _misplaced(pressures, mesh, errors, patch_mm, each) for each in generators
+    ]
 
     def case(draw: int) -> Case:
         height = mesh + mesh_errors[draw]
         if composite is not None:
             # the generator goes on: another detail in each draw
-            height = _laid_on(height, composite, places[draw], patch_mm, generators[draw])
+            height = _laid_on(
+                height, composite, places[draw], patch_mm, generators[draw]
+            )
         pose = np.random.default_rng([seed, 4, draw])
         if load_point is None:
-            point, radius_mm, height = None, macroscale.radius_mm, remove_plane(height)[0]
+            point, radius_mm, height = (
+                None,
+                macroscale.radius_mm,
+                remove_plane(height)[0],
+            )
         elif (use := uses[draw]) is not None:
             # the wear knows F R / E* alone, and may give no radius
             stiffer = float(moduli[draw] / modulus * force_N / forces_N[draw])
@@ -249,13 +266,8 @@ def pressure_intervals(
         if contact is not None
     ]
     low = high = np.full(len(pressures), np.nan)
-    if missing := len(moduli) - len(drawn):
-        _log.warning(
-            "in %d of %d draws the stone does not rest, so the intervals of the pressures leave "
-            "them out; check load.at_mm and the standard errors in uncertainty",
-            missing,
-            len(moduli),
-        )
+    if len(drawn) < len(moduli):
+        _warn_of_unrest(len(moduli) - len(drawn), len(moduli))
     if drawn:
         low, high = np.percentile(drawn, _PERCENTILES, axis=0)
     table = pressures[["patch", "pressure_MPa"]].assign(low_MPa=low, high_MPa=high)
@@ -265,6 +277,15 @@ def pressure_intervals(
         tilt_mrad=composite.tilt_mrad.values,
         tilt_error_mrad=composite.tilt_error_mrad.values,
         plane=np.where(composite.known.values, "mesh", "levelled"),
+    )
+
+
+def _warn_of_unrest(missing: int, draws: int) -> None:
+    _log.warning(
+        "in %d of %d draws the stone does not rest, so the intervals of the pressures leave "
+        "them out; check load.at_mm and the standard errors in uncertainty",
+        missing,
+        draws,
     )
 
 
@@ -322,7 +343,10 @@ def _stated_use(
     generator: np.random.Generator,
 ) -> tuple[tuple[float, float], float | None]:
     """A load point (y, x), mm, and a radius: as stated, with their errors."""
-    point, radius_mm = draw_point(mesh, load_point, errors.load_point_mm, generator), None
+    point, radius_mm = (
+        draw_point(mesh, load_point, errors.load_point_mm, generator),
+        None,
+    )
     if macroscale.radius_mm is not None:
         error = errors.radius_log_sd * generator.standard_normal()
         radius_mm = macroscale.radius_mm * float(np.exp(error))
@@ -344,4 +368,6 @@ def _posed_over(
             return over
         return as_round_as(over, macroscale.radius_mm, radius_mm)
     y, x = errors.pose_um * 1e-3 * generator.standard_normal(2)
-    return face_in_pose(macroscale.counterface, mesh, PatchPosition(y, x), size_mm=size_mm)
+    return face_in_pose(
+        macroscale.counterface, mesh, PatchPosition(y, x), size_mm=size_mm
+    )

@@ -32,9 +32,21 @@ TABLES = {
     "y_mm measured from the other side": (False, False, True),
     "x_mm and y_mm measured from the other sides": (False, True, True),
     "x_mm and y_mm exchanged": (True, False, False),
-    "x_mm and y_mm exchanged, then x_mm measured from the other side": (True, True, False),
-    "x_mm and y_mm exchanged, then y_mm measured from the other side": (True, False, True),
-    "x_mm and y_mm exchanged, then both measured from the other sides": (True, True, True),
+    "x_mm and y_mm exchanged, then x_mm measured from the other side": (
+        True,
+        True,
+        False,
+    ),
+    "x_mm and y_mm exchanged, then y_mm measured from the other side": (
+        True,
+        False,
+        True,
+    ),
+    "x_mm and y_mm exchanged, then both measured from the other sides": (
+        True,
+        True,
+        True,
+    ),
 }
 
 
@@ -59,7 +71,9 @@ def as_measured(x: Any, y: Any, size_mm: float, mistake: str) -> tuple[Any, Any]
     return (size_mm - x if other_x else x), (size_mm - y if other_y else y)
 
 
-def lying_right(orientation: str, mould: Mould, *, is_alone: bool = False) -> tuple[Mould, int]:
+def lying_right(
+    orientation: str, mould: Mould, *, is_alone: bool = False
+) -> tuple[Mould, int]:
     """How to undo the moulds of patches with an orientation so that they lie right.
 
     `orientation` is that of `check_placement`, with the moulds undone as `mould` says. There may be
@@ -85,13 +99,21 @@ def lying_right(orientation: str, mould: Mould, *, is_alone: bool = False) -> tu
 
 
 def remedy_of(
-    orientation: str, mould: Mould, rows: pd.DataFrame | None = None, table: Sequence[str] = ()
+    orientation: str,
+    mould: Mould,
+    rows: pd.DataFrame | None = None,
+    table: Sequence[str] = (),
 ) -> str:
     """Settings with which patches with this orientation, whose moulds were undone so, lie right.
 
     These are keys of the config, or cells of the patches' `rows`; changes of the `table` follow.
     """
-    whose, invert, flip, none = "every patch", "scans.mould.invert", "scans.mould.flip", "null"
+    whose, invert, flip, none = (
+        "every patch",
+        "scans.mould.invert",
+        "scans.mould.flip",
+        "null",
+    )
     if rows is not None:
         own = rows["flip"].iloc[0] if "flip" in rows else ""
         mould = mould._replace(flip={"none": None, "": mould.flip}.get(own, own))
@@ -102,11 +124,15 @@ def remedy_of(
     parts = []
     if right.invert != mould.invert:
         key = f"set {invert} to {str(right.invert).lower()}"
-        parts.append(key if rows is None else f"invert the heights in the files of {whose}")
+        parts.append(
+            key if rows is None else f"invert the heights in the files of {whose}"
+        )
     if right.flip != mould.flip:
         parts.append(f"set {flip} to {right.flip or none}")
     if turn and rows is not None and is_alone:
-        total = 180 - (180 - rows.rotation_deg.iloc[0] - turn) % 360  # above -180, up to 180
+        total = (
+            180 - (180 - rows.rotation_deg.iloc[0] - turn) % 360
+        )  # above -180, up to 180
         parts.append(f"set rotation_deg of {whose} to {total:g}")
     elif turn:
         parts.append(f"add {turn} to the rotation_deg of {whose}")

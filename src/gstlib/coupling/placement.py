@@ -30,7 +30,13 @@ from gstlib.coupling.comparison import (
     Shift,
     shows_waves,
 )
-from gstlib.coupling.orientations import AS_GIVEN, LOOKS, Mould, remedy_of, remedy_of_table
+from gstlib.coupling.orientations import (
+    AS_GIVEN,
+    LOOKS,
+    Mould,
+    remedy_of,
+    remedy_of_table,
+)
 from gstlib.errors import FaultError, raise_unless_accepted
 
 __all__ = ["ALL", "FAULT", "check_placement"]
@@ -153,7 +159,9 @@ def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
         table = f" with {mistake}" * bool(mistake)
         orientation = f"{name * (name != AS_GIVEN)}{table}".strip()
         problem = _problem("they fit", orientation, other, fit)
-        remedy = remedy_of(name, mould, table=remedy_of_table(mistake, compared.size_mm))
+        remedy = remedy_of(
+            name, mould, table=remedy_of_table(mistake, compared.size_mm)
+        )
         return [_Claim(None, margin, orientation, problem, remedy)], False
     margin = as_given - anywhere
     if margin > 0 and _contradicts(compared):
@@ -183,7 +191,9 @@ def _ways(compared: Comparison) -> dict[tuple[str, str], tuple[np.ndarray, float
 
 def _contradicts(compared: Comparison) -> bool:
     """Whether the mesh is fine and rough enough to contradict all scans together."""
-    ratio = math.sqrt(np.median(compared.mesh[:, compared.at]) / np.median(compared.scan))
+    ratio = math.sqrt(
+        np.median(compared.mesh[:, compared.at]) / np.median(compared.scan)
+    )
     return shows_waves(compared.surface, compared.patch_mm) and ratio > _SMOOTH
 
 
@@ -235,8 +245,12 @@ def _in_another_look(
         return None
     orientation, patches = LOOKS[1 + best], compared.patches.iloc[rows]
     fit, other = compared.fits[rows].mean(axis=0)[[0, 1 + best]]
-    problem = _problem("it fits" if len(rows) == 1 else "they fit", orientation, other, fit)
-    return _Claim(rows, margin, orientation, problem, remedy_of(orientation, mould, patches))
+    problem = _problem(
+        "it fits" if len(rows) == 1 else "they fit", orientation, other, fit
+    )
+    return _Claim(
+        rows, margin, orientation, problem, remedy_of(orientation, mould, patches)
+    )
 
 
 def _not_there(compared: Comparison, row: int, *, tests: int) -> _Claim:
@@ -273,7 +287,9 @@ def _exchanged(compared: Comparison) -> Iterator[_Claim]:
             "their scans fit the mesh at each other's places, and not at their own (correlation "
             f"{compared.fits[rows, 0].mean():.2f})"
         )
-        at = ", ".join(f"{names.iloc[row]} at that of {names.iloc[place[row]]}" for row in rows)
+        at = ", ".join(
+            f"{names.iloc[row]} at that of {names.iloc[place[row]]}" for row in rows
+        )
         remedy = f"Exchange their x_mm and y_mm, or the names of their scans: {at}."
         yield _Claim(rows, margin, "", problem, remedy)
 
@@ -285,7 +301,9 @@ def _problem(they_fit: str, orientation: str, other: float, fit: float) -> str:
     )
 
 
-def _table(compared: Comparison, claims: list[_Claim], *, is_as_given: bool) -> pd.DataFrame:
+def _table(
+    compared: Comparison, claims: list[_Claim], *, is_as_given: bool
+) -> pd.DataFrame:
     """The result of `check_placement`."""
     last = len(compared.scan)
     correlation = compared.fits[:, 0]

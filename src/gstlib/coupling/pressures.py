@@ -41,10 +41,15 @@ def patch_pressures(
         element in it.
     """
     table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]].reset_index(drop=True)
-    means, values = patch_means(pressure, table, size_mm=size_mm), pressure.values.ravel()
+    means, values = (
+        patch_means(pressure, table, size_mm=size_mm),
+        pressure.values.ravel(),
+    )
     mean = means @ values
     peaks = [values[row.indices].max(initial=0.0) for row in means]
-    return table.assign(force_N=mean * size_mm**2, pressure_MPa=mean, peak_pressure_MPa=peaks)
+    return table.assign(
+        force_N=mean * size_mm**2, pressure_MPa=mean, peak_pressure_MPa=peaks
+    )
 
 
 def couple_scales(

@@ -104,9 +104,7 @@ def read_member(path: str | Path, archive: zipfile.ZipFile, name: str) -> bytes:
     member = archive.getinfo(name)
     check_unpacked_size(path, member.file_size)
     if member.compress_type not in _METHODS:
-        problem = (
-            f"{name!r:.60} in it is packed by method {member.compress_type}, not by deflate"
-        )
+        problem = f"{name!r:.60} in it is packed by method {member.compress_type}, not by deflate"
         raise InputError(path, problem, "Export it, or zip it, again.")
     with archive.open(member) as packed:
         content = b"".join(iter(partial(packed.read, _BLOCK), b""))
@@ -122,7 +120,9 @@ def _check_xml(path: str | Path, name: str, content: bytes) -> None:
     count = text.count(b"<") + text.count(b"=")
     problem = None
     if len(content) > _LONGEST_XML:
-        problem = f"has {megabytes(len(content))} MB, and {megabytes(_LONGEST_XML)} are read"
+        problem = (
+            f"has {megabytes(len(content))} MB, and {megabytes(_LONGEST_XML)} are read"
+        )
     elif count > _MOST_IN_XML:
         problem = f"has {count} elements and attributes, and {_MOST_IN_XML} are read"
     elif b"<!ENTITY" in text:
@@ -171,7 +171,9 @@ def _nodes(path: str | Path, file: h5py.File) -> Iterator[h5py.Group | h5py.Data
                 raise _refused(path, f"more than {_MOST_MEMBERS} groups and arrays")
             link = node.get(name, getlink=True)
             if not isinstance(link, h5py.HardLink):
-                raise _refused(path, f"a link ({name!r:.60}) that may lead to another file")
+                raise _refused(
+                    path, f"a link ({name!r:.60}) that may lead to another file"
+                )
             child = node[name]
             address = h5py.h5o.get_info(child.id).addr
             if address not in addresses:
@@ -199,10 +201,13 @@ def _check_storage(path: str | Path, field: h5py.Dataset) -> None:
     filters = [stored.get_filter(number)[0] for number in numbers]
     compressions = [one for one in filters if one in _COMPRESSIONS]
     if stored.get_layout() not in _LAYOUTS or stored.get_external_count():
-        raise _refused(path, f"an array ({field.name!r:.60}) that is stored in other files")
+        raise _refused(
+            path, f"an array ({field.name!r:.60}) that is stored in other files"
+        )
     if not _FILTERS.issuperset(filters) or len(compressions) > 1:
         raise _refused(
-            path, f"an array ({field.name!r:.60}) that is packed by the filters {filters}"
+            path,
+            f"an array ({field.name!r:.60}) that is packed by the filters {filters}",
         )
 
 

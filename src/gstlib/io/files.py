@@ -15,7 +15,13 @@ from pathlib import Path
 
 from gstlib.errors import InputError, OutputError
 
-__all__ = ["LARGEST_TABLE", "cannot_read", "cannot_write", "check_regular", "check_size"]
+__all__ = [
+    "LARGEST_TABLE",
+    "cannot_read",
+    "cannot_write",
+    "check_regular",
+    "check_size",
+]
 __all__ += ["check_writable", "megabytes", "sha256", "write_whole"]
 
 # Bytes that are read of one file: a stone of twenty million triangles. Tables and configs are far
@@ -91,7 +97,9 @@ def cannot_read(path: str | Path, kind: str, error: Exception) -> InputError:
     """
     number = getattr(error, "errno", None)
     if "lock file" in str(error):
-        problem = "cannot be locked: another program writes it, or its disk has no locks"
+        problem = (
+            "cannot be locked: another program writes it, or its disk has no locks"
+        )
         remedy = (
             "If no other program uses it, run `export HDF5_USE_FILE_LOCKING=FALSE` first "
             "(docs/how-to/cluster.md)."

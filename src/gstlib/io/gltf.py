@@ -104,7 +104,10 @@ def _moved_otherwise(header: _Header) -> Iterator[str]:
 
 def _numbers_not_read(header: _Header, part: _Header) -> Iterator[str]:
     """Which numbers of a part's places and corners are not in the file as trimesh reads them."""
-    used = {"positions": part["attributes"]["POSITION"], "triangles": part.get("indices")}
+    used = {
+        "positions": part["attributes"]["POSITION"],
+        "triangles": part.get("indices"),
+    }
     for what, number in used.items():
         if number is None:
             continue

@@ -47,7 +47,16 @@ _AS_MEASURED = (
 _SUR_MARKS = b"DIGITAL SURF", b"DSCOMPRESSED"
 _SUR_HEADER = np.dtype(
     {
-        "names": ["kind", "bits", "lowest", "highest", "nx", "ny", "comment", "private"],
+        "names": [
+            "kind",
+            "bits",
+            "lowest",
+            "highest",
+            "nx",
+            "ny",
+            "comment",
+            "private",
+        ],
         "formats": ["<u2", "<u2", "<i4", "<i4", "<i4", "<i4", "<u2", "<u2"],
         "offsets": [18, 98, 100, 104, 108, 112, 334, 336],
         "itemsize": 512,
@@ -75,7 +84,9 @@ _SDF_HEADER = np.dtype(
 _SDF_TRAILER = re.compile(rb"\s*(<\s*[A-Za-z]|[A-Za-z]\w*\s*=|\x1a|$)")
 _NO_HEIGHTS = "it holds no map of heights"
 _COPY_AGAIN = "Copy the file, or export the scan, again."
-_OWN_FORMAT = "Export the scan in the instrument's own format (.plu, .plux, .al3d, .sur, ...)."
+_OWN_FORMAT = (
+    "Export the scan in the instrument's own format (.plu, .plux, .al3d, .sur, ...)."
+)
 
 
 def read_instrument_file(path: Path) -> RawMap:
@@ -95,9 +106,7 @@ def read_instrument_file(path: Path) -> RawMap:
     # the readers raise whatever their parsers raise, and MemoryError for a size that is too large
     except Exception as error:
         reason = plain_text(f"{type(error).__name__}: {error} {error.__cause__ or ''}")
-        problem = (
-            f"cannot be read as a height map ({reason}): it is damaged or in another format"
-        )
+        problem = f"cannot be read as a height map ({reason}): it is damaged or in another format"
         raise InputError(path, problem, _OWN_FORMAT) from error
 
 
@@ -130,7 +139,9 @@ def _format_of(path: Path) -> str:
         problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
         raise InputError(path, problem, "Install it: pip install 'gstlib[formats]'")
     if path.suffix.lower() not in formats:
-        problem = f"cannot be read as a height map: the ending '{path.suffix}' is unknown"
+        problem = (
+            f"cannot be read as a height map: the ending '{path.suffix}' is unknown"
+        )
         raise InputError(path, problem, _OWN_FORMAT)
     return formats[path.suffix.lower()]
 
@@ -253,7 +264,9 @@ def _unpacked_sur(path: Path, content: bytes, start: int) -> tuple[bytes, int]:
         # no more than is stated, whatever the stream holds, but for a byte that shows its end
         part = stream.decompress(content[at : at + packed], size + 1)
         if len(part) != size or not stream.eof:
-            raise InputError(path, f"its heights do not unpack to {size} bytes", _COPY_AGAIN)
+            raise InputError(
+                path, f"its heights do not unpack to {size} bytes", _COPY_AGAIN
+            )
         heights += part
         at += packed
     return heights, at

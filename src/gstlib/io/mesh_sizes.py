@@ -11,7 +11,13 @@ from gstlib.errors import FaultError, InputError, refuse
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["STATED_UNITS", "UNITS", "check_step_and_extent", "steps_of", "units_of_size"]
+__all__ = [
+    "STATED_UNITS",
+    "UNITS",
+    "check_step_and_extent",
+    "steps_of",
+    "units_of_size",
+]
 
 _log = logging.getLogger(__name__)
 
@@ -43,7 +49,9 @@ _FAR = 10.0
 _NO_STEP = 1e-8
 
 
-def check_step_and_extent(path: Path, corners: np.ndarray, step_mm: float, unit: str) -> None:
+def check_step_and_extent(
+    path: Path, corners: np.ndarray, step_mm: float, unit: str
+) -> None:
     """Refuse coordinates with too few digits, or that span (in `unit`) what is no stone's size."""
     extent = float(np.ptp(corners, axis=(0, 1)).max())
     farthest = float(np.abs(corners).max())
@@ -52,12 +60,16 @@ def check_step_and_extent(path: Path, corners: np.ndarray, step_mm: float, unit:
     if farthest > _FAR * extent:
         cause = f"the mesh lies {_length(farthest * length_mm)} from its origin"
     problem = f"its coordinates have steps of {_length(step_mm)} because {cause}"
-    remedy = (
-        "Export it again with the origin on the tool, in double precision or with more digits."
-    )
+    remedy = "Export it again with the origin on the tool, in double precision or with more digits."
     # of a mesh in another unit than its own, the steps grow with the size
-    if step_mm > max(_LARGEST_STEP, _LARGEST_STEP / _LARGEST_STONE * extent * length_mm):
-        refuse(FaultError("mesh_step", path, f"{problem}; at most 20 µm can be used", remedy))
+    if step_mm > max(
+        _LARGEST_STEP, _LARGEST_STEP / _LARGEST_STONE * extent * length_mm
+    ):
+        refuse(
+            FaultError(
+                "mesh_step", path, f"{problem}; at most 20 µm can be used", remedy
+            )
+        )
     _check_extent(path, extent, unit)
     if step_mm > _DOUBTFUL_STEP:
         _log.warning("%s: %s, and heights err by as much. %s", path, problem, remedy)
@@ -80,13 +92,19 @@ def _check_extent(path: Path, extent: float, unit: str) -> None:
     """Refuse a mesh whose largest extent (in `unit`) is not that of a stone."""
     if _SMALLEST_STONE <= extent * UNITS[unit] <= _LARGEST_STONE:
         return
-    remedy = f"Scale the mesh to one of the units {list(_LIKELY_UNITS)} and set mesh_unit."
+    remedy = (
+        f"Scale the mesh to one of the units {list(_LIKELY_UNITS)} and set mesh_unit."
+    )
     fitting = {name: extent * UNITS[name] for name in units_of_size(extent)}
     if fitting:
-        sizes = " or ".join(f"mesh_unit: {name} ({mm:.3g} mm)" for name, mm in fitting.items())
+        sizes = " or ".join(
+            f"mesh_unit: {name} ({mm:.3g} mm)" for name, mm in fitting.items()
+        )
         remedy = f"It looks as if it were in another unit: set {sizes}."
     raise InputError(
-        path, f"its largest extent is {extent:.4g} {unit}, which is no stone's size", remedy
+        path,
+        f"its largest extent is {extent:.4g} {unit}, which is no stone's size",
+        remedy,
     )
 
 
@@ -99,7 +117,9 @@ def units_of_size(extent: float) -> list[str]:
     [['mm'], ['m'], ['cm', 'in'], ['mm']]
     """
     for low, high in (_HAND_SIZED, (10.0, _LARGEST_STONE)):
-        fitting = [name for name in _LIKELY_UNITS if low <= extent * UNITS[name] <= high]
+        fitting = [
+            name for name in _LIKELY_UNITS if low <= extent * UNITS[name] <= high
+        ]
         if fitting:
             return fitting
     return []

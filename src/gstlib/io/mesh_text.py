@@ -13,7 +13,14 @@ from typing import NamedTuple
 
 from gstlib.errors import InputError
 
-__all__ = ["EXPORT_AGAIN", "PlainText", "plain_obj", "plain_off", "plain_ply", "plain_stl"]
+__all__ = [
+    "EXPORT_AGAIN",
+    "PlainText",
+    "plain_obj",
+    "plain_off",
+    "plain_ply",
+    "plain_stl",
+]
 __all__ += ["unit_word"]
 
 EXPORT_AGAIN = "Export the mesh again as triangles (binary STL or PLY)."
@@ -26,8 +33,14 @@ _UTF_16 = b"\xff\xfe", b"\xfe\xff"
 _ODD_IN_OBJ = (
     (rb"^f [^\n]{%d}" % _LONGEST_FACE, "has a face of a thousand corners"),
     (rb"^f.* -?0+(?: |$)", "has a face with vertex number 0, and they begin with 1"),
-    (rb"^f(?: \S+){0,2}$", "has a face of fewer than three corners: it is cut or damaged"),
-    (rb"^v(?: \S+){0,2}$", "has a vertex of fewer than three numbers: it is cut or damaged"),
+    (
+        rb"^f(?: \S+){0,2}$",
+        "has a face of fewer than three corners: it is cut or damaged",
+    ),
+    (
+        rb"^v(?: \S+){0,2}$",
+        "has a vertex of fewer than three numbers: it is cut or damaged",
+    ),
     (
         rb"^v(?: \S+){3} (?!1(?:\.0*)?$)\S+$",
         "has vertices with a fourth number that is not 1, a weight, which is not applied here",
@@ -96,14 +109,15 @@ def plain_off(path: Path, content: bytes) -> PlainText:
 def plain_ply(path: Path, content: bytes) -> PlainText:
     """A PLY without comments; of a binary one, trimesh counts the faces."""
     header = re.match(
-        rb"ply[^\S\r\n]*[\r\n](?:[^\r\n]*[\r\n])*?end_header[ \t]*(?:\r\n|\r(?!\n)|\n)", content
+        rb"ply[^\S\r\n]*[\r\n](?:[^\r\n]*[\r\n])*?end_header[ \t]*(?:\r\n|\r(?!\n)|\n)",
+        content,
     )
     of_faces = rb"^[ \t\r]*+element\s+face\s"
     if header is None or not re.search(of_faces, header[0], re.MULTILINE):
         raise _no_header(path)
     lines = header[0].translate(_BLANKS).split(b"\n")
+    # and empty lines
     passed_over: list[list[bytes]] = [[], [b"comment"], [b"obj_info"]]
-    passed_over = [], [b"comment"], [b"obj_info"]
     kept = [line for line in lines if line.split()[:1] not in passed_over]
     head = b"\n".join([*kept, b""])
     body = content[header.end() :]
@@ -118,7 +132,9 @@ def plain_ply(path: Path, content: bytes) -> PlainText:
     _check_rows(path, len(rows), stated)
     faces, left = 0, iter(rows)
     for name, count, is_list in elements:
-        corners = [_corners(path, row, is_list) for row in itertools.islice(left, count)]
+        corners = [
+            _corners(path, row, is_list) for row in itertools.islice(left, count)
+        ]
         if name == b"face":
             faces += sum(corners) - 2 * count
     return PlainText(head + body, faces, is_ended)
@@ -129,13 +145,17 @@ def plain_stl(path: Path, content: bytes) -> PlainText:
     text, _ = _tidied(path, content)
     last = text.rsplit(b"\n", 2)[-2]
     if not last.lower().startswith(b"endsolid"):
-        raise InputError(path, "ends without 'endsolid': it is cut, or no STL", EXPORT_AGAIN)
+        raise InputError(
+            path, "ends without 'endsolid': it is cut, or no STL", EXPORT_AGAIN
+        )
     any_case = re.MULTILINE | re.IGNORECASE
     text = re.sub(rb"^(end)?solid\b.*", rb"\1solid", text, flags=any_case)
     return PlainText(text, text.lower().count(b"endfacet"), is_ended=True)
 
 
-def _tidied(path: Path, content: bytes, *, continued: bool = False) -> tuple[bytes, bool]:
+def _tidied(
+    path: Path, content: bytes, *, continued: bool = False
+) -> tuple[bytes, bool]:
     """Text with one kind of line ends and blanks, without comments and empty lines.
 
     Lines that end in a backslash go on if `continued`. The second result is whether the text had an
@@ -153,13 +173,17 @@ def _tidied(path: Path, content: bytes, *, continued: bool = False) -> tuple[byt
     text = text.strip(b" \n") + b"\n"
     text = re.sub(rb"\n\n+", b"\n", text)
     if re.search(rb"^(?:v |vertex )? ?[-+]?\d+,\d", text, re.MULTILINE | re.IGNORECASE):
-        raise InputError(path, "has decimal commas", "Export it again, with decimal points.")
+        raise InputError(
+            path, "has decimal commas", "Export it again, with decimal points."
+        )
     return text, is_ended
 
 
 def _refuse_zero_bytes(path: Path, text: bytes) -> None:
     if b"\0" in text:
-        raise InputError(path, "is text with zero bytes in it: it is damaged", EXPORT_AGAIN)
+        raise InputError(
+            path, "is text with zero bytes in it: it is damaged", EXPORT_AGAIN
+        )
 
 
 def _elements(header: Sequence[bytes]) -> Iterator[tuple[bytes, int, list[bool]]]:
@@ -167,7 +191,9 @@ def _elements(header: Sequence[bytes]) -> Iterator[tuple[bytes, int, list[bool]]
     words = [line.split() for line in header]
     starts = [number for number, line in enumerate(words) if line[0] == b"element"]
     for start, end in itertools.pairwise([*starts, len(words)]):
-        is_list = [line[1] == b"list" for line in words[start:end] if line[0] == b"property"]
+        is_list = [
+            line[1] == b"list" for line in words[start:end] if line[0] == b"property"
+        ]
         yield words[start][1], int(words[start][2]), is_list
 
 
@@ -196,5 +222,7 @@ def _check_rows(path: Path, count: int, stated: int) -> None:
 
 
 def _no_header(path: Path) -> InputError:
-    problem = f"does not begin with the header of {path.suffix[1:].upper()} with its faces"
+    problem = (
+        f"does not begin with the header of {path.suffix[1:].upper()} with its faces"
+    )
     return InputError(path, problem, "Correct its ending, or export it again.")

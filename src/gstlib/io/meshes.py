@@ -54,14 +54,27 @@ _log = logging.getLogger(__name__)
 
 _READ = (".stl", ".ply", ".obj", ".off", ".glb", ".3mf")
 # Other formats of meshes: trimesh needs further packages for them, or reads them unchecked.
-_NOT_READ = (".gltf", ".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", ".nxz", ".ctm")
+_NOT_READ = (
+    ".gltf",
+    ".fbx",
+    ".dae",
+    ".wrl",
+    ".x3d",
+    ".usd",
+    ".usdz",
+    ".nxs",
+    ".nxz",
+    ".ctm",
+)
 # A mesh whose area vectors cancel to this share is closed, except for pin-holes from the scanner.
 _CLOSED = 0.01
 # Faces and vertices that are zeros, as in a lost block of the file: so many, and ten times as many
 # as are in any other place, where one vertex is. Rounding shrinks triangles to points, too, but
 # everywhere.
 _FEWEST_EMPTY, _ZEROS_TIMES = 3, 10
-_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_RECORD = np.dtype(
+    [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
+)
 _TEXT_READERS = {".obj": plain_obj, ".off": plain_off, ".ply": plain_ply}
 _STL_HEADER = 84
 # Counts in the header of an STL that was written before its program knew how many triangles follow.
@@ -121,7 +134,9 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
 
     path = Path(path)
     if unit not in (None, *UNITS):
-        raise InputError(path, f"unknown mesh unit {unit!r}", f"Use one of {list(UNITS)}.")
+        raise InputError(
+            path, f"unknown mesh unit {unit!r}", f"Use one of {list(UNITS)}."
+        )
     content = _read_content(path)
     parts, stated, is_ended = _load(path, content)
     vertices = np.concatenate([part.vertices for part in parts])
@@ -132,7 +147,11 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     unit = _unit_to_read_in(path, unit, stated)
     step_mm = max(part.step for part in parts) * UNITS[unit]
     check_step_and_extent(path, vertices[faces], step_mm, unit)
-    metadata = {"file_unit": unit, "states_unit": stated is not None, "step_mm": step_mm}
+    metadata = {
+        "file_unit": unit,
+        "states_unit": stated is not None,
+        "step_mm": step_mm,
+    }
     vertices_mm = vertices * UNITS[unit]
     mesh = trimesh.Trimesh(vertices_mm, faces, process=False, metadata=metadata)
     mesh.merge_vertices()
@@ -142,7 +161,9 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     return mesh
 
 
-def ply_with(mesh: "trimesh.Trimesh", scalars: Mapping[str, np.ndarray], *, unit: str) -> bytes:
+def ply_with(
+    mesh: "trimesh.Trimesh", scalars: Mapping[str, np.ndarray], *, unit: str
+) -> bytes:
     """A binary PLY of a mesh (mm), in its file's own unit, with numbers (n,) at its vertices.
 
     Each is a property of its own. CloudCompare takes properties for scalar fields by the prefix
@@ -154,7 +175,9 @@ def ply_with(mesh: "trimesh.Trimesh", scalars: Mapping[str, np.ndarray], *, unit
         f"scalar_{name}": scalar.astype(np.float32) for name, scalar in scalars.items()
     }
     vertices = np.asarray(mesh.vertices) / UNITS[unit]
-    whole = trimesh.Trimesh(vertices, mesh.faces, process=False, vertex_attributes=numbers)
+    whole = trimesh.Trimesh(
+        vertices, mesh.faces, process=False, vertex_attributes=numbers
+    )
     ply: Any = whole.export(file_type="ply", vertex_normal=False)
     return ply
 
@@ -167,10 +190,14 @@ def is_mesh(path: str | Path) -> bool:
 def _read_content(path: Path) -> bytes:
     """All bytes of a mesh's file, if it is none that would fill the memory."""
     if not path.is_file():
-        raise InputError(path, "no such file", "Correct the path of the mesh in the config.")
+        raise InputError(
+            path, "no such file", "Correct the path of the mesh in the config."
+        )
     if path.suffix.lower() not in _READ:
         problem = f"'{path.suffix}' is not a mesh format that is read here"
-        raise InputError(path, problem, f"Export the mesh as one of {', '.join(_READ)}.")
+        raise InputError(
+            path, problem, f"Export the mesh as one of {', '.join(_READ)}."
+        )
     check_size(path)
     if zipfile.is_zipfile(path):
         return _check_parts(path, plain_zip(path))
@@ -221,7 +248,10 @@ def _turn_outwards(mesh: "trimesh.Trimesh") -> None:
     from_middle = mesh.triangles_center - mesh.bounds.mean(axis=0)
     outwards = from_middle * mesh.triangles_cross
     if is_closed(mesh) and outwards.sum() < 0:
-        _log.log(NOTE, "the mesh is inside out (its volume is negative): its faces were turned")
+        _log.log(
+            NOTE,
+            "the mesh is inside out (its volume is negative): its faces were turned",
+        )
         mesh.invert()
 
 
@@ -247,7 +277,11 @@ def _mind_cut_end(
 ) -> None:
     """Refuse text that ends within a line, if its last face or its vertices show that it is cut."""
     unused = len(vertices) - len(np.unique(faces))
-    sign = f"{unused} of its vertices belong to no face" if unused else "its last face is odd"
+    sign = (
+        f"{unused} of its vertices belong to no face"
+        if unused
+        else "its last face is odd"
+    )
     if is_ended:
         # an OBJ does not state how many faces follow
         if unused and path.suffix.lower() == ".obj":
@@ -259,7 +293,9 @@ def _mind_cut_end(
     is_last_odd = longest[-1] > longest[:-1].max(initial=0)
     if unused or is_last_odd:
         problem = f"ends within a line, and {sign}: it is cut"
-        raise InputError(path, problem, f"{EXPORT_AGAIN} If it is whole, end its last line.")
+        raise InputError(
+            path, problem, f"{EXPORT_AGAIN} If it is whole, end its last line."
+        )
 
 
 def _plain(path: Path, content: bytes) -> PlainText:
@@ -310,7 +346,11 @@ def _load(path: Path, content: bytes) -> tuple[list[_Part], str | None, bool]:
         with warnings.catch_warnings():
             # NumPy stops at a word that is not a number, and only warns.
             warnings.filterwarnings("error", message="string or file could not be read")
-            stored = position_accessors(checked_header(path, content)) if kind == "glb" else []
+            stored = (
+                position_accessors(checked_header(path, content))
+                if kind == "glb"
+                else []
+            )
             scene = _scene(plain.content, kind)
             if kind == "ply":
                 _check_ply_lists(path, scene)
@@ -329,14 +369,14 @@ def _load(path: Path, content: bytes) -> tuple[list[_Part], str | None, bool]:
     if plain.faces not in (None, count):
         raise _other_count(path, count, plain.faces)
     if count == 0:
-        raise InputError(path, "the mesh has no faces", "Export it again, with its triangles.")
+        raise InputError(
+            path, "the mesh has no faces", "Export it again, with its triangles."
+        )
     return parts, STATED_UNITS.get(word), plain.is_ended
 
 
 def _other_count(path: Path, count: int, stated: int | None) -> InputError:
-    problem = (
-        f"{count} triangles can be read, but the file states {stated}: it is cut or damaged"
-    )
+    problem = f"{count} triangles can be read, but the file states {stated}: it is cut or damaged"
     return InputError(path, problem, EXPORT_AGAIN)
 
 
@@ -345,7 +385,11 @@ def _scene(content: bytes, kind: str) -> "trimesh.Scene":
     import trimesh
 
     # Textures and materials would open other files and split vertices.
-    options: Any = {"skip_materials": True, "fix_texture": False, "maintain_order": True}
+    options: Any = {
+        "skip_materials": True,
+        "fix_texture": False,
+        "maintain_order": True,
+    }
     # From memory, so that trimesh cannot look for other files beside this one.
     file = io.BytesIO(content)
     scene: Any = trimesh.load_scene(file, file_type=kind, process=False, **options)
@@ -382,7 +426,9 @@ def _parts(
         yield _Part(vertices @ turn.T + shift, faces, step)
 
 
-def _numbers(stored: np.ndarray, accessor: Mapping[str, Any]) -> tuple[np.ndarray, float]:
+def _numbers(
+    stored: np.ndarray, accessor: Mapping[str, Any]
+) -> tuple[np.ndarray, float]:
     """Coordinates of a part, and their step if they are whole numbers, as in quantised GLB."""
     if (kind := accessor.get("componentType")) not in _WHOLE_NUMBERS:
         return stored, 0.0
@@ -403,7 +449,9 @@ def _check_ply_lists(path: Path, scene: "trimesh.Scene") -> None:
                     continue
                 lengths = rows[column]["f0"]
                 if (lengths != lengths[:1]).any():
-                    problem = "is damaged, or its faces have different numbers of corners"
+                    problem = (
+                        "is damaged, or its faces have different numbers of corners"
+                    )
                     raise InputError(path, problem, EXPORT_AGAIN)
 
 

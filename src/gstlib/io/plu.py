@@ -45,7 +45,9 @@ _VERSION_2012, _DCM_3D_REV_2 = 251, 7
 _WRITTEN, _WRITTEN_SECONDS = b"Thu Jan  1 00:00:00 1970", 0
 
 
-def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[str, str]]:
+def read_plu(
+    path: Path,
+) -> tuple[np.ndarray, tuple[float, float], float, dict[str, str]]:
     """Read the first topography of a `.plu`, as a reader of `gstlib.io.scans`.
 
     Raises
@@ -88,7 +90,10 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
     dx, dy, x, y = struct.unpack_from("<4f", content, 404)
     (objective,) = struct.unpack_from("<I", content, 440)
     layers, version, instrument = content[489:492]
-    attrs = {"vendor": "Sensofar", "objective": _OBJECTIVES.get(objective, f"no. {objective}")}
+    attrs = {
+        "vendor": "Sensofar",
+        "objective": _OBJECTIVES.get(objective, f"no. {objective}"),
+    }
     # Older and later versions keep something else in place of the instrument.
     if 0 < version <= _VERSION_2012 and instrument in _INSTRUMENTS:
         attrs = {"instrument": _INSTRUMENTS[instrument], **attrs}

@@ -65,7 +65,9 @@ def read_points(
         raise _scattered(path, len(points))
     _refuse_cut_grid(path, rows, columns)
     if length is None:
-        _mind_point_numbers(path, points[:, :2], (dx, dy), step_in_units(unit, spacing_um))
+        _mind_point_numbers(
+            path, points[:, :2], (dx, dy), step_in_units(unit, spacing_um)
+        )
     heights = np.full((ny, nx), np.nan)
     heights[rows, columns] = points[:, 2]
     refuse_two_units(path, heights, (dy, dx))
@@ -111,7 +113,9 @@ def _mind_point_numbers(
         message = "%s: %s. They are read as lengths in scans.unit"
         _log.warning(message, path, numbered)
     elif abs(config_step - 1) > SPACING_TOLERANCE:
-        problem = f"{numbered}, and scans.spacing_um states {config_step:g} in scans.unit"
+        problem = (
+            f"{numbered}, and scans.spacing_um states {config_step:g} in scans.unit"
+        )
         remedy = "Multiply them by the spacing, or save the heights as a matrix (.csv)."
         raise InputError(
             path, problem, f"{remedy} If they are lengths, correct scans.spacing_um."

@@ -17,7 +17,12 @@ import xarray as xr
 
 from gstlib.errors import NOTE, FaultError, InputError, refuse
 from gstlib.io.files import check_size
-from gstlib.io.instruments import RawMap, instrument_endings, plain_text, read_instrument_file
+from gstlib.io.instruments import (
+    RawMap,
+    instrument_endings,
+    plain_text,
+    read_instrument_file,
+)
 from gstlib.io.plu import read_plu
 from gstlib.io.points import read_points
 from gstlib.io.text import SCAN_UNITS, read_matrix
@@ -104,7 +109,9 @@ def read_scan(
     """
     path = Path(path)
     if unit is not None and unit not in SCAN_UNITS:
-        raise InputError(path, f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}.")
+        raise InputError(
+            path, f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}."
+        )
     if not path.is_file():
         raise InputError(
             path, "no such file", "Correct the name in the patch table, or the folder."
@@ -145,16 +152,24 @@ def read_scan(
 
 def is_scan(path: str | Path) -> bool:
     """Whether a file has the ending of a height map that `read_scan` reads."""
-    return Path(path).suffix.lower() in (*_READERS, *_TEXT_READERS, *instrument_endings())
+    return Path(path).suffix.lower() in (
+        *_READERS,
+        *_TEXT_READERS,
+        *instrument_endings(),
+    )
 
 
 def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:
     """The file states neither its unit nor, perhaps, the spacing of its points."""
     keys = {}
     if unit:
-        keys["its unit of length"] = f"scans.unit in the config to one of {list(SCAN_UNITS)}"
+        keys["its unit of length"] = (
+            f"scans.unit in the config to one of {list(SCAN_UNITS)}"
+        )
     if spacing:
-        keys["the spacing of its points"] = "scans.spacing_um in the config to that in µm"
+        keys["the spacing of its points"] = (
+            "scans.spacing_um in the config to that in µm"
+        )
     return InputError(
         path,
         f"the file does not state {' or '.join(keys)}",
@@ -163,11 +178,15 @@ def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:
     )
 
 
-def _mind_step_too_few(path: Path, shape: tuple[int, ...], spacing: tuple[float, ...]) -> None:
+def _mind_step_too_few(
+    path: Path, shape: tuple[int, ...], spacing: tuple[float, ...]
+) -> None:
     """Warn if the points would be square with the length divided by n points, not n - 1."""
     dy, dx = spacing
     if min(shape) > 1:
-        true_y, true_x = (step * (n - 1) / n for step, n in zip(spacing, shape, strict=True))
+        true_y, true_x = (
+            step * (n - 1) / n for step, n in zip(spacing, shape, strict=True)
+        )
         oblongness = abs(dx / dy - 1)
         if oblongness > 1e-5 and abs(true_x / true_y - 1) < 0.1 * oblongness:
             _log.warning(
@@ -276,9 +295,7 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
     held, count = distinct[np.argmax(far)], far.max()
     if _FEWEST_HELD <= count < heights.size / 2 and 2 * count > far.sum():
         heights[heights == held] = np.nan
-        message = (
-            "%s: %d points share the height %g µm, far from all others: taken as unmeasured"
-        )
+        message = "%s: %d points share the height %g µm, far from all others: taken as unmeasured"
         _log.warning(message, path, count, held * 1e3)
         return
     second, most = np.sort([0, *counts])[-2:]
@@ -312,16 +329,16 @@ def _refuse_lost_block(path: Path, heights: np.ndarray) -> None:
             f"elsewhere at most {repeated} are equal: a block of the file is lost"
         )
         refuse(
-            FaultError("odd_scan", path, problem, "Copy the file, or export the scan, again.")
+            FaultError(
+                "odd_scan", path, problem, "Copy the file, or export the scan, again."
+            )
         )
 
 
 def unit_remedy(states_unit: bool) -> str:
     """What to do about heights in a wrong unit: the config has no effect on files that state it."""
     if states_unit:
-        return (
-            "The unit stands in the file, not in scans.unit: correct the instrument's export."
-        )
+        return "The unit stands in the file, not in scans.unit: correct the instrument's export."
     return "Check scans.unit in the config, and the instrument's export."
 
 
@@ -331,7 +348,9 @@ def _check_plausible(
     """Refuse a map that no profilometer can have measured."""
     (ny, nx), (dy, dx) = heights.shape, spacing
     if min(ny, nx) < 2:
-        raise InputError(path, f"holds {ny} × {nx} points, not a map", "Export the whole map.")
+        raise InputError(
+            path, f"holds {ny} × {nx} points, not a map", "Export the whole map."
+        )
     if not np.isfinite(heights).any():
         raise InputError(path, "not one point is measured", "Measure the patch again.")
     extent = float(np.nanmax(heights) - np.nanmin(heights))

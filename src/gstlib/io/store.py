@@ -130,7 +130,9 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
                 for name, own in dims_of.items()
                 if not _is_bare(file[name])
             }
-            coords = {name: variables.pop(name) for name in list(variables) if name in dims}
+            coords = {
+                name: variables.pop(name) for name in list(variables) if name in dims
+            }
             return xr.Dataset(variables, coords, _attributes(file))
     except (InputError, MemoryError):  # the latter is not the file's fault
         raise
@@ -146,7 +148,9 @@ def read_attributes(path: str | Path) -> dict[str, object]:
 def _dimensions(field: h5py.Dataset) -> list[str]:
     """Names of a field's dimensions; a coordinate is its own."""
     scales = [field] if field.shape else []
-    if "DIMENSION_LIST" in field.attrs:  # HDF5's own reader of it trusts it, and may crash
+    if (
+        "DIMENSION_LIST" in field.attrs
+    ):  # HDF5's own reader of it trusts it, and may crash
         references = field.attrs["DIMENSION_LIST"]
         scales = [field.file[reference[0]] for reference in references]
     return [Path(scale.name).name for scale in scales]

@@ -27,7 +27,14 @@ SIGNIFICANT_DIGITS = 5
 _KNOWN_DIGITS = 10
 _FORMULA = ("=", "+", "-", "@")
 # Columns that the stages take from the table of patch pressures.
-_PRESSURES = ("patch", "x_mm", "y_mm", "rotation_deg", "pressure_MPa", "square_pressure_MPa")
+_PRESSURES = (
+    "patch",
+    "x_mm",
+    "y_mm",
+    "rotation_deg",
+    "pressure_MPa",
+    "square_pressure_MPa",
+)
 # If this variable is 1, tables print every digit, to show differences below the printed ones.
 ALL_DIGITS = "GSTLIB_ALL_DIGITS"
 
@@ -49,7 +56,11 @@ def _format(value: Any, digits: int) -> str:
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.17g}" if os.environ.get(ALL_DIGITS) == "1" else printed(value, digits)
+        return (
+            f"{value:.17g}"
+            if os.environ.get(ALL_DIGITS) == "1"
+            else printed(value, digits)
+        )
     text = str(value)
     # spreadsheets would take it for a formula
     return f"'{text}" if isinstance(value, str) and text.startswith(_FORMULA) else text
@@ -91,7 +102,9 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
     try:
         check_regular(path)
         # NA, nan or None may be the name of a patch
-        table = pd.read_csv(path, dtype={"patch": str}, keep_default_na=False, na_values=[""])
+        table = pd.read_csv(
+            path, dtype={"patch": str}, keep_default_na=False, na_values=[""]
+        )
     except (OSError, ValueError) as error:  # pandas' own errors are ValueErrors
         raise cannot_read(path, "a table", error) from error
     missing = [column for column in columns if column not in table.columns]

@@ -23,13 +23,27 @@ from gstlib.io.text_rows import (
     refuse_odd_decimals,
 )
 
-__all__ = ["GRID_TOLERANCE", "HEADER_UNITS", "SCAN_UNITS", "SPACING_TOLERANCE", "UNIT_PATTERN"]
-__all__ += ["TextMap", "read_matrix", "refuse_statements", "refuse_two_units", "step_in_units"]
+__all__ = [
+    "GRID_TOLERANCE",
+    "HEADER_UNITS",
+    "SCAN_UNITS",
+    "SPACING_TOLERANCE",
+    "UNIT_PATTERN",
+]
+__all__ += [
+    "TextMap",
+    "read_matrix",
+    "refuse_statements",
+    "refuse_two_units",
+    "step_in_units",
+]
 
 _log = logging.getLogger(__name__)
 
 # As a reader of `gstlib.io.scans` returns it.
-TextMap: TypeAlias = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]
+TextMap: TypeAlias = tuple[
+    np.ndarray, tuple[float, float] | None, float | None, dict[str, str]
+]
 
 # Length of each unit in mm; headers may also have others.
 SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
@@ -38,7 +52,8 @@ UNIT_PATTERN = "|".join(sorted(HEADER_UNITS, key=len, reverse=True))
 
 # Lines above an ESRI grid; others state its corner. Its cells are unmeasured by a number.
 _ESRI = re.compile(
-    r"^\s*(ncols|nrows|cellsize|dx|dy|nodata_value)\s+(\S+)\s*$", re.IGNORECASE | re.MULTILINE
+    r"^\s*(ncols|nrows|cellsize|dx|dy|nodata_value)\s+(\S+)\s*$",
+    re.IGNORECASE | re.MULTILINE,
 )
 _ESRI_UNMEASURED = -9999.0
 _GWYDDION = re.compile(
@@ -89,7 +104,9 @@ def read_matrix(
     table = read_table(path, corner=True)
     header = "\n".join(table.header)
     if table.is_split:
-        problem = "blank lines or comments part its rows into blocks, as of several maps"
+        problem = (
+            "blank lines or comments part its rows into blocks, as of several maps"
+        )
         raise InputError(path, problem, "Keep one map a file.")
     numbers = numbers_in(path, table)
     ny, nx = numbers.shape
@@ -163,7 +180,11 @@ def _without_coordinates(
         _refuse_corner(path, table)
     steps = _steps_between(path, ticks, numbers[0, 0], config_step)
     heights = numbers[int(has_x) :, int(has_y) :]
-    again = [_ticks(path, lines) for lines in (heights, heights.T)] if has_x or has_y else []
+    again = (
+        [_ticks(path, lines) for lines in (heights, heights.T)]
+        if has_x or has_y
+        else []
+    )
     if any(each is not None for each in again):
         problem = "has two rows or columns of coordinates in one direction"
         raise InputError(path, problem, "Keep one of them, or none.")
@@ -188,7 +209,10 @@ def _refuse_corner(path: Path, table: Table) -> None:
 
 
 def _steps_between(
-    path: Path, ticks: Sequence[np.ndarray | None], corner: float, config_step: float | None
+    path: Path,
+    ticks: Sequence[np.ndarray | None],
+    corner: float,
+    config_step: float | None,
 ) -> list[float]:
     """The steps of the coordinates (y, x), as far as they have some; numbers have none."""
     steps = []
@@ -196,10 +220,16 @@ def _steps_between(
         if each is None:
             continue
         step = float(each[-1] - each[0]) / (len(each) - 1)
-        start = each[0] if across is not None else each[0] - step  # which the corner continues
+        start = (
+            each[0] if across is not None else each[0] - step
+        )  # which the corner continues
         if across is None and not abs(corner - start) <= _ROUNDED * abs(step):
-            problem = f"has coordinates in one direction only, and {corner:g} in their corner"
-            raise InputError(path, problem, "Delete them, or have them in both directions.")
+            problem = (
+                f"has coordinates in one direction only, and {corner:g} in their corner"
+            )
+            raise InputError(
+                path, problem, "Delete them, or have them in both directions."
+            )
         are_numbers = abs(step) == 1 and min(start, each[-1]) in (0, 1)
         if not are_numbers:
             _refuse_other_spacing(path, abs(step), config_step)
@@ -233,7 +263,9 @@ def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
             f"its first row or column rises or falls from {first[0]:g} to {first[-1]:g} in uneven "
             "steps, far from all others, as coordinates do"
         )
-        raise InputError(path, problem, "Grid the points evenly, and export the map again.")
+        raise InputError(
+            path, problem, "Grid the points evenly, and export the map again."
+        )
     return None
 
 
@@ -248,7 +280,10 @@ def _unevenness(lines: np.ndarray) -> np.ndarray:
 
 
 def _refuse_other_spacing(path: Path, step: float, config_step: float | None) -> None:
-    if config_step is not None and abs(step - config_step) > SPACING_TOLERANCE * config_step:
+    if (
+        config_step is not None
+        and abs(step - config_step) > SPACING_TOLERANCE * config_step
+    ):
         apart = f"its coordinates are {step:g} apart"
         problem = f"{apart}, and by scans.spacing_um {config_step:g}, in scans.unit"
         remedy = "Correct scans.unit or scans.spacing_um, or delete the coordinates."
@@ -280,7 +315,9 @@ def _esri_grid(path: Path, header: Mapping[str, str], heights: np.ndarray) -> Te
     try:
         stated = {name: float(cell.replace(",", ".")) for name, cell in header.items()}
         shape = stated["nrows"], stated["ncols"]
-        spacing = [stated[name if name in stated else "cellsize"] for name in ("dy", "dx")]
+        spacing = [
+            stated[name if name in stated else "cellsize"] for name in ("dy", "dx")
+        ]
     except (KeyError, ValueError) as error:
         problem = f"the header of an ESRI grid states no number for {error}"
         raise InputError(path, problem, "Export the grid again.") from error

@@ -52,7 +52,9 @@ UNMEASURED_CELLS = (
     "Unmeasured points are empty cells, NaN, BAD, --- or ***; a line that begins with '#' is a "
     "comment."
 )
-_EXPORT = "Export it again with decimal points, or with semicolons or tabs between the cells."
+_EXPORT = (
+    "Export it again with decimal points, or with semicolons or tabs between the cells."
+)
 
 
 class Table(NamedTuple):
@@ -90,7 +92,9 @@ def _text_of(path: Path) -> str:
     except UnicodeError:
         text = content.decode("latin-1")
     if "\0" in text:
-        raise InputError(path, "is not text, though its name says so", "Correct its ending.")
+        raise InputError(
+            path, "is not text, though its name says so", "Correct its ending."
+        )
     if '"' in text:
         text = re.sub(r'"([^",;\t\n]*)"', r"\1", text)
     if _SPECIAL.search(text):
@@ -125,7 +129,9 @@ def read_table(path: Path, *, corner: bool = False) -> Table:
     if not corner:
         _refuse_cut_lines(path, text, rows, mark)
     else:
-        if mark and all(row.endswith(mark) for row in rows):  # which adds one empty cell
+        if mark and all(
+            row.endswith(mark) for row in rows
+        ):  # which adds one empty cell
             rows = [row[:-1] for row in rows]
         cell, *others = rows[0].split(mark)
         if not _CELL.fullmatch(cell) and all(map(_CELL.fullmatch, others)):
@@ -141,7 +147,9 @@ def _layout(path: Path, lines: Sequence[str]) -> tuple[str | None, int]:
     votes: Counter[tuple[str | None, int]] = Counter()
     for line in filled[:: max(1, len(filled) // _SAMPLED)]:
         mark = separator_of(line)
-        has_decimal_commas = re.search(r"\d,\d+\s+[-+\d]", line) and not re.search(r",\s", line)
+        has_decimal_commas = re.search(r"\d,\d+\s+[-+\d]", line) and not re.search(
+            r",\s", line
+        )
         if mark == "," and has_decimal_commas:
             mark = None  # blanks, between numbers
         cells = line.split(mark)
@@ -163,7 +171,9 @@ def _names_in(path: Path, line: int, cells: Sequence[str]) -> list[str]:
         return []
     word, count = Counter(others).most_common(1)[0]
     if count > 1:  # what stands in place of numbers
-        problem = f"line {line + 1} has {word!r:.20} in {count} cells, in place of numbers"
+        problem = (
+            f"line {line + 1} has {word!r:.20} in {count} cells, in place of numbers"
+        )
         raise InputError(path, problem, UNMEASURED_CELLS)
     return words
 
@@ -201,11 +211,15 @@ def _refuse_split_numbers(path: Path, rows: Sequence[str]) -> None:
         and all(re.fullmatch(r"\s*[-+]?\d+", cell) for cell in whole)
         and (is_padded or not alike)
     ):
-        problem = f"has commas between its cells and in its numbers, as in {rows[0]!r:.40}"
+        problem = (
+            f"has commas between its cells and in its numbers, as in {rows[0]!r:.40}"
+        )
         raise InputError(path, problem, _EXPORT)
 
 
-def _refuse_cut_lines(path: Path, text: str, rows: Sequence[str], mark: str | None) -> None:
+def _refuse_cut_lines(
+    path: Path, text: str, rows: Sequence[str], mark: str | None
+) -> None:
     """Refuse rows that end within a line, or two that are joined: NumPy reads some of them."""
     if not text.endswith(("\n", "\r")):
         remedy = "Export or copy it again. If it is whole, end its last line."
@@ -232,7 +246,9 @@ def refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> N
         )
 
 
-def numbers_in(path: Path, table: Table, columns: Sequence[int] | None = None) -> np.ndarray:
+def numbers_in(
+    path: Path, table: Table, columns: Sequence[int] | None = None
+) -> np.ndarray:
     """The cells of all rows, or some `columns` of them, NaN where unmeasured."""
     mark, text = table.mark, "\n".join(table.rows)
     if mark != "," and "," in text:  # beside other separators, it is a decimal sign
@@ -245,9 +261,8 @@ def numbers_in(path: Path, table: Table, columns: Sequence[int] | None = None) -
             text.splitlines(), delimiter=mark, usecols=columns, ndmin=2, comments=None
         )
     except ValueError as error:
-        problem = (
-            f"from line {table.first} on, is not a table of numbers: {str(error).split(';')[0]}"
-        )
+        reason = str(error).split(";")[0]
+        problem = f"from line {table.first} on, is not a table of numbers: {reason}"
         remedy = f"Export or copy the file again. {UNMEASURED_CELLS}"
         raise InputError(path, problem, remedy) from error
 
@@ -255,7 +270,9 @@ def numbers_in(path: Path, table: Table, columns: Sequence[int] | None = None) -
 def _mind_decimal_commas(path: Path, text: str) -> None:
     """Refuse points beside decimal commas; warn if all commas may separate thousands."""
     if "." in text:
-        problem = "has numbers with commas and with points: one of them separates thousands"
+        problem = (
+            "has numbers with commas and with points: one of them separates thousands"
+        )
         raise InputError(path, problem, _EXPORT)
     numbers = (match.group() for match in re.finditer(r"[\d,]+", text))
     if all(re.fullmatch(r"[1-9]\d{0,2},\d{3}", number) for number in numbers):

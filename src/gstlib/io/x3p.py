@@ -28,7 +28,9 @@ _STEPS = {"I": 2, "L": 4}
 _NUMBERS = {"F": 4, "D": 8}
 _REVISION = "ISO5436 - 2000"
 _POINTS, _VALID = "bindata/data.bin", "bindata/valid.bin"
-_EXPORT_AGAIN = "Export the scan again, as a surface with its increments, or as .sur or .plux."
+_EXPORT_AGAIN = (
+    "Export the scan again, as a surface with its increments, or as .sur or .plux."
+)
 
 
 def plain_x3p(path: Path) -> io.BytesIO:
@@ -45,7 +47,9 @@ def plain_x3p(path: Path) -> io.BytesIO:
         members = _members(path, archive)
         root = ElementTree.fromstring(read_member(path, archive, members["main.xml"]))
         for element in root.iter():
-            element.tag = element.tag.rpartition("}")[2]  # some put all names into a namespace
+            element.tag = element.tag.rpartition("}")[
+                2
+            ]  # some put all names into a namespace
             element.text = (element.text or "").strip()
         _make_plain(path, root)
         for name, content in _contents(path, root, archive, members).items():
@@ -79,7 +83,9 @@ def _make_plain(path: Path, root: ElementTree.Element) -> None:
     """Write the index as SurfaceTopography expects it, if it describes a surface."""
     kind = root.findtext("Record1/FeatureType", "").upper()
     if kind != "SUR":
-        raise InputError(path, f"holds no surface, but a feature {kind!r}", _EXPORT_AGAIN)
+        raise InputError(
+            path, f"holds no surface, but a feature {kind!r}", _EXPORT_AGAIN
+        )
     for where in ("Record1/FeatureType", ".//AxisType", ".//DataType"):
         for element in root.findall(where):
             element.text = str(element.text).upper()
@@ -113,7 +119,10 @@ def _check_axis(path: Path, root: ElementTree.Element, name: str) -> None:
 
 
 def _contents(
-    path: Path, root: ElementTree.Element, archive: zipfile.ZipFile, members: dict[str, str]
+    path: Path,
+    root: ElementTree.Element,
+    archive: zipfile.ZipFile,
+    members: dict[str, str],
 ) -> dict[str, bytes | memoryview]:
     """Heights, and the mask of those that were measured if there is one, by their plain names."""
     record = _element(root, "Record3")

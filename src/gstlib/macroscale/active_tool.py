@@ -96,7 +96,8 @@ class ActiveTool(NamedTuple):
 
 
 def stated_tool(
-    mesh: Mapping[str, Any] | None, rounded: tuple[float | Sequence[float] | None, float]
+    mesh: Mapping[str, Any] | None,
+    rounded: tuple[float | Sequence[float] | None, float],
 ) -> ActiveTool | RoundedTool:
     """The active tool of a `mesh`, as in `ActiveTool.read`, or else a `rounded` one."""
     return RoundedTool(*rounded) if mesh is None else ActiveTool.read(**mesh)
@@ -131,11 +132,15 @@ def pose_frame(
         try:
             return find_frame(pose["points_mm"], mesh, size_mm=size_mm, source=source)
         except ConfigError as error:  # it names the passive tool's points
-            raise ConfigError(f"{_KEY}.points_mm", error.problem, error.remedy) from error
+            raise ConfigError(
+                f"{_KEY}.points_mm", error.problem, error.remedy
+            ) from error
     matrix = np.asarray(pose["matrix"], float)
     turn = matrix[:3, :3]
     shift = matrix[:3, 3]
-    unit = np.allclose(turn @ turn.T, np.eye(3), atol=_RIGID) and np.linalg.det(turn) > 0
+    unit = (
+        np.allclose(turn @ turn.T, np.eye(3), atol=_RIGID) and np.linalg.det(turn) > 0
+    )
     if not (unit and np.allclose(matrix[3], [0, 0, 0, 1])):
         raise ConfigError(
             f"{_KEY}.matrix",
@@ -153,7 +158,9 @@ def posed_mesh(stone: ActiveTool, frame: Frame, *, size_mm: float) -> "trimesh.T
 
     `frame` is that of the square, of side `size_mm`, on the passive tool.
     """
-    own = pose_frame(stone.pose, frame, stone.mesh, size_mm=size_mm, source=stone.source)
+    own = pose_frame(
+        stone.pose, frame, stone.mesh, size_mm=size_mm, source=stone.source
+    )
     turned = own.to_frame(stone.mesh.vertices) * (-1, 1, -1) + (size_mm, 0, 0)
     moved = stone.mesh.copy()
     moved.vertices = turned @ frame.axes + np.array(frame.origin)
@@ -191,7 +198,9 @@ def rounded_counterface(
     return height.copy(data=over).assign_attrs(long_name="height of the counterface")
 
 
-def as_round_as(counterface: xr.DataArray, radius_mm: float, other_mm: float) -> xr.DataArray:
+def as_round_as(
+    counterface: xr.DataArray, radius_mm: float, other_mm: float
+) -> xr.DataArray:
     """The face of a rounded active tool of `radius_mm`, mm, with its radii in proportion.
 
     `other_mm` is the radius that takes the place of `radius_mm`; of two radii, the geometric mean.
@@ -278,7 +287,11 @@ def grid_counterface(
                 f"the active tool, as it is posed, is {abs(gap):.3g} mm {where} the passive one, "
                 f"more than the {relief:.3g} mm between the summits and dales of both faces"
             )
-            refuse(FaultError("apart", source, problem, f"Check {_KEY}: the two must touch."))
+            refuse(
+                FaultError(
+                    "apart", source, problem, f"Check {_KEY}: the two must touch."
+                )
+            )
     return face.copy(data=face.values - plane.heights(face))
 
 
@@ -314,7 +327,9 @@ def face_in_pose(
 
     def over(field: xr.DataArray) -> np.ndarray:
         spline = spline_of(field)
-        return spline(at[0][:, 0], at[1][0]) if pose.rotation_deg == 0 else spline.ev(*at)
+        return (
+            spline(at[0][:, 0], at[1][0]) if pose.rotation_deg == 0 else spline.ev(*at)
+        )
 
     values = over(face)
     absent = np.isnan(face.values)

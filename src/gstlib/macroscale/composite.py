@@ -35,7 +35,13 @@ from gstlib.surfaces.footprints import (
 from gstlib.surfaces.grid import axis_coordinates, described, make_surface, spacing_of
 from gstlib.surfaces.leveling import Plane, fit_plane, remove_plane
 
-__all__ = ["compose", "compose_grid", "compose_surface", "draw_mesh_errors", "plane_under"]
+__all__ = [
+    "compose",
+    "compose_grid",
+    "compose_surface",
+    "draw_mesh_errors",
+    "plane_under",
+]
 
 # Points of the composite along each side of a macroscale element, and along a patch for its plane.
 _PER_ELEMENT = 4
@@ -59,7 +65,9 @@ _LYING = {
 
 
 def plane_under(
-    spline: "scipy.interpolate.RectBivariateSpline", place: PatchPosition, patch_mm: float
+    spline: "scipy.interpolate.RectBivariateSpline",
+    place: PatchPosition,
+    patch_mm: float,
 ) -> Plane:
     """Least-squares plane of a surface under an outline, along the axes of the scan there."""
     heights = on_patch(spline, place, 2 * (_PLANE_POINTS,), patch_mm)
@@ -137,7 +145,9 @@ def compose_surface(
     shape = None
     for patch, place in places.items():
         height = s_filtered(scans[patch].height, s_filter_um)
-        shape = shape or height.shape  # of the first: densities need the same frequencies
+        shape = (
+            shape or height.shape
+        )  # of the first: densities need the same frequencies
         under = height.copy(data=on_patch(spline, place, height.shape, patch_mm))
         beyond = height.values - remove_plane(under)[0].values
         even = resize_local_mean(beyond, 2 * (min(shape),))
@@ -252,7 +262,10 @@ def refined(surface: xr.DataArray, parts: int) -> xr.DataArray:
         axis: float(surface[axis][0]) - step / 2
         for axis, step in zip("yx", spacing_of(surface), strict=True)
     }
-    moved = {axis: fine[axis].copy(data=fine[axis].values + at) for axis, at in corner.items()}
+    moved = {
+        axis: fine[axis].copy(data=fine[axis].values + at)
+        for axis, at in corner.items()
+    }
     return fine.assign_coords(moved)
 
 
@@ -287,15 +300,23 @@ def _plane_errors(
     """Standard error (mrad) of each patch's tilt: of the mesh, the place, and unseen waves."""
     slopes = np.empty((_PLANE_DRAWS, len(places), 2))
     height = square_of(face.height, float(face.size_mm))
-    for draw, error in enumerate(draw_mesh_errors(face, height, _PLANE_DRAWS, generator)):
+    for draw, error in enumerate(
+        draw_mesh_errors(face, height, _PLANE_DRAWS, generator)
+    ):
         spline = spline_of(height + error)
         shifts = placement_um * 1e-3 * generator.standard_normal((len(places), 2))
-        for number, (place, shift) in enumerate(zip(places.values(), shifts, strict=True)):
-            moved = place._replace(y_mm=place.y_mm + shift[0], x_mm=place.x_mm + shift[1])
+        for number, (place, shift) in enumerate(
+            zip(places.values(), shifts, strict=True)
+        ):
+            moved = place._replace(
+                y_mm=place.y_mm + shift[0], x_mm=place.x_mm + shift[1]
+            )
             plane = plane_under(spline, moved, patch_mm)
             slopes[draw, number] = plane.slope_y, plane.slope_x
     step = patch_mm / _PLANE_POINTS
-    field = _random_field(density, 2 * (_TILT_PATCHES * _PLANE_POINTS,), step, generator)
+    field = _random_field(
+        density, 2 * (_TILT_PATCHES * _PLANE_POINTS,), step, generator
+    )
     along = axis_coordinates(_PLANE_POINTS, step) - patch_mm / 2
     blocks = field.reshape(2 * (_TILT_PATCHES, _PLANE_POINTS)).mean(axis=3)
     unseen = np.einsum("ijk,j->ik", blocks, along) / (along @ along)

@@ -15,7 +15,12 @@ import xarray as xr
 
 from gstlib.contact import Contact, Interface, Load, contact_at_pressure
 from gstlib.errors import InputError
-from gstlib.surfaces.footprints import area_weights, covered_areas, footprint_weights, places_of
+from gstlib.surfaces.footprints import (
+    area_weights,
+    covered_areas,
+    footprint_weights,
+    places_of,
+)
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["Case", "patch_means", "press_each"]

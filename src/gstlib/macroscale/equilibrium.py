@@ -6,7 +6,13 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.contact import Contact, Interface, Load, contact_at_pressure, load_path_table
+from gstlib.contact import (
+    Contact,
+    Interface,
+    Load,
+    contact_at_pressure,
+    load_path_table,
+)
 from gstlib.macroscale.face import square_alone
 from gstlib.surfaces.grid import spacing_of
 
@@ -29,7 +35,9 @@ def face_under_load(
         pressed alone, on its mean plane.
     """
     interface = (
-        square_alone(face) if load_point is None else Interface(face.height, face.counterface)
+        square_alone(face)
+        if load_point is None
+        else Interface(face.height, face.counterface)
     )
     return interface, Load.of_force(force_N, interface.height, load_point)
 

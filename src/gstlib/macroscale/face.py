@@ -31,7 +31,13 @@ from gstlib.surfaces.leveling import remove_plane
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["grid_macroscale", "largest_face", "square_alone", "thin_stone", "without_curvature"]
+__all__ = [
+    "grid_macroscale",
+    "largest_face",
+    "square_alone",
+    "thin_stone",
+    "without_curvature",
+]
 
 _log = logging.getLogger(__name__)
 
@@ -116,7 +122,9 @@ def grid_macroscale(
         counterface = grid_counterface(
             active_tool, height, frame, size_mm=size_mm, interpolation=interpolation
         )
-        over = face_in_pose(counterface, height, PatchPosition(0.0, 0.0), size_mm=size_mm)
+        over = face_in_pose(
+            counterface, height, PatchPosition(0.0, 0.0), size_mm=size_mm
+        )
     else:
         counterface = None
         radius_mm, angle_deg = active_tool
@@ -158,7 +166,9 @@ def without_curvature(face: xr.Dataset) -> xr.Dataset:
 
     square = square_of(height, float(face.size_mm))
     there = np.isfinite(square.values)
-    factors, *_ = np.linalg.lstsq(powers(square)[there], square.values[there], rcond=None)
+    factors, *_ = np.linalg.lstsq(
+        powers(square)[there], square.values[there], rcond=None
+    )
     return face.assign(height=height - powers(height)[..., :3] @ factors[:3])
 
 
@@ -166,7 +176,9 @@ def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> N
     """Refuse a face that is mostly beyond the stone; warn of one that is large for the stone."""
     absent = float(np.isnan(height.values).mean())
     if absent > _MOST_ABSENT:
-        problem = f"{100 * absent:.0f} % of the face of {face_mm:g} mm lies beyond the stone"
+        problem = (
+            f"{100 * absent:.0f} % of the face of {face_mm:g} mm lies beyond the stone"
+        )
         refuse(FaultError("face", source, problem, "Make macroscale.face_mm smaller."))
     if absent:
         _log.warning(
@@ -200,7 +212,9 @@ def largest_face(thickness_mm: float) -> float:
     >>> largest_face(14.67), largest_face(8.0), largest_face(math.nan)
     (14.6, 8.0, inf)
     """
-    return math.floor(10 * thickness_mm) / 10 if math.isfinite(thickness_mm) else math.inf
+    return (
+        math.floor(10 * thickness_mm) / 10 if math.isfinite(thickness_mm) else math.inf
+    )
 
 
 def thin_stone(height: xr.DataArray, *, source: str | Path) -> Iterator[FaultError]:
@@ -219,4 +233,6 @@ def square_alone(face: xr.Dataset) -> Interface:
 
     `face` is from `grid_macroscale`.
     """
-    return Interface.on_flat(remove_plane(square_of(face.height, float(face.size_mm)))[0])
+    return Interface.on_flat(
+        remove_plane(square_of(face.height, float(face.size_mm)))[0]
+    )

@@ -39,9 +39,23 @@ __all__ = [
 _log = logging.getLogger(__name__)
 
 # Columns of the poses of a gesture.
-_COLUMNS = ["x_mm", "y_mm", "rotation_deg", "force_N", "sliding_mm", "turning_deg", "weight"]
+_COLUMNS = [
+    "x_mm",
+    "y_mm",
+    "rotation_deg",
+    "force_N",
+    "sliding_mm",
+    "turning_deg",
+    "weight",
+]
 # What is kept of each pose.
-_BY_POSE = "weight", "displacement", "contact_fraction", "patch_pressure", "patch_exposure"
+_BY_POSE = (
+    "weight",
+    "displacement",
+    "contact_fraction",
+    "patch_pressure",
+    "patch_exposure",
+)
 _VARIABLES = {
     "mean_pressure": ("MPa", "mean contact pressure of the poses"),
     "pressure_sum": ("MPa", "sum of the contact pressures of the poses"),
@@ -138,7 +152,9 @@ def scatter_poses(
     `load_point_scatter_mm` is the standard deviation of the point along each axis. Every pose
     slides by 1 mm, so that exposures are for so many mm of sliding as there are poses.
     """
-    y, x = load_point_scatter_mm * np.random.default_rng([seed, 5]).standard_normal((2, poses))
+    y, x = load_point_scatter_mm * np.random.default_rng([seed, 5]).standard_normal(
+        (2, poses)
+    )
     table = pd.DataFrame(0.0, index=range(poses), columns=_COLUMNS)
     # neighbours follow each other, and start from each other's contact
     order = np.argsort(np.arctan2(y, x))
@@ -201,7 +217,9 @@ def press_poses(
     means = patch_means(height, patches, size_mm=patch_mm)
     y, x = (height[axis].values - gesture.size_mm / 2 for axis in "yx")
     from_middle = np.hypot(y[:, None], x)
-    cases = (gesture.case(height, pose, contact_modulus_MPa) for pose in poses.itertuples())
+    cases = (
+        gesture.case(height, pose, contact_modulus_MPa) for pose in poses.itertuples()
+    )
     contacts = press_each(cases, tolerance=tolerance, source="gesture", in_order=True)
 
     names = "pressure_sum", "highest_pressure", "touched_sum", "exposure"
@@ -211,14 +229,17 @@ def press_poses(
     for pose, contact in zip(poses.itertuples(), contacts, strict=True):
         if contact is None:
             _log.warning(
-                "pose %s: the stone does not rest in it, so it wears nothing", pose.Index
+                "pose %s: the stone does not rest in it, so it wears nothing",
+                pose.Index,
             )
             pressure = np.zeros(height.shape)
             state = np.nan, 0.0
         else:
             pressure = contact.pressure.values
             state = contact.displacement, contact.contact_fraction
-        sliding_mm = np.hypot(pose.sliding_mm, np.radians(pose.turning_deg) * from_middle)
+        sliding_mm = np.hypot(
+            pose.sliding_mm, np.radians(pose.turning_deg) * from_middle
+        )
         work = pressure * sliding_mm
         sums["pressure_sum"] += pose.weight * pressure
         sums["touched_sum"] += pose.weight * (pressure > 0)
@@ -231,7 +252,9 @@ def press_poses(
         by_pose.append((pose.weight, *state, *of_patches))
 
     shown_fields = np.array(list(kept.values())).reshape(-1, *height.shape)
-    variables: dict[str, tuple] = {name: (("y", "x"), total) for name, total in sums.items()}
+    variables: dict[str, tuple] = {
+        name: (("y", "x"), total) for name, total in sums.items()
+    }
     for name, values in zip(_BY_POSE, zip(*by_pose, strict=True), strict=True):
         rows = np.array(values)
         variables[name] = (("pose", "patch")[: rows.ndim], rows)
@@ -254,11 +277,15 @@ def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:
     `press_poses` gives.
     """
     parts = list(batches)
-    of_poses = xr.concat([part.drop_dims(["y", "x", "shown"]) for part in parts], "pose")
+    of_poses = xr.concat(
+        [part.drop_dims(["y", "x", "shown"]) for part in parts], "pose"
+    )
     total = float(of_poses.weight.sum())
     fields = {
         "mean_pressure": sum(part.pressure_sum for part in parts) / total,
-        "highest_pressure": np.maximum.reduce([part.highest_pressure for part in parts]),
+        "highest_pressure": np.maximum.reduce(
+            [part.highest_pressure for part in parts]
+        ),
         "touched": sum(part.touched_sum for part in parts) / total,
         "exposure": sum(part.exposure for part in parts),
     }

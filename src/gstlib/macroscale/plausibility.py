@@ -92,7 +92,9 @@ def _along_edge(contact: Contact) -> np.ndarray:
     reach = max(1, round(_EDGE * len(contact.pressure.y)))
     face = contact.interface
     there = np.isfinite(face.height.values + face.counterface.values)
-    inner = scipy.ndimage.binary_erosion(np.pad(there, 1), np.ones((3, 3)), iterations=reach)
+    inner = scipy.ndimage.binary_erosion(
+        np.pad(there, 1), np.ones((3, 3)), iterations=reach
+    )
     return ~inner[1:-1, 1:-1]
 
 

@@ -19,7 +19,14 @@ import xarray as xr
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["CONTROL", "COUNTS", "EXPOSED", "Concentration", "concentration", "propose_places"]
+__all__ = [
+    "CONTROL",
+    "COUNTS",
+    "EXPOSED",
+    "Concentration",
+    "concentration",
+    "propose_places",
+]
 
 _log = logging.getLogger(__name__)
 
@@ -32,7 +39,9 @@ _ROUNDING = 1e-9
 _LEAST_INSIDE = 0.5
 
 
-def propose_places(fields: xr.Dataset, *, size_mm: float, patch_mm: float) -> pd.DataFrame:
+def propose_places(
+    fields: xr.Dataset, *, size_mm: float, patch_mm: float
+) -> pd.DataFrame:
     """Places to scan in the square, with a warning where there are too few of a kind.
 
     Parameters
@@ -139,7 +148,9 @@ def _centres(element: float, size_mm: float, patch_mm: float) -> np.ndarray:
     return whole if len(whole) else np.array([size_mm / 2])
 
 
-def _shares(along: np.ndarray, step: float, centres: np.ndarray, patch_mm: float) -> np.ndarray:
+def _shares(
+    along: np.ndarray, step: float, centres: np.ndarray, patch_mm: float
+) -> np.ndarray:
     """Share (places, elements) of a place's side that lies in each element `along` an axis."""
     ends = (
         np.minimum(along + step / 2, centres[:, None] + patch_mm / 2),
@@ -149,14 +160,19 @@ def _shares(along: np.ndarray, step: float, centres: np.ndarray, patch_mm: float
     return np.where(shares > _ROUNDING, shares, 0)
 
 
-def _highest(values: np.ndarray, along_y: np.ndarray, along_x: np.ndarray) -> np.ndarray:
+def _highest(
+    values: np.ndarray, along_y: np.ndarray, along_x: np.ndarray
+) -> np.ndarray:
     """Highest of the values (ny, nx) in each place, from the elements in it along both axes."""
     rows = np.stack([values[inside].max(axis=0) for inside in along_y])
     return np.stack([rows[:, inside].max(axis=1) for inside in along_x], axis=1)
 
 
 def _warn_of_few(kind: str, there: int, asked: int) -> None:
-    reason = {EXPOSED: "the rest of the square is not touched", CONTROL: "all else is touched"}
+    reason = {
+        EXPOSED: "the rest of the square is not touched",
+        CONTROL: "all else is touched",
+    }
     _log.warning(
         "%d of %d %s places fit in the square, as %s: make square.size_mm larger or scans.size_mm "
         "smaller for more",

@@ -102,17 +102,22 @@ def solve_patches(
     >>> scans = {"7": gstlib.make_surface(heights, 0.05).to_dataset(name="height")}
     >>> pressures = pd.DataFrame({"patch": ["7"], "square_pressure_MPa": [6.0]})
     >>> settings = Microscale(1e4, 1e-8, None, None, 50.0)
-    >>> solved = gstlib.solve_patches(scans, pressures, settings, variants=["levelled"])
+    >>> solved = gstlib.solve_patches(scans, pressures, settings, variants=["paper"])
     >>> [(patch, round(float(contact.pressure.mean()), 6)) for patch, _, contact in solved]
     [('7', 6.0)]
     """
     if EQUILIBRIUM in variants and (composite is None or contact is None):
-        raise ValueError("to be placed, patches need the composite surface and its contact")
+        raise ValueError(
+            "to be placed, patches need the composite surface and its contact"
+        )
     targets = pressures.set_index("patch")
     for patch in scans:
         source = f"patch {patch}"
         height, pressed = prepare_faces(
-            scans[patch].height, counterface, s_filter_um=settings.s_filter_um, source=source
+            scans[patch].height,
+            counterface,
+            s_filter_um=settings.s_filter_um,
+            source=source,
         )
         for variant in variants:
             if variant == EQUILIBRIUM and composite is not None and contact is not None:
@@ -149,7 +154,9 @@ def solve_patch(
     `scan` is its prepared T0; `around` and the other parameters are as in `solve_patches`.
     """
     settings = settings._replace(steps=None)
-    solved = solve_patches({patch: scan}, pressures, settings, variants=[variant], **around)
+    solved = solve_patches(
+        {patch: scan}, pressures, settings, variants=[variant], **around
+    )
     ((_, _, contact),) = solved
     assert isinstance(contact, Contact)  # without steps there is no path
     return contact
@@ -192,11 +199,15 @@ def _punch_stiffness(
 ) -> float:
     """Mean pressure over displacement, MPa/mm, of a rigid flat punch as large as the grid."""
     depth = float(np.prod(spacing)) ** 0.5
-    punch = solve_contact(np.zeros(shape), spacing, contact_modulus_MPa, displacement=depth)
+    punch = solve_contact(
+        np.zeros(shape), spacing, contact_modulus_MPa, displacement=depth
+    )
     return punch.mean_pressure / depth
 
 
-def microscale_tables(contacts: Mapping[str, xr.Dataset]) -> tuple[pd.DataFrame, pd.DataFrame]:
+def microscale_tables(
+    contacts: Mapping[str, xr.Dataset],
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The state of each patch at its own pressure, and its load path.
 
     `contacts` are those of `solve_patches` by patch, as stored (`ContactPath.to_dataset`).
@@ -215,7 +226,9 @@ def microscale_tables(contacts: Mapping[str, xr.Dataset]) -> tuple[pd.DataFrame,
                 "target_pressure_MPa": float(contact.target_pressure),
                 **last[["mean_pressure_MPa", "displacement_um", "contact_fraction"]],
                 **last[["stiffness_MPa_per_um", "interface_stiffness_MPa_per_um"]],
-                "residual": 10.0 ** math.ceil(math.log10(residual)) if residual > 0 else 0.0,
+                "residual": 10.0 ** math.ceil(math.log10(residual))
+                if residual > 0
+                else 0.0,
             }
         )
         steps.insert(0, "patch", patch)

@@ -61,7 +61,10 @@ _VARIABLES = {
     "traction": ("MPa", "tangential traction along the load"),
     "stick": ("1", "in contact, sticking"),
     "slip": ("1", "in contact, slipping"),
-    "tangential_displacement": ("mm", "relative tangential displacement of the far fields"),
+    "tangential_displacement": (
+        "mm",
+        "relative tangential displacement of the far fields",
+    ),
 }
 
 
@@ -167,8 +170,17 @@ def solve_capped(
     (100.0, 5.0)
     """
     mean_pressure = contact.load.mean_pressure
-    state = solve_again(contact, source, mean_pressure=mean_pressure, pressure_cap=pressure_cap)
-    names = "pressure", "gap", "displacement", "capped_fraction", "residual", "pressure_cap"
+    state = solve_again(
+        contact, source, mean_pressure=mean_pressure, pressure_cap=pressure_cap
+    )
+    names = (
+        "pressure",
+        "gap",
+        "displacement",
+        "capped_fraction",
+        "residual",
+        "pressure_cap",
+    )
     return _on_grid_of(contact, {name: getattr(state, name) for name in names})
 
 
@@ -199,7 +211,10 @@ def case_table(
     numbers: dict[tuple[str, str], dict[str, float]] = {}
     if grinding is not None:
         friction, ratio = grinding["friction"], grinding["tangential_ratio"]
-        numbers[_GRINDING, ""] = {"friction": float(friction), "tangential ratio": float(ratio)}
+        numbers[_GRINDING, ""] = {
+            "friction": float(friction),
+            "tangential ratio": float(ratio),
+        }
     if pressure_cap is not None:
         numbers[_CAP, ""] = {"pressure cap": float(pressure_cap)}
     for patch, contact in contacts.items():
@@ -238,7 +253,9 @@ def slip_numbers(slip: xr.Dataset) -> dict[str, float]:
     sticking, slipping = int(slip.stick.sum()), int(slip.slip.sum())
     return {
         "mean traction": float(slip.traction.values.mean()),
-        "slip share": slipping / (sticking + slipping) if sticking + slipping else math.nan,
+        "slip share": slipping / (sticking + slipping)
+        if sticking + slipping
+        else math.nan,
         "tangential displacement": float(slip.tangential_displacement) * 1e3,
     }
 
@@ -268,7 +285,8 @@ def capped_numbers(
 def _on_grid_of(contact: Contact, fields: Mapping) -> xr.Dataset:
     """Fields (y, x) and numbers of a case, with their units."""
     variables = {
-        name: (("y", "x") if np.ndim(value) else (), value) for name, value in fields.items()
+        name: (("y", "x") if np.ndim(value) else (), value)
+        for name, value in fields.items()
     }
     on_grid = xr.Dataset(variables, {"y": contact.pressure.y, "x": contact.pressure.x})
     return described(on_grid, _VARIABLES)

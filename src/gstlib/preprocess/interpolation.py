@@ -57,7 +57,9 @@ class Comparison(NamedTuple):
     errors: np.ndarray
 
 
-def compare(interpolation: str, cloud: np.ndarray, bounds: tuple[float, float]) -> Comparison:
+def compare(
+    interpolation: str, cloud: np.ndarray, bounds: tuple[float, float]
+) -> Comparison:
     """The interpolation asked for, or all of them, on the vertices of a cloud within bounds."""
     tried = _INTERPOLATIONS if interpolation == "best" else (interpolation,)
     low, high = bounds
@@ -102,7 +104,11 @@ def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.
         smooth = scipy.interpolate.CloughTocher2DInterpolator(points, heights)
         return smooth(places)
     spline = scipy.interpolate.RBFInterpolator(
-        points, heights, neighbors=min(_NEIGHBOURS, len(cloud)), kernel="cubic", degree=2
+        points,
+        heights,
+        neighbors=min(_NEIGHBOURS, len(cloud)),
+        kernel="cubic",
+        degree=2,
     )
     try:
         return spline(places.reshape(-1, 2)).reshape(places.shape[:-1])

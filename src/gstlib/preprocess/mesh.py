@@ -110,7 +110,11 @@ def grid_mesh(
             "height": surface.assign_coords(centres),
             "vertex_y": ("vertex", y, _in_mm("y of a left-out vertex")),
             "vertex_x": ("vertex", x, _in_mm("x of a left-out vertex")),
-            "left_out_error": ("vertex", left_out.errors, _in_mm("height less its prediction")),
+            "left_out_error": (
+                "vertex",
+                left_out.errors,
+                _in_mm("height less its prediction"),
+            ),
             "left_out_rms": (
                 "candidate",
                 left_out.rms,
@@ -135,7 +139,9 @@ def _check_vertices(cloud: np.ndarray, size_mm: float, source: str) -> None:
         )
 
 
-def _check_holes(heights: np.ndarray, bare: np.ndarray, layout: Layout, source: str) -> None:
+def _check_holes(
+    heights: np.ndarray, bare: np.ndarray, layout: Layout, source: str
+) -> None:
     """Refuse a square without stone, by its interpolated heights and by what no ray meets."""
     unknown = np.isnan(heights) & layout.in_square
     if unknown.any() or bare.sum() > _BRIDGED_FRACTION * layout.grid**2:

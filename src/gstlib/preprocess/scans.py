@@ -107,7 +107,9 @@ def prepare_scan(
     spacing_of(raw)  # refuses what is no surface
     check_unmeasured(raw, maximum_unmeasured)
     heights = (
-        raw.values if mould_flip is None else np.flip(raw.values, raw.dims.index(mould_flip))
+        raw.values
+        if mould_flip is None
+        else np.flip(raw.values, raw.dims.index(mould_flip))
     )
     stone = raw.copy(data=-heights if mould_invert else heights)
     unmeasured = ~np.isfinite(stone.values)
@@ -137,7 +139,11 @@ def prepare_scan(
     not_kept = "units", "long_name", "unit_stated"
     texts = {name: value for name, value in raw.attrs.items() if name not in not_kept}
     masks = {
-        name: (level.dims, mask, {"units": "1", "long_name": f"{long_name} from around it"})
+        name: (
+            level.dims,
+            mask,
+            {"units": "1", "long_name": f"{long_name} from around it"},
+        )
         for name, mask, long_name in (
             ("filled", unmeasured, "unmeasured, filled"),
             ("outlier", outlier, "outlier, replaced"),

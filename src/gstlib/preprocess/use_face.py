@@ -62,7 +62,9 @@ class Layout:
     @cached_property
     def along(self) -> np.ndarray:
         """Element centres (n,), along both axes."""
-        return axis_coordinates(self.grid + 2 * self.around, self.spacing) + self.bounds[0]
+        return (
+            axis_coordinates(self.grid + 2 * self.around, self.spacing) + self.bounds[0]
+        )
 
     @cached_property
     def centres(self) -> tuple[np.ndarray, np.ndarray]:
@@ -136,7 +138,9 @@ def find_use_face(
     edges = triangles - np.roll(triangles, 1, axis=1)
     has_underside = layout.in_square & ~np.isnan(below)
     through = (highest - below)[has_underside]
-    thickness = float(np.percentile(through, _THIN_PERCENTILE)) if len(through) else np.nan
+    thickness = (
+        float(np.percentile(through, _THIN_PERCENTILE)) if len(through) else np.nan
+    )
     return UseFace(
         cloud=crop.points[np.unique(own)],
         edge=float(np.linalg.norm(edges, axis=2).mean()),
@@ -268,7 +272,9 @@ def _heights_met(
     return lowest.reshape(shape), highest.reshape(shape), below.reshape(shape)
 
 
-def _missed(mesh: "trimesh.Trimesh", frame: Frame, layout: Layout, source: str) -> InputError:
+def _missed(
+    mesh: "trimesh.Trimesh", frame: Frame, layout: Layout, source: str
+) -> InputError:
     vertices = frame.to_frame(mesh.vertices)
     lowest, highest = vertices.min(axis=0), vertices.max(axis=0)
     return InputError(
@@ -280,7 +286,9 @@ def _missed(mesh: "trimesh.Trimesh", frame: Frame, layout: Layout, source: str) 
     )
 
 
-def _check_folds(folded: np.ndarray, apart: np.ndarray, layout: Layout, source: str) -> None:
+def _check_folds(
+    folded: np.ndarray, apart: np.ndarray, layout: Layout, source: str
+) -> None:
     """Refuse a square of which more than specks has two heights, so far `apart`."""
     folded = folded & layout.in_square
     if folded.sum() > _FOLDED_FRACTION * layout.grid**2:

@@ -9,7 +9,12 @@ from typing import Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from gstlib.conditions import load_force, resolved_load_point, study_modulus, study_radius
+from gstlib.conditions import (
+    load_force,
+    resolved_load_point,
+    study_modulus,
+    study_radius,
+)
 from gstlib.errors import FAULTS
 from gstlib.settings.contradictions import contradictions
 from gstlib.settings.sections import (
@@ -121,7 +126,8 @@ class Settings(Section):
     def _refuse_contradictions(self) -> Self:
         faults = [
             InitErrorDetails(
-                type=PydanticCustomError("contradiction", "{text}", {"text": text}), input=None
+                type=PydanticCustomError("contradiction", "{text}", {"text": text}),
+                input=None,
             )
             for text in contradictions(self)
         ]
@@ -196,12 +202,14 @@ class Settings(Section):
                 "accept": self.accept,
                 **self.scans.mould.model_dump(),
             },
-            "register_patches": self.registration.model_dump() | self.detection.model_dump(),
+            "register_patches": self.registration.model_dump()
+            | self.detection.model_dump(),
             "select_patches": {
                 "selection": self.selection.model_dump(),
                 "max_gain_to_loss_ratio": self.validation.max_gain_to_loss_ratio,
             },
-            "solve_patches": self.microscale.model_dump() | {"contact_modulus_MPa": modulus},
+            "solve_patches": self.microscale.model_dump()
+            | {"contact_modulus_MPa": modulus},
             "fit_wear": {
                 "patch_mm": patch_mm,
                 "steps": self.wear_steps,

@@ -38,7 +38,9 @@ _NEEDED = {
 def contradictions(settings: "Settings") -> Iterator[str]:
     """Every contradiction of settings whose keys have the right types and bounds."""
     checks = _sources, _counterface, _gesture, _without_patches
-    yield from (text for check in checks for is_wrong, text in check(settings) if is_wrong)
+    yield from (
+        text for check in checks for is_wrong, text in check(settings) if is_wrong
+    )
     yield from _missing_keys(settings)
     yield from _in_lists(settings)
     yield from _in_squares(settings)
@@ -89,7 +91,9 @@ def _counterface(settings: "Settings") -> Iterator[tuple[bool, str]]:
     is_flat = tool is None or (tool.radius_mm is None and not has_mesh)
     yield (
         is_paper
-        and (has_mesh or (specimen is not None and specimen.counterface_seed is not None)),
+        and (
+            has_mesh or (specimen is not None and specimen.counterface_seed is not None)
+        ),
         _AT_REST,
     )
     yield (
@@ -134,7 +138,10 @@ def _gesture(settings: "Settings") -> Iterator[tuple[bool, str]]:
     if gesture is None:
         return
     keys = gesture.model_fields_set
-    yield "table" in keys and len(keys) > 1, f"'gesture' has a table and more: {_A_GESTURE}"
+    yield (
+        "table" in keys and len(keys) > 1,
+        f"'gesture' has a table and more: {_A_GESTURE}",
+    )
     yield keys == {"poses"}, f"'gesture' has poses alone: {_A_GESTURE}"
     yield (
         {"stroke_mm", "load_point_scatter_mm"} <= keys,
@@ -270,7 +277,9 @@ def _in_use(settings: "Settings") -> Iterator[str]:
                 f"'use.{key}' is 0, and gesture.{other} is {moved:g}: the inference would "
                 "exclude how the gesture moves; raise the former, or set the latter to 0"
             )
-    is_round = settings.counterface is not None and settings.counterface.radius_mm is not None
+    is_round = (
+        settings.counterface is not None and settings.counterface.radius_mm is not None
+    )
     free = errors.load_point_mm, use.scatter_mm, use.stroke_mm
     if not any(free) and not (is_round and errors.radius_log_sd):
         yield (

@@ -94,7 +94,11 @@ class Alternatives(Section):
 
     @model_serializer(mode="wrap")
     def _only_given(self, dump: Any) -> dict[str, Any]:
-        return {key: part for key, part in dump(self).items() if key in self.model_fields_set}
+        return {
+            key: part
+            for key, part in dump(self).items()
+            if key in self.model_fields_set
+        }
 
 
 class Inputs(Section):

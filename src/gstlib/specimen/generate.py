@@ -40,7 +40,13 @@ from gstlib.surfaces.leveling import remove_plane
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Specimen", "counterface_stl", "make_specimen", "make_specimens", "stone_stl"]
+__all__ = [
+    "Specimen",
+    "counterface_stl",
+    "make_specimen",
+    "make_specimens",
+    "stone_stl",
+]
 __all__ += ["within_square", "write_specimen"]
 
 # Depth (µm) from which a point counts as worn: what preparation can distinguish from noise.
@@ -63,8 +69,14 @@ _TRUTH = {
     "x_mm": ("mm", "true centre of the scan along x"),
     "y_mm": ("mm", "true centre of the scan along y"),
     "rotation_deg": ("degree", "true turn of the scan, x towards y"),
-    "plane_x_mrad": ("mrad", "angle along x of the tilted true surface: what levelling takes"),
-    "plane_y_mrad": ("mrad", "angle along y of the tilted true surface: what levelling takes"),
+    "plane_x_mrad": (
+        "mrad",
+        "angle along x of the tilted true surface: what levelling takes",
+    ),
+    "plane_y_mrad": (
+        "mrad",
+        "angle along y of the tilted true surface: what levelling takes",
+    ),
     "outlier": ("1", "spike at a measured point"),
     "unmeasured": ("1", "point without a value"),
     "nominal_x_mm": ("mm", "nominal centre along x"),
@@ -175,14 +187,7 @@ def make_specimens(
     import trimesh
 
     p = parameters
-    width = min(OUTER_SIZE_MM[:2])
-    if square_mm + 2 * MARGIN_MM > 0.5 * width:
-        raise ConfigError(
-            "square.size_mm",
-            f"{square_mm} mm with a margin of {MARGIN_MM} mm is more than half of the pebble's "
-            f"width, {width} mm",
-            "Make the square smaller.",
-        )
+    _refuse_wide(square_mm)
     stone = Stone(p, square_mm)
     stl: Any = trimesh.Trimesh(*stone.mesh(), process=False).export(file_type="stl")
     surface = stone.heights().astype(np.float32)
@@ -208,13 +213,19 @@ def make_specimens(
         for name, depth in depths.items():
             after = unworn - at_points(depth, place=t1, order=1)
             scan_after, true_after = take_scan(after, row.patch, "T1", p)
-            for epoch, scan, file in (("T0", scan_before, row.t0), ("T1", scan_after, row.t1)):
+            for epoch, scan, file in (
+                ("T0", scan_before, row.t0),
+                ("T1", scan_after, row.t1),
+            ):
                 if file:
                     scans[name][row.patch, epoch] = scan.assign_attrs(file=file)
             scans[name] |= again
             of_epochs = t0._asdict() | true_before, t1._asdict() | true_after
             truths[name].append(
-                {key: np.stack([true[key] for true in of_epochs]) for key in of_epochs[0]}
+                {
+                    key: np.stack([true[key] for true in of_epochs])
+                    for key in of_epochs[0]
+                }
                 | {
                     "nominal_x_mm": nominal.x_mm,
                     "nominal_y_mm": nominal.y_mm,
@@ -226,10 +237,25 @@ def make_specimens(
     square = within_square(surface, stone)
     return {
         name: Specimen(
-            stl, scans[name], _truth(patches, stone, p, (grid, around), of_patches), square
+            stl,
+            scans[name],
+            _truth(patches, stone, p, (grid, around), of_patches),
+            square,
         )
         for name, of_patches in truths.items()
     }
+
+
+def _refuse_wide(square_mm: float) -> None:
+    """Raise a `ConfigError` if the square is larger than the use-face."""
+    width = min(OUTER_SIZE_MM[:2])
+    if square_mm + 2 * MARGIN_MM > 0.5 * width:
+        raise ConfigError(
+            "square.size_mm",
+            f"{square_mm} mm with a margin of {MARGIN_MM} mm is more than half of the pebble's "
+            f"width, {width} mm",
+            "Make the square smaller.",
+        )
 
 
 def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
@@ -238,11 +264,17 @@ def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
     count = int(stone.square_mm / stone.spacing)
     part = slice(first, first + count)
     name = "true height before use"
-    return surface_at(stone.grid[part], surface[part, part], stone.spacing, long_name=name)
+    return surface_at(
+        stone.grid[part], surface[part, part], stone.spacing, long_name=name
+    )
 
 
 def make_specimen(
-    patches: pd.DataFrame, parameters: SpecimenParameters, *, square_mm: float, **grids: int
+    patches: pd.DataFrame,
+    parameters: SpecimenParameters,
+    *,
+    square_mm: float,
+    **grids: int,
 ) -> Specimen:
     """The specimen that the parameters ask for; arguments and errors are as in `make_specimens`.
 
@@ -262,7 +294,9 @@ def make_specimen(
     """
     name = parameters.wear_placement
     wear = {name: partial(wear_depth, placement=name)}
-    return make_specimens(patches, parameters, square_mm=square_mm, wear=wear, **grids)[name]
+    return make_specimens(patches, parameters, square_mm=square_mm, wear=wear, **grids)[
+        name
+    ]
 
 
 def write_specimen(
@@ -294,7 +328,9 @@ def _rounded(heights: np.ndarray) -> np.ndarray:
 
 def _overlap(t0: PatchPosition, t1: PatchPosition, size_mm: float) -> float:
     """Share of the T0 scan's area inside the T1 scan; their relative turn is neglected."""
-    return float(np.prod([max(0.0, 1 - abs(shift) / size_mm) for shift in relocation(t0, t1)]))
+    return float(
+        np.prod([max(0.0, 1 - abs(shift) / size_mm) for shift in relocation(t0, t1)])
+    )
 
 
 def _truth(
@@ -311,7 +347,10 @@ def _truth(
     along_face = axis_coordinates(grid + 2 * around, spacing) - around * spacing
     along_scan = axis_coordinates(p.scan_points, p.scan_spacing_mm)
     variables: dict[str, tuple] = {
-        "macroscale_height": (("macroscale_y", "macroscale_x"), stone.macroscale_means(grid)),
+        "macroscale_height": (
+            ("macroscale_y", "macroscale_x"),
+            stone.macroscale_means(grid),
+        ),
         "face_height": (("face_y", "face_x"), stone.face_means(grid, around)),
     }
     for name in _TRUTH.keys() - variables.keys():
@@ -338,4 +377,8 @@ def _use_of(stone: Stone) -> dict[str, Any]:
     if stone.parameters.wear_placement not in LAWS:
         return {}
     y, x = load_point_of(stone)
-    return {"use_y_mm": y, "use_x_mm": x, "use_radius_mm": stone.parameters.worn_radius_mm}
+    return {
+        "use_y_mm": y,
+        "use_x_mm": x,
+        "use_radius_mm": stone.parameters.worn_radius_mm,
+    }

@@ -70,7 +70,8 @@ def worn_by_law(stone: Stone, mean_loss: float, *, with_interlayer: bool) -> np.
     p = stone.parameters
     contact = contact_at_pressure(
         Interface(
-            face, rounded_counterface(face, p.worn_radius_mm, load_point, p.worn_angle_deg)
+            face,
+            rounded_counterface(face, p.worn_radius_mm, load_point, p.worn_angle_deg),
         ),
         Load.of_force(force_N, face, load_point),
         modulus=_CONTACT_MODULUS_MPA,

@@ -125,7 +125,9 @@ def _even_spiral(area: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     return row * (np.pi / rows), column * (2 * np.pi / columns)
 
 
-def _on_sphere(colatitude: np.ndarray, azimuth: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+def _on_sphere(
+    colatitude: np.ndarray, azimuth: np.ndarray, nodes: np.ndarray
+) -> np.ndarray:
     """Images on the unit sphere, with angles kept.
 
     With l the arc along the meridian and r = R sin(t) the distance from the axis, the map keeps

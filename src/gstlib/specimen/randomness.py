@@ -141,7 +141,9 @@ def stream(seed: int, *names: str) -> np.random.Generator:
     Adding a patch to the table therefore changes neither the surface nor the other patches.
     """
     key = tuple(zlib.crc32(name.encode("utf-8")) for name in names)
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
+    return np.random.Generator(
+        np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key))
+    )
 
 
 def self_affine_field(
@@ -178,7 +180,9 @@ def self_affine_field(
     spectrum *= np.maximum(frequency * roll_off, 1) ** (-1 - hurst_exponent)
     spectrum *= roll_off / spacing
     spectrum[outside] = 0
-    return scipy.fft.irfft2(spectrum, s=(count, count), overwrite_x=True).astype(np.float32)
+    return scipy.fft.irfft2(spectrum, s=(count, count), overwrite_x=True).astype(
+        np.float32
+    )
 
 
 def smooth_field(
@@ -186,7 +190,9 @@ def smooth_field(
 ) -> np.ndarray:
     """A periodic Gaussian field (count, count), mean 0, variance 1, correlated over `length`."""
     spectrum = scipy.fft.rfft2(_white_noise(generator, count))
-    spectrum *= np.exp(-((np.pi * length / 2 * radial_frequency((count, count), spacing)) ** 2))
+    spectrum *= np.exp(
+        -((np.pi * length / 2 * radial_frequency((count, count), spacing)) ** 2)
+    )
     field = scipy.fft.irfft2(spectrum, s=(count, count), overwrite_x=True)
     field -= field.mean()
     deviation = field.std()

@@ -16,7 +16,14 @@ from gstlib.surfaces.footprints import PatchPosition, rotated
 from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["place_again", "place_scans", "poor_overlaps", "relocation", "sample", "take_scan"]
+__all__ = [
+    "place_again",
+    "place_scans",
+    "poor_overlaps",
+    "relocation",
+    "sample",
+    "take_scan",
+]
 
 # ASSUME: all errors of placing and measuring are independent and normal; spikes and unmeasured
 # points occur anywhere; the paper gives no figures for them.
@@ -69,7 +76,9 @@ def place_scans(
     return t0, PatchPosition(t0.y_mm + move[1], t0.x_mm + move[0], turns[1])
 
 
-def place_again(patch: str, t0: PatchPosition, parameters: SpecimenParameters) -> PatchPosition:
+def place_again(
+    patch: str, t0: PatchPosition, parameters: SpecimenParameters
+) -> PatchPosition:
     """True place of a second scan of a patch, off that of its T0 scan as a good T1 is."""
     generator = stream(parameters.seed, "repeat", patch)
     move_y, move_x = generator.normal(0.0, parameters.relocation_error_um * 1e-3, 2)
@@ -152,7 +161,9 @@ def take_scan(
     return make_surface(read, spacing, long_name="height as measured"), truth
 
 
-def _blots(generator: np.random.Generator, points: int, p: SpecimenParameters) -> np.ndarray:
+def _blots(
+    generator: np.random.Generator, points: int, p: SpecimenParameters
+) -> np.ndarray:
     """Unmeasured points, clustered in blots: the highest of a smooth field."""
     field = smooth_field(generator, points, p.scan_spacing_um, p.unmeasured_size_um)
     heights = field.ravel()
@@ -167,7 +178,9 @@ def _blots(generator: np.random.Generator, points: int, p: SpecimenParameters) -
     return unmeasured.reshape(field.shape)
 
 
-def _spikes(generator: np.random.Generator, points: int, p: SpecimenParameters) -> np.ndarray:
+def _spikes(
+    generator: np.random.Generator, points: int, p: SpecimenParameters
+) -> np.ndarray:
     """Heights (mm) that spikes add: single points and small blots, up or down; 0 elsewhere."""
     heights = np.zeros((points, points))
     sides = np.arange(1, len(_SPIKE_SIDES) + 1)

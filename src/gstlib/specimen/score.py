@@ -78,7 +78,11 @@ def score_truth(
     for patch, epoch in sorted(scans, key=lambda scan: scan[1]):  # T0 first
         prepared = scans[patch, epoch]
         at = truth.sel(patch=patch)
-        add("preprocessing", patch, _preparation_scores(at.sel(epoch=epoch), epoch, prepared))
+        add(
+            "preprocessing",
+            patch,
+            _preparation_scores(at.sel(epoch=epoch), epoch, prepared),
+        )
         if epoch == "T0":
             true = _level(at.height)
             height = _level(prepared["height"])
@@ -147,14 +151,18 @@ def _level(heights: xr.DataArray) -> np.ndarray:
     return level.values * MM_TO_UM
 
 
-def _height_scores(epoch: str, true: np.ndarray, recovered: np.ndarray) -> Iterator[_Row]:
+def _height_scores(
+    epoch: str, true: np.ndarray, recovered: np.ndarray
+) -> Iterator[_Row]:
     """Levelled heights (µm) against the true ones."""
     yield f"{epoch}Sq", "um", true.std(), recovered.std()
     yield f"{epoch}highest", "um", true.max(), recovered.max()
     yield f"{epoch}height_rms_error", "um", 0, (recovered - true).std()
 
 
-def _macroscale_scores(surface: xr.DataArray, recovered: xr.DataArray) -> Iterator[_Row]:
+def _macroscale_scores(
+    surface: xr.DataArray, recovered: xr.DataArray
+) -> Iterator[_Row]:
     """The gridded mesh against the true macroscale surface."""
     true = _level(surface)
     heights = _level(recovered)
@@ -183,9 +191,13 @@ def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterato
     least = _STANDS_OUT * scale_um / MM_TO_UM
     is_good = ~(outlier | unmeasured)
     for row, column in np.argwhere(outlier & ~recovered):
-        rows, columns = (slice(max(i - _AROUND, 0), i + _AROUND + 1) for i in (row, column))
+        rows, columns = (
+            slice(max(i - _AROUND, 0), i + _AROUND + 1) for i in (row, column)
+        )
         good = heights[rows, columns][is_good[rows, columns]]
-        stands_out = heights[row, column] - np.median(good) > least if good.size else True
+        stands_out = (
+            heights[row, column] - np.median(good) > least if good.size else True
+        )
         high[row, column] = stands_out
     _, spikes = scipy.ndimage.label(high, np.ones((3, 3)))
     yield f"{epoch} leftover_spikes", "1", 0, spikes
@@ -196,7 +208,11 @@ def _use_scores(truth: Mapping[str, float], use: pd.DataFrame | None) -> Iterato
     if use is None or "use_x_mm" not in truth:
         return
     recovered = use.set_index("parameter")["posterior_mean"]
-    for name, true in (("load_point_x", "x"), ("load_point_y", "y"), ("radius", "radius")):
+    for name, true in (
+        ("load_point_x", "x"),
+        ("load_point_y", "y"),
+        ("radius", "radius"),
+    ):
         if np.isfinite(recovered.get(name, math.nan)):
             yield name, "mm", truth[f"use_{true}_mm"], recovered[name]
 
@@ -207,7 +223,12 @@ def _registration_scores(at: xr.Dataset, recovered: dict) -> Iterator[_Row]:
     shift_y, shift_x = relocation(t0, t1)
     for axis, shift in (("x", shift_x), ("y", shift_y)):
         yield f"shift_{axis}", "um", shift * MM_TO_UM, recovered[f"shift_{axis}_um"]
-    yield "rotation", "deg", t1.rotation_deg - t0.rotation_deg, recovered["rotation_deg"]
+    yield (
+        "rotation",
+        "deg",
+        t1.rotation_deg - t0.rotation_deg,
+        recovered["rotation_deg"],
+    )
     yield "overlap", "1", at.overlap, recovered["overlap"]
 
 

@@ -138,7 +138,8 @@ class Stone:
     def waves(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Waves above the cut-off (mm) at any places (y, x) in mm, without the pebble's shape."""
         places = [
-            (position - self.square_mm / 2) / self.waviness_spacing + len(self._spline) // 2
+            (position - self.square_mm / 2) / self.waviness_spacing
+            + len(self._spline) // 2
             for position in np.broadcast_arrays(y, x)
         ]
         return scipy.ndimage.map_coordinates(
@@ -150,7 +151,9 @@ class Stone:
         count = len(self.waviness)
         nodes = []
         for positions in (y, x):
-            first, last = (positions[[0, -1]] - self.square_mm / 2) / self.waviness_spacing
+            first, last = (
+                positions[[0, -1]] - self.square_mm / 2
+            ) / self.waviness_spacing
             low = np.floor(first) - _SPLINE_PAD
             high = np.ceil(last) + _SPLINE_PAD
             nodes.append(np.arange(low, high + 1))
@@ -158,7 +161,9 @@ class Stone:
         nodes_y, nodes_x = (
             along * self.waviness_spacing + self.square_mm / 2 for along in nodes
         )
-        heights = self.waviness[np.ix_(*elements)] + self.shape(nodes_y[:, None], nodes_x)
+        heights = self.waviness[np.ix_(*elements)] + self.shape(
+            nodes_y[:, None], nodes_x
+        )
         return scipy.interpolate.RectBivariateSpline(nodes_y, nodes_x, heights)(y, x)
 
     def shape(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -203,7 +208,9 @@ class Stone:
 
     def _detail_means(self, count: int) -> np.ndarray:
         """The detail (mm) averaged over each of (count, count) elements of the square."""
-        edges = np.searchsorted(self.grid, np.arange(count + 1) * self.square_mm / count)
+        edges = np.searchsorted(
+            self.grid, np.arange(count + 1) * self.square_mm / count
+        )
         points = np.diff(edges)
         square = slice(edges[0], edges[-1])
         inside = self.detail[square, square].astype(float)
@@ -229,7 +236,9 @@ class Stone:
         middle = self.square_mm / 2
         waves = self.waves(middle - y + offset, middle - x + offset)
         # ASSUME: photogrammetry is a sharp low-pass at the cut-off, plus white noise in height.
-        noise = stream(p.seed, "mesh").normal(0.0, p.mesh_noise_um * 1e-3, len(vertices))
+        noise = stream(p.seed, "mesh").normal(
+            0.0, p.mesh_noise_um * 1e-3, len(vertices)
+        )
         vertices[:, 2] += fade * np.where(upper, waves, -waves)
         vertices[:, 2] += fade * noise
         return vertices, faces
@@ -256,7 +265,9 @@ class Stone:
 
         # a summit stands out of the smoothed stone; the more severe the wear, the deeper the cut
         smoothing = _REFERENCE_LENGTH_UM * 1e-3 / spacing
-        waves = height - scipy.ndimage.gaussian_filter(height, smoothing, mode="nearest")
+        waves = height - scipy.ndimage.gaussian_filter(
+            height, smoothing, mode="nearest"
+        )
         sigma = float(np.hypot(waves.std(), self.detail.std()))
         cut = sigma * (_UNWORN_SIGMA - (_UNWORN_SIGMA - _FULL_SIGMA) * severity)
         left = (cut - waves).astype(np.float32)
@@ -303,7 +314,9 @@ def surface_at(
 ) -> xr.DataArray:
     """A surface (y, x), mm, at the positions `along` both axes, mm."""
     surface = make_surface(heights, spacing, **attrs)
-    return surface.assign_coords({axis: surface[axis].copy(data=along) for axis in "yx"})
+    return surface.assign_coords(
+        {axis: surface[axis].copy(data=along) for axis in "yx"}
+    )
 
 
 def _bilinear(coarse: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -29,7 +29,9 @@ def s_filtered(height: xr.DataArray, nesting_um: float | None) -> xr.DataArray:
     return height.copy(data=smooth)
 
 
-def low_pass(heights: np.ndarray, spacing: Sequence[float], nesting: float) -> np.ndarray:
+def low_pass(
+    heights: np.ndarray, spacing: Sequence[float], nesting: float
+) -> np.ndarray:
     """Gaussian low-pass: half the height of a wave as long as the nesting index passes.
 
     Parameters

@@ -145,7 +145,9 @@ def with_t1(patches: pd.DataFrame, registration: pd.DataFrame) -> pd.DataFrame:
     return patches.join(places, on="patch")
 
 
-def covered_areas(patches: pd.DataFrame, size_mm: float) -> dict[str, "shapely.Polygon"]:
+def covered_areas(
+    patches: pd.DataFrame, size_mm: float
+) -> dict[str, "shapely.Polygon"]:
     """The area on the square that T0 and T1 of a patch both cover, by patch.
 
     `patches` is from `with_t1`, and `size_mm` is the side of T0. Patches without a known place of
@@ -169,7 +171,9 @@ def covered_areas(patches: pd.DataFrame, size_mm: float) -> dict[str, "shapely.P
     return covered
 
 
-def footprint_weights(grid: xr.DataArray, place: PatchPosition, size_mm: float) -> np.ndarray:
+def footprint_weights(
+    grid: xr.DataArray, place: PatchPosition, size_mm: float
+) -> np.ndarray:
     """Share (ny, nx), from 0 to 1, of each element's area inside a square footprint, exactly.
 
     `grid` is any field on the grid, dims (..., y, x); `size_mm` is the footprint's side.

@@ -12,7 +12,14 @@ import xarray as xr
 
 from gstlib.bem.fields import as_given, step_of
 
-__all__ = ["MM_TO_UM", "axis_coordinates", "coarser", "described", "make_surface", "spacing_of"]
+__all__ = [
+    "MM_TO_UM",
+    "axis_coordinates",
+    "coarser",
+    "described",
+    "make_surface",
+    "spacing_of",
+]
 
 MM_TO_UM = 1e3
 
@@ -56,7 +63,9 @@ def make_surface(
         raise ValueError(f"spacing must be positive and finite, not {spacing}")
     dy, dx = steps
     ny, nx = heights.shape
-    y_attrs, x_attrs = ({"units": "mm", "long_name": f"{axis} position"} for axis in "yx")
+    y_attrs, x_attrs = (
+        {"units": "mm", "long_name": f"{axis} position"} for axis in "yx"
+    )
     return xr.DataArray(
         heights,
         dims=("y", "x"),
@@ -86,7 +95,9 @@ def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
     >>> gstlib.spacing_of(surface[:, ::2])
     (1.0, 0.5)
     """
-    fields = surface.data_vars.values() if isinstance(surface, xr.Dataset) else [surface]
+    fields = (
+        surface.data_vars.values() if isinstance(surface, xr.Dataset) else [surface]
+    )
     for field in fields:
         dims = field.dims
         if "y" in dims and "x" in dims and dims.index("x") < dims.index("y"):
@@ -101,7 +112,9 @@ def coarser(surface: xr.DataArray, times: int) -> xr.DataArray:
     return means.assign_attrs(surface.attrs)
 
 
-def described(dataset: xr.Dataset, meanings: Mapping[str, tuple[str, str]]) -> xr.Dataset:
+def described(
+    dataset: xr.Dataset, meanings: Mapping[str, tuple[str, str]]
+) -> xr.Dataset:
     """A dataset with the unit and the long name of every variable, from `meanings` by name."""
     for name in dataset.data_vars:
         units, long_name = meanings[str(name)]

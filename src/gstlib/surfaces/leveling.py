@@ -77,7 +77,9 @@ def remove_plane(surface: xr.DataArray) -> tuple[xr.DataArray, Plane]:
     return surface.copy(data=heights - plane.heights(surface)), plane
 
 
-def fit_plane(heights: np.ndarray, y: np.ndarray, x: np.ndarray, *, source: str = "") -> Plane:
+def fit_plane(
+    heights: np.ndarray, y: np.ndarray, x: np.ndarray, *, source: str = ""
+) -> Plane:
     """The least-squares plane of the measured heights (ny, nx), mm.
 
     `y` (ny,) and `x` (nx,) are counted from the centre of the grid, mm; `source` is named if no

@@ -101,7 +101,9 @@ def _spots(patches: pd.DataFrame, patch_mm: float) -> _Depths:
     return depths
 
 
-def _above_planes(height: xr.DataArray, patches: pd.DataFrame, patch_mm: float) -> _Depths:
+def _above_planes(
+    height: xr.DataArray, patches: pd.DataFrame, patch_mm: float
+) -> _Depths:
     """Volumes over the area above planes: of one variable level, of three tilted."""
     means = patch_means(height, patches, size_mm=patch_mm)
     inside = np.unique(means.indices)

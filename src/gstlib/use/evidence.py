@@ -24,7 +24,14 @@ import scipy
 
 from gstlib.conditions import ARCHARD, Law
 
-__all__ = ["FEWEST_PATCHES", "FEWEST_WORN", "Evidence", "Grades", "Losses", "likelihood"]
+__all__ = [
+    "FEWEST_PATCHES",
+    "FEWEST_WORN",
+    "Evidence",
+    "Grades",
+    "Losses",
+    "likelihood",
+]
 
 # Patches, and patches whose loss is above the noise, below which nothing is inferred.
 FEWEST_PATCHES, FEWEST_WORN = 6, 4
@@ -99,7 +106,9 @@ class Losses:
         """Whether enough patches lost more than the noise."""
         worn = np.asarray(self.depth_um > 0)
         if self.above_noise is not None:
-            worn = worn & self.above_noise  # so is the loss of a patch that lost nothing
+            worn = (
+                worn & self.above_noise
+            )  # so is the loss of a patch that lost nothing
         return bool(worn.sum() >= FEWEST_WORN)
 
     def springs(self, pressure: np.ndarray) -> float:
@@ -128,14 +137,16 @@ class Losses:
         return {
             "wear_coefficient": together * coefficient,
             "scatter": _SCATTER * scatter,
-            "floor": abs(self.depth_um).mean() * np.maximum(_FLOOR * floor, _LEAST_FLOOR),
+            "floor": abs(self.depth_um).mean()
+            * np.maximum(_FLOOR * floor, _LEAST_FLOOR),
         }
 
     def log_likelihood(self, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
         """Of the loss of each patch (draws, patches)."""
         parameters = self.parameters(pressure, standard)
         coefficient, scatter, floor = (
-            parameters[name][:, None] for name in ("wear_coefficient", "scatter", "floor")
+            parameters[name][:, None]
+            for name in ("wear_coefficient", "scatter", "floor")
         )
         expected = coefficient * self.law.equivalent(pressure)
         width = np.hypot(scatter * expected, floor)
@@ -190,13 +201,18 @@ class Grades:
         limits = np.stack([-endless, *between, endless], axis=1)
         error = self.parameters(pressure, standard)["scatter"][:, None]
         below_lower, below_upper = (
-            scipy.special.ndtr((limits[:, which + side] - seen) / error) for side in (0, 1)
+            scipy.special.ndtr((limits[:, which + side] - seen) / error)
+            for side in (0, 1)
         )
         inside = below_upper - below_lower
         return np.asarray(np.log((1 - _AT_RANDOM) * inside + _AT_RANDOM / len(grades)))
 
 
-def likelihood(evidence: Evidence, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
+def likelihood(
+    evidence: Evidence, pressure: np.ndarray, standard: np.ndarray
+) -> np.ndarray:
     """That of the evidence (draws, patches), -inf where nothing bears load."""
     rests = np.any(pressure > 0, axis=1)
-    return np.where(rests[:, None], evidence.log_likelihood(pressure, standard), -np.inf)
+    return np.where(
+        rests[:, None], evidence.log_likelihood(pressure, standard), -np.inf
+    )

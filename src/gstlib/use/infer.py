@@ -79,17 +79,29 @@ _DESCRIBED = {
     "radius_mm": ("mm", "radius of the active tool, NaN where it is not asked for"),
     "scatter_mm": ("mm", "standard deviation of the strikes along each axis"),
     "stroke_mm": ("mm", "length of a stroke"),
-    "spread_mm": ("mm", "r.m.s. distance of the strikes from their centre along an axis"),
+    "spread_mm": (
+        "mm",
+        "r.m.s. distance of the strikes from their centre along an axis",
+    ),
     "stroke_angle_deg": ("degree", "direction of the stroke from x towards y"),
     "weight": ("1", "worth of the draw after the wear was seen"),
     "pressure": ("MPa", "pressure of the patch, mean over the strikes"),
-    "pressure_at_centre": ("MPa", "pressure of the patch under a strike through the centre"),
+    "pressure_at_centre": (
+        "MPa",
+        "pressure of the patch under a strike through the centre",
+    ),
     "weight_without": ("1", "worth of the draw by the wear of the other patches"),
     "log_score": ("1", "log probability of the patch's wear, given the others'"),
     "competitor_log_score": ("1", "the same by a competitor that knows no contact"),
-    "law_log_score": ("1", "log probability of the patch's wear, given the others', by a law"),
+    "law_log_score": (
+        "1",
+        "log probability of the patch's wear, given the others', by a law",
+    ),
     "law_parameter": ("1", "parameter of a law: its mean, and the limits of 95 %"),
-    "effective_sample_size_without": ("1", "effective draws by the wear of the other patches"),
+    "effective_sample_size_without": (
+        "1",
+        "effective draws by the wear of the other patches",
+    ),
     "wear_coefficient": ("um/MPa", "wear coefficient with the sliding"),
     "scatter": ("1", "scatter of the wear"),
     "floor": ("um", "scatter of a loss that does not grow with it"),
@@ -197,37 +209,40 @@ def infer_use(
     True
     """
     if len(patches) < FEWEST_PATCHES or not evidence.tells:
-        remedy = (
-            f"Of {len(patches)} patches whose wear is known, fewer than {FEWEST_WORN} lost more "
-            f"than the noise, or there are fewer than {FEWEST_PATCHES} patches: scan more places "
-            "that wore"
-        )
-        few = f"the wear of only {len(patches)} patches is known"
-        return _unknown(
-            few if len(patches) < FEWEST_PATCHES else "too few patches wore", remedy
-        )
+        return _too_few(len(patches))
     generator = np.random.default_rng([sampling.seed, 6])
     height = coarser(face.height, _COARSER)
 
     settings: dict[str, float] = {"modulus": modulus, "patch_mm": patch_mm}
-    (before,) = use_pressures(stated.prior.mean[np.newaxis], face, patches, stated, **settings)
+    (before,) = use_pressures(
+        stated.prior.mean[np.newaxis], face, patches, stated, **settings
+    )
     settings["springs"] = evidence.springs(before)
 
     def pressures(points: np.ndarray) -> np.ndarray:
         return use_pressures(points, face, patches, stated, **settings)
 
     draws = sample(stated.prior, pressures, evidence, sampling, generator)
-    contacts, touching = (draws.contacts, draws.touching) if draws else (sampling.draws, 0)
+    contacts, touching = (
+        (draws.contacts, draws.touching) if draws else (sampling.draws, 0)
+    )
     if draws is None or touching < min(_FEWEST, contacts):
-        reason = f"only {touching} of {contacts} strikes about what is stated touch a patch"
-        remedy = "Correct load.at_mm and counterface, or raise uncertainty.load_point_mm"
+        reason = (
+            f"only {touching} of {contacts} strikes about what is stated touch a patch"
+        )
+        remedy = (
+            "Correct load.at_mm and counterface, or raise uncertainty.load_point_mm"
+        )
         return _unknown(reason, remedy)
     use = _stored(draws, patches)
     competitors = competitor_scores(
         height, patches, evidence, patch_mm=patch_mm, seed=sampling.seed
     )
     use["competitor"] = list(competitors)
-    use["competitor_log_score"] = ("competitor", "patch"), np.array([*competitors.values()])
+    use["competitor_log_score"] = (
+        ("competitor", "patch"),
+        np.array([*competitors.values()]),
+    )
     answer = _answer(use)
     # where a competitor predicts better, more contacts would not help
     if answer["adopted"] and not draws.contact_error <= _MOST_CONTACT_ERROR:
@@ -240,15 +255,7 @@ def infer_use(
     if isinstance(evidence, Losses):
         laws = law_scores(draws.pressures_of, draws.variables, evidence, generator)
         use = use.merge(laws)
-    few = use.patch.values[use.effective_sample_size_without.values < FEWEST_DRAWS]
-    if len(few):
-        _log.warning(
-            "the prediction for the patches %s rests on fewer than %d effective draws, so that it "
-            "is uncertain: raise use.particles (now %d)",
-            ", ".join(map(str, few)),
-            FEWEST_DRAWS,
-            sampling.particles,
-        )
+    _warn_of_few_draws(use, sampling)
     stated_radius = np.nan if stated.radius_mm is None else stated.radius_mm
     return described(use, _DESCRIBED).assign_attrs(
         effective_sample_size=float(effective_sample_size(draws.particles.weights)),
@@ -266,7 +273,9 @@ def _stored(draws: Draws, patches: pd.DataFrame) -> xr.Dataset:
     by_draw = {
         "y_mm": y_mm,
         "x_mm": x_mm,
-        "radius_mm": np.exp(log_radius[0]) if log_radius else np.full(len(weight), np.nan),
+        "radius_mm": np.exp(log_radius[0])
+        if log_radius
+        else np.full(len(weight), np.nan),
         "scatter_mm": uses.scatter_mm,
         "stroke_mm": np.hypot(stroke_y, stroke_x),
         "spread_mm": uses.spread_mm,
@@ -307,7 +316,9 @@ def use_pressures(
     `points` (uses, 2 or 3) are load point (y, x), mm, and logarithm of the radius; elements
     give way by `springs`, mm/MPa; the rest is as in `infer_use`.
     """
-    height, over_stated = (coarser(face[name], _COARSER) for name in ("height", "counterface"))
+    height, over_stated = (
+        coarser(face[name], _COARSER) for name in ("height", "counterface")
+    )
     means = patch_means(height, patches, size_mm=patch_mm)
     pressures = np.zeros((len(points), len(patches)))
     scaled = points / np.where(stated.prior.error > 0, stated.prior.error, 1.0)
@@ -329,6 +340,29 @@ def use_pressures(
     return pressures
 
 
+def _too_few(count: int) -> xr.Dataset:
+    """The result of `infer_use` if too few patches are known, or if too few of them wore."""
+    remedy = (
+        f"Of {count} patches whose wear is known, fewer than {FEWEST_WORN} lost more than the "
+        f"noise, or there are fewer than {FEWEST_PATCHES} patches: scan more places that wore"
+    )
+    few = f"the wear of only {count} patches is known"
+    return _unknown(few if count < FEWEST_PATCHES else "too few patches wore", remedy)
+
+
+def _warn_of_few_draws(use: xr.Dataset, sampling: Sampling) -> None:
+    """Name the patches whose prediction rests on few effective draws."""
+    is_few = use.effective_sample_size_without.values < FEWEST_DRAWS
+    if is_few.any():
+        _log.warning(
+            "the prediction for the patches %s rests on fewer than %d effective draws, so that it "
+            "is uncertain: raise use.particles (now %d)",
+            ", ".join(map(str, use.patch.values[is_few])),
+            FEWEST_DRAWS,
+            sampling.particles,
+        )
+
+
 def _unknown(reason: str, remedy: str) -> xr.Dataset:
     """What `infer_use` returns where nothing can be inferred; reason and remedy are logged."""
     _log.warning(
@@ -339,12 +373,18 @@ def _unknown(reason: str, remedy: str) -> xr.Dataset:
         remedy,
     )
     answer = f"{UNKNOWN}, because {reason}"
-    return xr.Dataset(attrs={"answer": answer, "adopted": 0, "effective_sample_size": 0.0})
+    return xr.Dataset(
+        attrs={"answer": answer, "adopted": 0, "effective_sample_size": 0.0}
+    )
 
 
 def _answer(use: xr.Dataset) -> dict[str, Any]:
     """Whether a use explains the wear, and whether the study adopts it."""
-    gains = (use.log_score - use.competitor_log_score).transpose("competitor", "patch").values
+    gains = (
+        (use.log_score - use.competitor_log_score)
+        .transpose("competitor", "patch")
+        .values
+    )
     total = gains.sum(axis=1)
     error = np.sqrt(gains.shape[1]) * gains.std(axis=1, ddof=1)
     best = int(np.argmin(total))

@@ -100,10 +100,14 @@ def law_scores(
             standard: np.ndarray, family: _Family = family, end: int = end
         ) -> np.ndarray:
             evidence = replace(losses, law=family.law(standard[:, variables:end]))
-            return likelihood(evidence, pressures(standard[:, :variables]), standard[:, end:])
+            return likelihood(
+                evidence, pressures(standard[:, :variables]), standard[:, end:]
+            )
 
         size = end + losses.variables
-        drawn = [tempered(log_likelihood, size, _DRAWS, generator) for _ in range(_SAMPLES)]
+        drawn = [
+            tempered(log_likelihood, size, _DRAWS, generator) for _ in range(_SAMPLES)
+        ]
         samples = [sample for sample in drawn if sample is not None]
         scores.append(np.full(len(losses.depth_um), -np.inf))
         parameters.append([np.nan] * len(_STATISTICS))
@@ -130,7 +134,9 @@ def _families(pressure: np.ndarray) -> dict[str, _Family]:
     mean = float(pressure[pressure > 0].mean()) if (pressure > 0).any() else 0.0
 
     def threshold(standard: np.ndarray) -> Law:
-        return Law(threshold_MPa=_THRESHOLD * mean * np.exp(_THRESHOLD_ERROR * standard))
+        return Law(
+            threshold_MPa=_THRESHOLD * mean * np.exp(_THRESHOLD_ERROR * standard)
+        )
 
     def exponent(sign: float) -> Callable[[np.ndarray], Law]:
         def law(standard: np.ndarray) -> Law:
@@ -200,7 +206,10 @@ def _answer(table: pd.DataFrame, patches: int) -> str:
     others = table[table.law != BASE]
     best = others.loc[others.log_score_gain.idxmax()]
     apart = scipy.stats.t(patches - 1)
-    if best.log_score_gain > apart.isf(_LEVEL / len(others)) * best.log_score_gain_error:
+    if (
+        best.log_score_gain
+        > apart.isf(_LEVEL / len(others)) * best.log_score_gain_error
+    ):
         return str(best.law)
     clearly = others.log_score_gain < -apart.isf(_LEVEL) * others.log_score_gain_error
     return BASE if clearly.all() else UNDECIDED

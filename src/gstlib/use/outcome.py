@@ -21,7 +21,13 @@ from gstlib.use.sampling import Sampling
 from gstlib.use.spread import Uses
 from gstlib.use.tempering import LIMITS, mean_and_limits
 
-__all__ = ["as_used", "losses_of", "predicted_losses", "pressures_of_use", "share_within"]
+__all__ = [
+    "as_used",
+    "losses_of",
+    "predicted_losses",
+    "pressures_of_use",
+    "share_within",
+]
 __all__ += ["strikes_of", "use_of_study", "use_table"]
 
 # Decimals of a predicted loss (µm) and pressure (MPa); what is less comes from uses of no weight.
@@ -67,7 +73,11 @@ def use_of_study(
         From `predicted_losses`; None where there are grades in place of losses.
     """
     told, drawn = StatedUse(**stated), Sampling(**sampling)
-    settings: dict[str, Any] = {"modulus": modulus, "patch_mm": patch_mm, "sampling": drawn}
+    settings: dict[str, Any] = {
+        "modulus": modulus,
+        "patch_mm": patch_mm,
+        "sampling": drawn,
+    }
     if registration is not None:
         measured, losses = losses_of(patches, registration, Law(**(wear_law or {})))
         use = infer_use(face, measured, losses, told, **settings)
@@ -91,7 +101,9 @@ def use_of_study(
     table = use_table(use, told)
     return (
         use,
-        table.assign(posterior_mean_without_curvature=use_table(flat, told)["posterior_mean"]),
+        table.assign(
+            posterior_mean_without_curvature=use_table(flat, told)["posterior_mean"]
+        ),
         None,
     )
 
@@ -135,7 +147,9 @@ def as_used(
     point = y, x
     if np.isnan(log_radius):
         return face, point
-    over = as_round_as(face.counterface, use.attrs["stated_radius_mm"], np.exp(log_radius))
+    over = as_round_as(
+        face.counterface, use.attrs["stated_radius_mm"], np.exp(log_radius)
+    )
     return face.assign(counterface=over), point
 
 
@@ -190,7 +204,9 @@ def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame
     patches = use.patch.values if use.sizes else []
     if use.sizes:
         pressure = use.pressure.transpose("draw", "patch")
-        use = use.assign(pressure=pressure.copy(data=losses.law.equivalent(pressure.values)))
+        use = use.assign(
+            pressure=pressure.copy(data=losses.law.equivalent(pressure.values))
+        )
     for patch, measured in zip(patches, losses.depth_um, strict=False):
         at = use.sel(patch=patch)
         expected = (at.wear_coefficient * at.pressure).values
@@ -201,7 +217,14 @@ def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame
         count = float(at.effective_sample_size_without)
         low, high = np.quantile(loss, LIMITS)
         rows.append((patch, measured, float(weight @ expected), low, high, count))
-    columns = ["patch", "loss_um", "predicted_um", "low_um", "high_um", "effective_sample_size"]
+    columns = [
+        "patch",
+        "loss_um",
+        "predicted_um",
+        "low_um",
+        "high_um",
+        "effective_sample_size",
+    ]
     table = pd.DataFrame(rows, columns=columns).round(_DECIMALS)
     return table.assign(effective_sample_size=table.effective_sample_size.round())
 
@@ -238,7 +261,9 @@ def use_table(
         ("spread", "mm", "spread_mm", np.nan, np.nan),
     ]
     if stated.radius_mm is not None:
-        rows.append(("radius", "mm", "radius_mm", stated.radius_mm, stated.radius_log_sd))
+        rows.append(
+            ("radius", "mm", "radius_mm", stated.radius_mm, stated.radius_log_sd)
+        )
     if "wear_coefficient" in use:
         rows.append(("wear_coefficient", "um/MPa", "wear_coefficient", *nothing))
         rows.append(("scatter_of_losses", "1", "scatter", *nothing))
@@ -247,13 +272,28 @@ def use_table(
         for parameter, unit, name, value, error in rows
     ]
     if use.sizes:
-        gain, error = use.attrs["log_score_gain"], 1.96 * use.attrs["log_score_gain_error"]
-        summaries.append(("log_score_gain", "1", *nothing, gain, gain - error, gain + error))
+        gain, error = (
+            use.attrs["log_score_gain"],
+            1.96 * use.attrs["log_score_gain_error"],
+        )
+        summaries.append(
+            ("log_score_gain", "1", *nothing, gain, gain - error, gain + error)
+        )
         contact_error = use.attrs["contact_error"]
         summaries.append(("contact_error", "1", *nothing, contact_error, *nothing))
     if predicted is not None and len(predicted):
-        summaries.append(("within_95", "1", *nothing, share_within(predicted), *nothing))
-    columns = ["parameter", "unit", "prior", "prior_error", "posterior_mean", "low", "high"]
+        summaries.append(
+            ("within_95", "1", *nothing, share_within(predicted), *nothing)
+        )
+    columns = [
+        "parameter",
+        "unit",
+        "prior",
+        "prior_error",
+        "posterior_mean",
+        "low",
+        "high",
+    ]
     return pd.DataFrame(summaries, columns=columns).assign(
         effective_sample_size=use.attrs["effective_sample_size"],
         answer=use.attrs["answer"],

@@ -75,7 +75,9 @@ class Prior(NamedTuple):
         """The uses of standard normal variables (uses, variables)."""
         size = len(self.mean)
         scatter, length, *direction = standard[:, size:].T
-        stroke = self.stroke_mm * np.maximum(length, 0.0) * direction / np.hypot(*direction)
+        stroke = (
+            self.stroke_mm * np.maximum(length, 0.0) * direction / np.hypot(*direction)
+        )
         points = self.mean + self.error * standard[:, :size]
         return Uses(points, self.scatter_mm * np.maximum(scatter, 0.0), stroke.T)
 
@@ -125,9 +127,13 @@ def sample(
     strike of the first round presses a patch.
     """
 
-    def particles(process: StrikePressures, draws: int, counted: float) -> Particles | None:
+    def particles(
+        process: StrikePressures, draws: int, counted: float
+    ) -> Particles | None:
         def log_likelihood(standard: np.ndarray) -> np.ndarray:
-            pressure = process.mean_pressures(prior.uses(standard[:, : prior.variables]))
+            pressure = process.mean_pressures(
+                prior.uses(standard[:, : prior.variables])
+            )
             return likelihood(evidence, pressure, standard[:, prior.variables :])
 
         size = prior.variables + evidence.variables
@@ -148,8 +154,13 @@ def sample(
         new = prior.uses(likely.standard[chosen, : prior.variables]).strikes(generator)
         solved = pressures(new)
         error = _relative_error(process, new, solved)
-        strikes, pressed = np.concatenate([strikes, new]), np.concatenate([pressed, solved])
-        _log.info("%d contacts, the last of them predicted to %.2g", len(strikes), error)
+        strikes, pressed = (
+            np.concatenate([strikes, new]),
+            np.concatenate([pressed, solved]),
+        )
+        _log.info(
+            "%d contacts, the last of them predicted to %.2g", len(strikes), error
+        )
         if counted == 1 and error <= _PREDICTED:
             break
     process = StrikePressures.through(strikes, pressed)

@@ -114,7 +114,9 @@ class StrikePressures(NamedTuple):
         lengths, nugget = _best_lengths(strikes[latest], pressure[latest])
         covariance = scipy.linalg.cho_factor(_covariance(strikes, lengths, nugget))
         factors = scipy.linalg.cho_solve(covariance, pressure)
-        return cls(strikes, lengths, factors, _LEAST * float(pressure.sum(axis=1).mean()))
+        return cls(
+            strikes, lengths, factors, _LEAST * float(pressure.sum(axis=1).mean())
+        )
 
     def mean_pressures(self, uses: Uses) -> np.ndarray:
         """Mean pressures (uses, patches), MPa, over the strikes of each use; 0 far from all."""

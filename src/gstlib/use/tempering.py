@@ -13,7 +13,13 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-__all__ = ["LIMITS", "Particles", "effective_sample_size", "mean_and_limits", "tempered"]
+__all__ = [
+    "LIMITS",
+    "Particles",
+    "effective_sample_size",
+    "mean_and_limits",
+    "tempered",
+]
 
 # Quantiles that hold 95 % of what is likely.
 LIMITS = 0.025, 0.975
@@ -54,11 +60,15 @@ class Particles(NamedTuple):
     def log_score(self) -> np.ndarray:
         """Logarithm of the probability (places,) of what was seen on each, given all others."""
         log_total = scipy.special.logsumexp(self._log_weight)
-        return np.asarray(log_total - scipy.special.logsumexp(self._log_without, axis=0))
+        return np.asarray(
+            log_total - scipy.special.logsumexp(self._log_without, axis=0)
+        )
 
     @property
     def _log_weight(self) -> np.ndarray:
-        return self.log_likelihood.sum(axis=1) - _target(self.log_likelihood, self.offset)
+        return self.log_likelihood.sum(axis=1) - _target(
+            self.log_likelihood, self.offset
+        )
 
     @property
     def _log_without(self) -> np.ndarray:
@@ -153,7 +163,11 @@ def _offset(log_likelihood: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def _step(
-    likelihood: np.ndarray, target: np.ndarray, offset: np.ndarray, reached: float, most: float
+    likelihood: np.ndarray,
+    target: np.ndarray,
+    offset: np.ndarray,
+    reached: float,
+    most: float,
 ) -> float:
     """How much may count next, so that enough of the particles still do."""
 
@@ -214,4 +228,6 @@ class _Density(NamedTuple):
 
     def _log(self, standard: np.ndarray, likelihood: np.ndarray) -> np.ndarray:
         prior = -0.5 * np.square(standard).sum(axis=1)
-        return np.asarray(prior + _target(_in_part(likelihood, self.counted), self.offset))
+        return np.asarray(
+            prior + _target(_in_part(likelihood, self.counted), self.offset)
+        )

@@ -53,13 +53,17 @@ class Others(NamedTuple):
         """`table` as above; `depths` below the summit of each patch's known points, mm."""
         deepest = max((float(below.max()) for below in depths.values()), default=0.0)
         displacements = deepest * np.linspace(0, 1, _DISPLACEMENTS) ** 2
-        cut = {patch: volumes_cut(below, displacements) for patch, below in depths.items()}
+        cut = {
+            patch: volumes_cut(below, displacements) for patch, below in depths.items()
+        }
         return cls(table, displacements, pd.DataFrame(cut, index=displacements))
 
     def without(self, patch: str) -> "Others":
         """All others of a patch."""
         table = self.table.drop(patch, errors="ignore")
-        return self._replace(table=table, cut=self.cut.drop(columns=patch, errors="ignore"))
+        return self._replace(
+            table=table, cut=self.cut.drop(columns=patch, errors="ignore")
+        )
 
 
 def volumes_cut(below: np.ndarray, displacements: Iterable[float]) -> np.ndarray:

@@ -183,7 +183,9 @@ def _effective_patches(x: np.ndarray, y: np.ndarray, places: np.ndarray) -> floa
     distance = scipy.spatial.distance.cdist(places, places)
     count = len(distance)
     centring = np.eye(count) - 1 / count
-    of_x, of_y = (centring @ _covariance(values, distance) @ centring for values in (x, y))
+    of_x, of_y = (
+        centring @ _covariance(values, distance) @ centring for values in (x, y)
+    )
     whole = np.trace(of_x) * np.trace(of_y)
     variance = np.trace(of_x @ of_y) / whole
     return min(count, 1 + 1 / float(variance)) if variance > 0 else count

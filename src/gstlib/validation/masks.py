@@ -18,7 +18,9 @@ import numpy as np
 __all__ = ["mask_counts", "mask_scores", "ratio"]
 
 
-def mask_counts(mask: np.ndarray, observed: np.ndarray, valid: np.ndarray) -> tuple[int, ...]:
+def mask_counts(
+    mask: np.ndarray, observed: np.ndarray, valid: np.ndarray
+) -> tuple[int, ...]:
     """The counts that `mask_scores` takes, over the valid points of two masks (ny, nx)."""
     mask = mask & valid
     observed = observed & valid

@@ -46,7 +46,9 @@ class Places:
     shape: tuple[int, int]
 
     @classmethod
-    def packed(cls, predicted: np.ndarray, lost: np.ndarray, measured: np.ndarray) -> "Places":
+    def packed(
+        cls, predicted: np.ndarray, lost: np.ndarray, measured: np.ndarray
+    ) -> "Places":
         """Of three masks (ny, nx); the first is known everywhere."""
         ny, nx = measured.shape
         masks = [mask.ravel() for mask in (predicted, lost, measured)]
@@ -67,7 +69,9 @@ def swapped_mcc(patch: str, places: Mapping[str, Places]) -> np.ndarray:
     """
     own = places[patch]
     others = [
-        name for name, each in places.items() if name != patch and each.shape == own.shape
+        name
+        for name, each in places.items()
+        if name != patch and each.shape == own.shape
     ]
     others = others[:: math.ceil(len(others) / _MOST_PATCHES) or 1]
     # turning the loss is turning the predictions, and takes one product for all of them

@@ -42,7 +42,9 @@ _BANDS = 4
 class ScoredPatch:
     """What is said of one patch."""
 
-    row: dict[str, Any]  # of validation_patches.csv, without what depends on other patches
+    row: dict[
+        str, Any
+    ]  # of validation_patches.csv, without what depends on other patches
     untested: str  # why chance is not tested: "noise" or "undefined"; empty if it is
     models: list[dict[str, Any]]  # rows of wear.csv
     bands: list[dict[str, Any]]  # rows of wear_profile.csv
@@ -115,7 +117,8 @@ def score_patch(
     height = laid[valid]
     worn_fraction = float(loss[valid].mean()) if valid.any() else 0.0
     own = {
-        str(depth.model.values): seen_depth(depth.values[valid]) for depth in predicted.depth
+        str(depth.model.values): seen_depth(depth.values[valid])
+        for depth in predicted.depth
     }
     depths = own | baseline_depths(
         height,
@@ -155,7 +158,9 @@ def score_patch(
         "predicted_loss_um": volume_um3 / area_um2 if area_um2 else math.nan,
         "mcc": models[name]["mcc"],
         "attainable_mcc": models[name]["attainable_mcc"],
-        "map_error": models[name]["map_error_um"] / no_loss_um if no_loss_um > 0 else math.nan,
+        "map_error": models[name]["map_error_um"] / no_loss_um
+        if no_loss_um > 0
+        else math.nan,
         **{f"{model}_mcc": models[model]["mcc"] for model in (*BASELINES, ORACLE)},
     }
     mask = np.zeros(valid.shape, dtype=bool)
@@ -195,18 +200,24 @@ def score_tables(
         first = {"patch": patch, "in_statistics": in_statistics[patch]}
         patches.append(first | one.row | {"untested": one.untested})
     wear = pd.DataFrame([row for one in scored for row in one.models])
-    if INTERLAYER not in set(wear.get("model", [])):  # only that of an interlayer is compared
+    if INTERLAYER not in set(
+        wear.get("model", [])
+    ):  # only that of an interlayer is compared
         wear = wear.drop(columns="out_of_contact_um", errors="ignore")
     profile = pd.DataFrame([row for one in scored for row in one.bands])
     return {"patches": pd.DataFrame(patches), "wear": wear, "profile": profile}
 
 
-def _bands(depths: Mapping[str, np.ndarray], height: np.ndarray) -> Iterator[dict[str, Any]]:
+def _bands(
+    depths: Mapping[str, np.ndarray], height: np.ndarray
+) -> Iterator[dict[str, Any]]:
     """Mean loss, µm, by model, of the bands of a patch's points by height."""
     order = np.array_split(np.argsort(-height, kind="stable"), _BANDS)
     for band, points in enumerate(order, start=1):
         for model, depth in depths.items():
-            mean_um = 1e3 * float(depth.clip(0)[points].mean()) if points.size else math.nan
+            mean_um = (
+                1e3 * float(depth.clip(0)[points].mean()) if points.size else math.nan
+            )
             yield {"band": band, "model": model, "loss_um": mean_um}
 
 

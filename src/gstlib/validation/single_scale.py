@@ -20,7 +20,12 @@ from gstlib.coupling.embedding import placed_faces
 from gstlib.coupling.placement import ALL
 from gstlib.macroscale.composite import compose
 from gstlib.surfaces.filtering import s_filtered
-from gstlib.surfaces.footprints import PatchPosition, footprint_weights, places_of, spline_of
+from gstlib.surfaces.footprints import (
+    PatchPosition,
+    footprint_weights,
+    places_of,
+    spline_of,
+)
 from gstlib.surfaces.grid import described, make_surface, spacing_of
 from gstlib.surfaces.leveling import Plane, remove_plane
 from gstlib.validation.masks import mask_counts, mask_scores
@@ -127,7 +132,9 @@ def solve_realisations(
     patches : xarray.Dataset
         From `patches_of_reference`, by ``draw``.
     """
-    places = places_of(patches[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index())
+    places = places_of(
+        patches[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index()
+    )
     scan = scans[next(iter(places))].height
     whole, drawn = None, []
     for heights in surfaces:
@@ -159,7 +166,7 @@ def solve_reference(
     >>> contact = contact_at_pressure(face, gstlib.Load(2.0), **options)
     >>> y = np.linspace(-1, 1, 32)
     >>> dome = gstlib.make_surface(-1e-3 * np.add.outer(y**2, y**2), 0.1)
-    >>> pressed = gstlib.press_whole(dome, contact)
+    >>> pressed = gstlib.solve_reference(dome, contact)
     >>> round(float((pressed.pressure > 0).mean()), 2)
     0.41
     """
@@ -219,9 +226,15 @@ def patches_of_reference(
     for place in places.values():
         at = [
             (points - pressure[axis].values[0]) / step
-            for points, axis, step in zip(place.points(v[:, None], u), "yx", steps, strict=True)
+            for points, axis, step in zip(
+                place.points(v[:, None], u), "yx", steps, strict=True
+            )
         ]
-        nearest = {"order": 0, "mode": "grid-constant", "cval": 0}  # of the square's points
+        nearest = {
+            "order": 0,
+            "mode": "grid-constant",
+            "cval": 0,
+        }  # of the square's points
         values = scipy.ndimage.map_coordinates(
             pressure.values, np.broadcast_arrays(*at), **nearest
         )
@@ -231,7 +244,9 @@ def patches_of_reference(
         "contact": (("patch", "y", "x"), np.array(touching)),
         "pressure": ("patch", np.array(mean)),
     }
-    on_scans = xr.Dataset(variables, coords={"patch": list(places), "y": scan.y, "x": scan.x})
+    on_scans = xr.Dataset(
+        variables, coords={"patch": list(places), "y": scan.y, "x": scan.x}
+    )
     return described(on_scans, _VARIABLES)
 
 
@@ -271,7 +286,9 @@ def two_scales_table(
         pressures.append((ALL, np.nan, np.nan))
         for name, counted in counts.items():
             pooled = [*counted, np.sum(counted, axis=0)]
-            for (patch, pressure, true_pressure), each in zip(pressures, pooled, strict=True):
+            for (patch, pressure, true_pressure), each in zip(
+                pressures, pooled, strict=True
+            ):
                 _, predicted, touching, points = each
                 scores = mask_scores(*each)
                 rows.append(

@@ -42,7 +42,13 @@ from gstlib.validation.scoring import (
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 from gstlib.wear.fit import Prediction
 
-__all__ = ["patch_statistics", "score_wear", "separated", "statistic_names", "summarise"]
+__all__ = [
+    "patch_statistics",
+    "score_wear",
+    "separated",
+    "statistic_names",
+    "summarise",
+]
 
 _NONE = BASELINES[0]
 _PREDICTIONS = BARE, INTERLAYER, CAPPED
@@ -118,9 +124,13 @@ def summarise(
     rows.append(_correlation(above_noise, "touched", "mean_wear_depth_um", draws))
     if expected_most_worn:
         columns = [*_EXTENTS, "predicted_loss_um", "pressure_MPa", "contact_fraction"]
-        rows += [_worst(in_statistics, expected_most_worn, column) for column in columns]
+        rows += [
+            _worst(in_statistics, expected_most_worn, column) for column in columns
+        ]
     if len(scored):
-        rows += _depth_rows(scored, draws)  # last: the draws of the others stay as they were
+        rows += _depth_rows(
+            scored, draws
+        )  # last: the draws of the others stay as they were
     named = [
         {"model": model, "statistic": name, **estimate._asdict(), "against": against}
         for model, name, estimate, against in rows
@@ -137,7 +147,9 @@ def separated(summary: pd.DataFrame) -> pd.DataFrame:
     >>> separated(row)[["statistic", "x", "y"]].iloc[0].tolist()
     ['spearman', 'pressure_MPa', 'loss_fraction']
     """
-    parts = summary.statistic.str.extract(r"^([^(]+)(?:\(([^,]+)(?:, (.+))?\))?$").fillna("")
+    parts = summary.statistic.str.extract(
+        r"^([^(]+)(?:\(([^,]+)(?:, (.+))?\))?$"
+    ).fillna("")
     place = list(summary.columns).index("statistic")
     table = summary.drop(columns="statistic")
     for name, part in zip(("y", "x", "statistic"), (2, 1, 0), strict=True):
@@ -153,7 +165,12 @@ def statistic_names(summary: pd.DataFrame) -> pd.Series:
     >>> statistic_names(pd.DataFrame({"statistic": ["mean"], "x": ["mcc"], "y": [np.nan]})).tolist()
     ['mean(mcc)']
     """
-    rows = summary[["statistic", "x", "y"]].astype(object).fillna("").itertuples(index=False)
+    rows = (
+        summary[["statistic", "x", "y"]]
+        .astype(object)
+        .fillna("")
+        .itertuples(index=False)
+    )
     names = [
         f"{statistic}({', '.join(filter(None, (x, y)))})" if x else statistic
         for statistic, x, y in rows
@@ -175,7 +192,9 @@ def patch_statistics(
     where = pressures[["patch", "x_mm", "y_mm", "in_study"]].assign(
         pressure_MPa=stated(pressures), touched=(stated(pressures) > 0).astype(float)
     )
-    predicted = patches.reindex(columns=["patch", "contact_fraction", "predicted_loss_um"])
+    predicted = patches.reindex(
+        columns=["patch", "contact_fraction", "predicted_loss_um"]
+    )
     # a table without rows has no types, and pandas merges text with nothing but text
     measured = measured.astype({"patch": str})
     predicted = predicted.astype({"patch": str})
@@ -218,7 +237,11 @@ def _model_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
             p = exchange_p_value(errors[1] - errors[0], draws.generator)
             yield model, "relative(map_error)", ratio_of_sums(*errors, draws, p), _NONE
         if model in _PREDICTIONS:
-            yield model, "relative(volume_error)", *_relative_to_best(volume, model, draws)
+            yield (
+                model,
+                "relative(volume_error)",
+                *_relative_to_best(volume, model, draws),
+            )
 
 
 def _depth_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
@@ -230,7 +253,9 @@ def _depth_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
             yield model, "relative_to_best(map_error)", *relative
 
 
-def _relative_to_best(errors: pd.DataFrame, model: str, draws: Draws) -> tuple[Estimate, str]:
+def _relative_to_best(
+    errors: pd.DataFrame, model: str, draws: Draws
+) -> tuple[Estimate, str]:
     """Summed errors (patches, models) of a model over those of the best baseline, and which."""
     best = str(errors[list(BASELINES)].sum().idxmin())
     both = errors[model].to_numpy(), errors[best].to_numpy()
@@ -254,7 +279,12 @@ def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:
     if len(nulls) > 1:
         drawn = [draws.generator.choice(null[1:], draws.resamples) for null in nulls]
         p = p_value(float(values.mean()), np.mean(drawn, axis=0))
-    return own, "tested_mean(mcc)", mean_of(values, draws, p), "other patches' predictions"
+    return (
+        own,
+        "tested_mean(mcc)",
+        mean_of(values, draws, p),
+        "other patches' predictions",
+    )
 
 
 def _interlayer_rows(
@@ -269,11 +299,15 @@ def _interlayer_rows(
     drawn = draws.generator.integers(0, len(misfit), (draws.resamples, len(misfit)))
     samples = interlayer.ratio.values[misfit[drawn].sum(axis=1).argmin(axis=1)]
     interval = percentile_interval(samples, len(misfit))
-    estimate = Estimate(float(interlayer.ratio_of_all), *interval, math.nan, len(misfit))
+    estimate = Estimate(
+        float(interlayer.ratio_of_all), *interval, math.nan, len(misfit)
+    )
     yield INTERLAYER, "interlayer_ratio", estimate, ""
 
 
-def _correlation(table: pd.DataFrame, predictor: str, extent: str, draws: Draws) -> _Row:
+def _correlation(
+    table: pd.DataFrame, predictor: str, extent: str, draws: Draws
+) -> _Row:
     estimate = rank_correlation(table, predictor, extent, draws)
     against = "other pairings, neighbours alike"
     return "", f"spearman({predictor}, {extent})", estimate, against
@@ -291,7 +325,12 @@ def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> _Row:
         share = within / count
         p = float(scipy.stats.hypergeom.sf(within - 1, len(values), count, count))
     name = f"expected_most_worn({'+'.join(expected)}, {column})"
-    return "", name, Estimate(share, math.nan, math.nan, p, len(values)), "random ranking"
+    return (
+        "",
+        name,
+        Estimate(share, math.nan, math.nan, p, len(values)),
+        "random ranking",
+    )
 
 
 def score_wear(
@@ -337,8 +376,8 @@ def score_wear(
     >>> losses["loss_fraction"] = losses["mean_wear_depth_um"] = [0.1, 0.2, 0.3, 0.5, 0.4, 0.6]
     >>> nothing = Prediction({})
     >>> tables = gstlib.score_wear({}, {}, nothing, pressures, losses, seed=1, resamples=99)
-    >>> tables["summary"].set_index("statistic").value.round(2).to_dict()
-    {'spearman(pressure_MPa, loss_fraction)': 0.94, 'spearman(touched, mean_wear_depth_um)': nan}
+    >>> tables["summary"].set_index("x").value.round(2).to_dict()
+    {'pressure_MPa': 0.94, 'touched': nan}
     """
     measured = registration[registration.known_fraction > 0].set_index("patch")
     at = pressures.assign(unseen_MPa=unseen(pressures)).set_index("patch")

@@ -81,7 +81,10 @@ _DESCRIBED = {
     "reach": ("mm/MPa", "κ of the bare stone at the end of a path"),
     "kappa": ("mm/MPa", "wear coefficient × sliding"),
     "pressed": ("mm", "mean depth that one body alone would remove"),
-    "pressed_covered": ("mm", "mean depth that the stone would remove where both scans are"),
+    "pressed_covered": (
+        "mm",
+        "mean depth that the stone would remove where both scans are",
+    ),
     "fitted": ("mm/MPa", "κ of other patches"),
     "kappa_of_all": ("mm/MPa", "κ of all patches"),
     "reach_of": ("mm/MPa", "end of the path of a patch, from the others' losses"),
@@ -241,7 +244,10 @@ def wear_square(
     outlines = table[["patch", *_OF_PATCHES]]
     # over the outlines, then over the areas that both scans cover
     means = scipy.sparse.vstack(
-        [patch_means(contact.pressure, areas, size_mm=patch_mm) for areas in (outlines, table)]
+        [
+            patch_means(contact.pressure, areas, size_mm=patch_mm)
+            for areas in (outlines, table)
+        ]
     )
 
     @cache
@@ -252,14 +258,21 @@ def wear_square(
                 for ratio in ratios
             ]
         else:
-            depths = [_pressed_in_poses(contact, gesture, table, means, reach, patch_mm, steps)]
+            depths = [
+                _pressed_in_poses(
+                    contact, gesture, table, means, reach, patch_mm, steps
+                )
+            ]
         paths = [
-            _without_own_loss(_path(kappa, pressed, table), table) for kappa, pressed in depths
+            _without_own_loss(_path(kappa, pressed, table), table)
+            for kappa, pressed in depths
         ]
         return xr.concat(paths, pd.Index(ratios, name="ratio"))
 
     others = [measured.drop(patch, errors="ignore") for patch in table.patch]
-    fitted = [_fit(path_to, unseen(table), losses, law) for losses in (measured, *others)]
+    fitted = [
+        _fit(path_to, unseen(table), losses, law) for losses in (measured, *others)
+    ]
     fits, reaches = zip(*fitted, strict=True)
     ends = sorted({*reaches})
     path = xr.concat([path_to(end) for end in ends], pd.Index(ends, name="reach"))
@@ -277,7 +290,9 @@ def wear_square(
         path.attrs["wear_law"] = [*law]
     if interlayer is None:
         return WornSquare(path, None)
-    return WornSquare(path, Interlayer(interlayer, _under_interlayer(contact, interlayer)))
+    return WornSquare(
+        path, Interlayer(interlayer, _under_interlayer(contact, interlayer))
+    )
 
 
 def wear_contact(contact: Contact, source: str, **options: Any) -> WearPath:
@@ -289,7 +304,9 @@ def wear_contact(contact: Contact, source: str, **options: Any) -> WearPath:
 def _under_interlayer(contact: Contact, interlayer: Layer) -> xr.DataArray:
     """Pressure (y, x) on the square under an interlayer before use, MPa."""
     mean_pressure = float(contact.pressure.mean())
-    state = solve_again(contact, "macroscale", mean_pressure=mean_pressure, layer=interlayer)
+    state = solve_again(
+        contact, "macroscale", mean_pressure=mean_pressure, layer=interlayer
+    )
     return contact.pressure.copy(data=state.pressure)
 
 
@@ -348,7 +365,9 @@ def _pressed_in_poses(
         exposed = exposure([batch]).exposure
         mean = float(exposed.mean())
         if not mean > 0:
-            raise InputError("gesture", "no pose presses the stone", "Correct its poses.")
+            raise InputError(
+                "gesture", "no pose presses the stone", "Correct its poses."
+            )
         depth = kappa / steps * target / mean * exposed.values
         pressed[0, step + 1] = pressed[0, step] + means @ depth.ravel()
         height = height.copy(data=height.values - depth)
@@ -391,7 +410,10 @@ def _path(kappa: np.ndarray, pressed: np.ndarray, table: pd.DataFrame) -> xr.Dat
 
 
 def _fit(
-    path_to: Callable[[float], xr.Dataset], pressures: pd.Series, measured: pd.Series, law: Law
+    path_to: Callable[[float], xr.Dataset],
+    pressures: pd.Series,
+    measured: pd.Series,
+    law: Law,
 ) -> tuple[float, float]:
     """The κ at which the patches of `measured` have lost as much in sum, and its path's end."""
     patches, total = list(measured.index), measured.sum()
@@ -511,7 +533,11 @@ def driven(
     before = worn.path.pressure_MPa.values
     removed = [_removed(depth, fine, worn.law, before)[-1] for depth in pressed]
     lost = (1 - share) * removed[0] + share * removed[1]
-    options: dict[str, Any] = {"mean_pressure": stone, "mean_loss": lost, "steps": steps}
+    options: dict[str, Any] = {
+        "mean_pressure": stone,
+        "mean_loss": lost,
+        "steps": steps,
+    }
     if ratio and worn.interlayer:
         lowered = _lowered(contact, at, worn.interlayer)
         options["third_body"] = ThirdBody(worn.interlayer.layer, share, soft, lowered)
@@ -535,7 +561,9 @@ def _bounded(options: dict, ratio: float, pressure_cap: float, law: Law) -> dict
     return options | bounded | {"mean_loss": options["mean_loss"] * borne / asked}
 
 
-def _lowered(contact: Contact, at: xr.Dataset, interlayer: Interlayer) -> np.ndarray | float:
+def _lowered(
+    contact: Contact, at: xr.Dataset, interlayer: Interlayer
+) -> np.ndarray | float:
     """How much lower (mm) its surroundings put a patch under an interlayer than without one."""
     around = contact.interface.surroundings
     if around is None:

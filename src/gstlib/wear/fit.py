@@ -60,7 +60,9 @@ class Prediction(NamedTuple):
     interlayer: xr.Dataset | None = None
 
     @classmethod
-    def from_worn(cls, depths: Mapping[str, xr.Dataset], worn: WornSquare | None) -> Self:
+    def from_worn(
+        cls, depths: Mapping[str, xr.Dataset], worn: WornSquare | None
+    ) -> Self:
         """The depths with what they are predicted from, which is from `fit_wear`."""
         if worn is None:
             return cls({})
@@ -219,7 +221,9 @@ def wear_map(
     depth: dict[str, np.ndarray] = {}
     for model, coefficient in coefficients.items():
         cap = pressure_cap if model == list(coefficients)[-1] else None
-        maps = wear_elastic_and_capped(contact, worn, patch, pressure_cap=cap, **coefficient)
+        maps = wear_elastic_and_capped(
+            contact, worn, patch, pressure_cap=cap, **coefficient
+        )
         depth |= zip((model, CAPPED), maps, strict=False)
     described = {"units": "mm", "long_name": "predicted height loss"}
     return xr.Dataset(

@@ -61,8 +61,12 @@ def interlayer_misfits(
             product[reach, ratio, step - 1] = before @ error
             before = error
     dims = path.kappa.dims
-    fields = {name: (dims, values) for name, values in zip(_MISFITS, misfits, strict=True)}
-    return described(xr.Dataset(fields, {"reach": path.reach, "ratio": path.ratio}), _MISFITS)
+    fields = {
+        name: (dims, values) for name, values in zip(_MISFITS, misfits, strict=True)
+    }
+    return described(
+        xr.Dataset(fields, {"reach": path.reach, "ratio": path.ratio}), _MISFITS
+    )
 
 
 def fit_interlayer(
@@ -90,7 +94,8 @@ def fit_interlayer(
     """
     names = worn.fitted_to
     by_patch = [
-        interlayer_misfits(contacts[patch], changes[patch], worn, patch) for patch in names
+        interlayer_misfits(contacts[patch], changes[patch], worn, patch)
+        for patch in names
     ]
     misfits = xr.concat(by_patch, pd.Index(names, name="patch"))
     measured = worn.path.measured.sel(patch=names).values

@@ -1,6 +1,7 @@
 """Surfaces for tests, and a dense matrix for small grids from Love's closed form."""
 
 import numpy as np
+
 from gstlib.bem.closed_forms import love_rectangle_displacement
 
 MODULUS = 12820.0

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from bem_reference import MODULUS, centred
+
 from gstlib.bem import load_path, solve_contact
 from gstlib.bem.closed_forms import SQUARE_PUNCH_STIFFNESS, Ellipsoid
 
@@ -15,10 +16,14 @@ def test_an_ellipsoid_converges_to_hertzs_pressure_and_displacement():
         y, x = centred(n, spacing)
         heights = -(x**2) / 24 - y**2 / 8
         mean = 20.0 / (n * spacing) ** 2
-        state = solve_contact(heights, spacing, MODULUS, mean_pressure=mean, tolerance=1e-8)
+        state = solve_contact(
+            heights, spacing, MODULUS, mean_pressure=mean, tolerance=1e-8
+        )
         pressure = np.sqrt(((state.pressure - exact.pressure(x, y)) ** 2).mean())
         touch = state.displacement - heights.max()
-        errors.append((pressure / exact.peak_pressure, abs(touch / exact.displacement - 1)))
+        errors.append(
+            (pressure / exact.peak_pressure, abs(touch / exact.displacement - 1))
+        )
     assert np.all(np.less(errors[1], (2e-3, 2e-4)))
     rates = np.log2(np.divide(*errors)) / 2
     assert np.all(rates > (0.9, 1.2))

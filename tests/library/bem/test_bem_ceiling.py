@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine
-from gstlib.bem import solve_contact
 from scipy.optimize import lsq_linear
+
+from gstlib.bem import solve_contact
 
 SMALL = self_affine(14, seed=5, length=0.028, rms=0.002, roll_off=0.02)
 SPACING = 0.002

@@ -5,11 +5,14 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix
+
 from gstlib.bem import ContactInputError, HalfSpace, Layer, contact_modulus
 from gstlib.bem.halfspace import APPROXIMATION_ERROR
 
 
-@pytest.mark.parametrize("constants", [(1, math.nan, 1, 0.3), (math.inf, 0.3, math.inf, 0.3)])
+@pytest.mark.parametrize(
+    "constants", [(1, math.nan, 1, 0.3), (math.inf, 0.3, math.inf, 0.3)]
+)
 def test_unphysical_constants_are_refused(constants):
     with pytest.raises(ContactInputError):
         contact_modulus(*constants)
@@ -37,7 +40,8 @@ def test_springs_give_way_to_the_pressure_on_them_its_mean_included(periodic, la
 
 
 @pytest.mark.parametrize(
-    ("shape", "spacing"), [((33, 70), 0.01), ((300, 257), 0.01), ((400, 220), (0.01, 0.02))]
+    ("shape", "spacing"),
+    [((33, 70), 0.01), ((300, 257), 0.01), ((400, 220), (0.01, 0.02))],
 )
 def test_approximate_displacement_has_the_stated_error(shape, spacing):
     half_space = HalfSpace(shape, spacing, MODULUS)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from bem_reference import centred
+
 from gstlib.bem import Layer, solve_contact
 
 RIGID = 1e9  # MPa, of what is behind the layer

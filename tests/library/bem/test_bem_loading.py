@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine
+
 from gstlib.bem import ContactInputError, load_path, solve_contact
 
 HEIGHTS = self_affine(80, seed=2)
@@ -11,7 +12,9 @@ SURFACE = HEIGHTS, 0.85 / 80, MODULUS
 
 @pytest.fixture(scope="module")
 def path():
-    return load_path(*SURFACE, target_pressure=40.0, steps=8, tolerance=1e-10, keep_states=True)
+    return load_path(
+        *SURFACE, target_pressure=40.0, steps=8, tolerance=1e-10, keep_states=True
+    )
 
 
 def test_steps_are_equal_in_displacement_and_end_at_the_target(path):
@@ -22,7 +25,9 @@ def test_steps_are_equal_in_displacement_and_end_at_the_target(path):
     assert path.mean_pressure[-1] == pytest.approx(40.0, rel=1e-13)
     level = path.displacement[3]
     direct = solve_contact(*SURFACE, displacement=level, tolerance=1e-10).pressure
-    np.testing.assert_allclose(path.states[3].pressure, direct, atol=1e-7 * direct.max())
+    np.testing.assert_allclose(
+        path.states[3].pressure, direct, atol=1e-7 * direct.max()
+    )
 
 
 @pytest.mark.parametrize("index", [1, 7])
@@ -52,7 +57,9 @@ def test_a_path_at_stated_loads_is_the_contact_at_each(periodic):
     path = load_path(*SURFACE, target_pressure=loads, periodic=periodic, tolerance=1e-9)
     np.testing.assert_allclose(path.mean_pressure, loads, rtol=1e-12)
     state = solve_contact(*SURFACE, mean_pressure=1.0, periodic=periodic)
-    assert path.contact_fraction[1] == pytest.approx(state.contact_fraction, abs=2 / 80**2)
+    assert path.contact_fraction[1] == pytest.approx(
+        state.contact_fraction, abs=2 / 80**2
+    )
     assert path.displacement[1] == pytest.approx(state.displacement, rel=1e-5)
 
 

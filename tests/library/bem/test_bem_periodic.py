@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine
+
 from gstlib.bem import ContactInputError, Layer, load_path, solve_contact, wear_path
 from gstlib.bem.closed_forms import (
     Wave,
@@ -63,7 +64,9 @@ def test_westergaards_wave(share):
         (0.995, 512, crossed_waves_heavy_contact(0.995), 1e-4),
     ],
 )
-def test_crossed_waves_touch_as_johnson_greenwood_and_higginson_say(share, n, expected, within):
+def test_crossed_waves_touch_as_johnson_greenwood_and_higginson_say(
+    share, n, expected, within
+):
     full = crossed_waves_full_contact_pressure(5e-4, 0.1, MODULUS)
     along = np.cos(2 * np.pi * np.arange(n) / n)
     heights = 5e-4 * np.outer(along, along)
@@ -114,10 +117,14 @@ def test_two_summits_share_a_small_load(shape, mean_pressure):
 
 
 def test_a_path_has_the_stiffness_of_its_own_slope_until_it_is_full():
-    path = load_path(*ROUGH, target_pressure=300.0, steps=5, periodic=True, tolerance=1e-9)
+    path = load_path(
+        *ROUGH, target_pressure=300.0, steps=5, periodic=True, tolerance=1e-9
+    )
     level = 1.0001 * path.displacement[2]
     above = solve_contact(*ROUGH, displacement=level, periodic=True, tolerance=1e-11)
-    slope = (above.mean_pressure - path.mean_pressure[2]) / (level - path.displacement[2])
+    slope = (above.mean_pressure - path.mean_pressure[2]) / (
+        level - path.displacement[2]
+    )
     assert path.stiffness[2] == pytest.approx(slope, rel=1e-3)
     options = {"target_pressure": 300.0, "steps": 3, "periodic": True}
     full = load_path(HEIGHTS / 100, SPACING, MODULUS, **options)

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from gstlib.bem import ContactInputError, Layer, solve_contact
 from gstlib.bem.closed_forms import RoundPunch
 from gstlib.bem.rest import settle
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 
 def places(shape, spacing):
@@ -79,7 +80,12 @@ def test_gap_and_displacement_are_those_of_the_tilted_heights(layer):
 
 
 @settings(max_examples=15, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 24), st.integers(1, 24), st.floats(1e-7, 1.0))
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 24),
+    st.integers(1, 24),
+    st.floats(1e-7, 1.0),
+)
 def test_any_surface_comes_to_rest_under_a_force_within_it(seed, ny, nx, mean_pressure):
     rng, shape = np.random.default_rng(seed), (ny, nx)
     heights, spacing = 1e-4 * rng.standard_normal(shape), rng.uniform(0.01, 0.1, 2)
@@ -126,15 +132,25 @@ RIM[:, 6:] = -np.inf
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"load_point": (0.5, 0.7)}, r"tips over: .*\(0.5, 0.7\) mm lies outside .* Move it"),
+        (
+            {"load_point": (0.5, 0.7)},
+            r"tips over: .*\(0.5, 0.7\) mm lies outside .* Move it",
+        ),
         ({"load_point": (0.5, np.nan)}, r"load_point must be a point \(y, x\)"),
         ({"heights": np.full((3, 3), -np.inf)}, "no surface"),
         ({"heights": np.diag([5.0] + [0.0] * 9)}, "tilt it by more than 45°"),
-        ({"heights": np.add.outer(0.2 * np.arange(10), np.zeros(10))}, "a plane of 63°"),
+        (
+            {"heights": np.add.outer(0.2 * np.arange(10), np.zeros(10))},
+            "a plane of 63°",
+        ),
     ],
 )
 def test_what_cannot_rest_is_refused_in_a_sentence(change, message):
-    arguments = {"heights": RIM, "mean_pressure": 1.0, "load_point": (0.5, 0.3)} | change
+    arguments = {
+        "heights": RIM,
+        "mean_pressure": 1.0,
+        "load_point": (0.5, 0.3),
+    } | change
     arguments |= {"spacing": 0.1, "contact_modulus": MODULUS}
     with pytest.raises(ContactInputError, match=message):
         solve_contact(**arguments)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from bem_reference import MODULUS, self_affine, sphere
+
 from gstlib.bem import ContactInputError, ContactWarning, load_path, solve_contact
 from gstlib.bem.closed_forms import Sphere
 
@@ -51,7 +52,11 @@ def test_odd_input_is_warned_of_where_it_is_given(heights, spacing, options, dou
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ContactWarning)
         solve_contact(heights, spacing, **LOAD, **options)
-    assert any(doubt in str(warning.message) for warning in caught) if doubt else not caught
+    assert (
+        any(doubt in str(warning.message) for warning in caught)
+        if doubt
+        else not caught
+    )
     assert all(warning.filename == __file__ for warning in caught)
 
 

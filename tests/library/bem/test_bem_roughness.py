@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from bem_reference import self_affine
+
 from gstlib.bem import measure_roughness, measure_spectrum
 
 

@@ -3,15 +3,22 @@
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine
-from gstlib.bem import ContactInputError, ConvergenceError, solve_contact
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gstlib.bem import ContactInputError, ConvergenceError, solve_contact
+
 
 @pytest.mark.parametrize("tolerance", [1e-9, 0.1])
-@pytest.mark.parametrize(("shape", "spacing"), [((13, 22), (0.01, 0.017)), ((1, 30), 0.01)])
-@pytest.mark.parametrize(("name", "value"), [("displacement", 0.004), ("mean_pressure", 60.0)])
-def test_contact_conditions_hold_by_an_independent_matrix(shape, spacing, name, value, tolerance):
+@pytest.mark.parametrize(
+    ("shape", "spacing"), [((13, 22), (0.01, 0.017)), ((1, 30), 0.01)]
+)
+@pytest.mark.parametrize(
+    ("name", "value"), [("displacement", 0.004), ("mean_pressure", 60.0)]
+)
+def test_contact_conditions_hold_by_an_independent_matrix(
+    shape, spacing, name, value, tolerance
+):
     heights = 0.003 * np.random.default_rng(3).standard_normal(shape)
     options = {name: value, "tolerance": tolerance}
     state = solve_contact(heights, spacing, MODULUS, **options)
@@ -33,7 +40,9 @@ def test_convolutions_stay_few():
     assert solve_contact(heights, 0.85 / 512, MODULUS, **options).convolutions <= 22
 
 
-@pytest.mark.parametrize(("seed", "is_spiky"), [(525, True), (11103, True), (12562, False)])
+@pytest.mark.parametrize(
+    ("seed", "is_spiky"), [(525, True), (11103, True), (12562, False)]
+)
 def test_cycles_are_broken(seed, is_spiky):
     # Surfaces of a search by chance on which bold steps alone go round in circles.
     rng = np.random.default_rng(seed)
@@ -49,7 +58,9 @@ def test_cycles_are_broken(seed, is_spiky):
 @pytest.mark.parametrize(
     ("mean_pressure", "summits", "limit"), [(1e-20, 1, 100.0), (1e-6, 4, np.inf)]
 )
-def test_the_least_load_is_carried_by_the_highest_elements(mean_pressure, summits, limit):
+def test_the_least_load_is_carried_by_the_highest_elements(
+    mean_pressure, summits, limit
+):
     heights = self_affine(100, seed=2)
     heights.reshape(-1)[:summits] = heights.max() + 1e-3
     load = {"mean_pressure": mean_pressure, "pressure_cap": limit}
@@ -76,7 +87,9 @@ def test_the_start_does_not_matter(seed, shape, case):
     cold = solve_contact(*surface, tolerance=1e-11, **load).pressure
     start = np.asfortranarray(scale * rng.exponential(1.0, shape))
     before = start.copy()
-    warm = solve_contact(*surface, tolerance=1e-9, initial_pressure=start, **load).pressure
+    warm = solve_contact(
+        *surface, tolerance=1e-9, initial_pressure=start, **load
+    ).pressure
     np.testing.assert_allclose(warm, cold, atol=1e-5 * cold.max())
     np.testing.assert_array_equal(start, before)
 
@@ -126,5 +139,9 @@ def test_the_load_is_carried_though_the_start_cannot(is_cold):
 
 
 def test_a_contact_that_does_not_converge_raises_with_residual_and_remedy():
-    with pytest.raises(ConvergenceError, match=r"residual .*e-1.* after 500 .* Set a tolerance"):
-        solve_contact(self_affine(20), 0.01, MODULUS, mean_pressure=500.0, tolerance=1e-18)
+    with pytest.raises(
+        ConvergenceError, match=r"residual .*e-1.* after 500 .* Set a tolerance"
+    ):
+        solve_contact(
+            self_affine(20), 0.01, MODULUS, mean_pressure=500.0, tolerance=1e-18
+        )

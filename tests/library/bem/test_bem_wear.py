@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine
+
 from gstlib.bem import ContactInputError, Layer, ThirdBody, solve_contact, wear_path
 
 SPACING = 0.85 / 80
@@ -17,7 +18,9 @@ SOFT = Layer(20.0, 0.2, 0.3)
 def test_the_loss_is_wear_coefficient_times_force_times_sliding():
     pressures = np.array([10.0, 0.0, 30.0, 20.0])
     path = wear_path(*SURFACE, mean_pressure=pressures, mean_loss=3e-4, steps=4)
-    np.testing.assert_allclose(path.mean_loss, 3e-4 * pressures.cumsum() / 60, rtol=1e-12)
+    np.testing.assert_allclose(
+        path.mean_loss, 3e-4 * pressures.cumsum() / 60, rtol=1e-12
+    )
     assert path.depth.mean() == pytest.approx(3e-4, rel=1e-12)
 
 
@@ -35,13 +38,26 @@ def test_the_final_contact_is_that_of_the_worn_surface(lost, periodic):
     assert final.displacement == pytest.approx(direct.displacement, rel=1e-8)
 
 
+def test_a_step_is_a_contact_behind_springs():
+    step = wear_path(*SURFACE, **WEAR, steps=1).final
+    springs = WEAR["mean_loss"] / WEAR["mean_pressure"]
+    behind = solve_contact(
+        *SURFACE, mean_pressure=76.0, springs=springs, tolerance=1e-9
+    )
+    np.testing.assert_allclose(
+        behind.pressure, step.pressure, atol=1e-6 * step.pressure.max()
+    )
+
+
 @pytest.mark.parametrize(
-    ("body", "within"), [(None, 0.25), (ThirdBody(Layer(300.0, 0.3, 0.3), 0.5, 30.0), 0.35)]
+    ("body", "within"),
+    [(None, 0.25), (ThirdBody(Layer(300.0, 0.3, 0.3), 0.5, 30.0), 0.35)],
 )
 def test_error_is_of_first_order_in_the_step(body, within):
     """Of the stone alone, and with the third body in turn."""
     depths = [
-        wear_path(*SURFACE, **WEAR, steps=steps, third_body=body).depth for steps in (4, 8, 16)
+        wear_path(*SURFACE, **WEAR, steps=steps, third_body=body).depth
+        for steps in (4, 8, 16)
     ]
     coarse = np.linalg.norm(depths[1] - depths[0])
     fine = np.linalg.norm(depths[2] - depths[1])
@@ -73,7 +89,9 @@ def test_stone_and_third_body_take_turns_by_their_coefficients_and_forces():
     options = {"mean_loss": 3e-4, "steps": 2, "keep_depths": True, "keep_states": True}
     path = wear_path(*SURFACE, mean_pressure=bare, third_body=body, **options)
     each = 0.75 * bare + 0.25 * soft
-    np.testing.assert_allclose(path.mean_loss, 3e-4 * each.cumsum() / each.sum(), rtol=1e-12)
+    np.testing.assert_allclose(
+        path.mean_loss, 3e-4 * each.cumsum() / each.sum(), rtol=1e-12
+    )
     # Each is pressed on what both have left; in a step, the stone wears first.
     stone, third = path.states[-1]
     by_stone = 0.75 * 3e-4 / each.sum() * stone.pressure
@@ -81,7 +99,9 @@ def test_stone_and_third_body_take_turns_by_their_coefficients_and_forces():
         (stone, path.depths[0] + by_stone, None, 60.0),
         (third, path.depth, SOFT, 25.0),
     ):
-        left = solve_contact(HEIGHTS - worn, SPACING, MODULUS, mean_pressure=mean, layer=layer)
+        left = solve_contact(
+            HEIGHTS - worn, SPACING, MODULUS, mean_pressure=mean, layer=layer
+        )
         within = 1e-3 * left.pressure.max()
         np.testing.assert_allclose(state.pressure, left.pressure, atol=within)
 

@@ -4,6 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+
 from gstlib.bem import measure_roughness
 from gstlib.bem.closed_forms import (
     Cone,
@@ -15,8 +18,6 @@ from gstlib.bem.closed_forms import (
     persson_pressure_density,
 )
 from gstlib.specimen.randomness import self_affine_field
-from scipy.integrate import quad
-from scipy.stats import norm
 
 ELLIPSOID = Ellipsoid(20.0, 12.0, 4.0, 1e4)
 CONE = Cone(20.0, 1.4, 1e4)
@@ -53,7 +54,9 @@ def test_perssons_pressures_carry_the_load_on_his_contact(mean):
     surface = mean, 0.02, 1e4
     touching, _ = quad(persson_pressure_density, 0, 2000, args=surface, limit=200)
     assert touching == pytest.approx(persson_contact_fraction(*surface))
-    borne, _ = quad(lambda p: p * persson_pressure_density(p, *surface), 0, 2000, limit=200)
+    borne, _ = quad(
+        lambda p: p * persson_pressure_density(p, *surface), 0, 2000, limit=200
+    )
     assert borne == pytest.approx(mean)
 
 

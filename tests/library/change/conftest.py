@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.ndimage
+
 from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
 
@@ -29,7 +30,9 @@ def seen_by_a_scan(stone, size, shift, turn_deg):
     centre = (len(stone) - 1) / 2
     rows = cosine * y + sine * x + shift[0] + centre
     columns = cosine * x - sine * y + shift[1] + centre
-    return scipy.ndimage.map_coordinates(stone, [rows, columns], order=3, mode="grid-wrap")
+    return scipy.ndimage.map_coordinates(
+        stone, [rows, columns], order=3, mode="grid-wrap"
+    )
 
 
 def measured(heights, tilt, noise_um, spikes, rng):
@@ -46,7 +49,16 @@ def measured(heights, tilt, noise_um, spikes, rng):
 def remeasure():
     """Make (T0, T1, change in mm on T0's grid) of stone `seed`, T1 placed at `shift` (y, x)."""
 
-    def make(seed=0, shift=(0, 0), turn_deg=0.0, *, size=128, wear=0.2, noise_um=0.1, spikes=0.002):
+    def make(
+        seed=0,
+        shift=(0, 0),
+        turn_deg=0.0,
+        *,
+        size=128,
+        wear=0.2,
+        noise_um=0.1,
+        spikes=0.002,
+    ):
         rng = np.random.default_rng(seed)
         heights = self_affine(2 * size, rng)
         stone = 4e-3 * scipy.ndimage.gaussian_filter(heights, 0.8)

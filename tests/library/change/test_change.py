@@ -4,6 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.ndimage
+from numpy.testing import assert_allclose, assert_array_equal
+
 from gstlib.change.change import (
     Detection,
     estimate_detection_limit,
@@ -16,7 +18,6 @@ from gstlib.change.selection import other_heights, registration_table
 from gstlib.macroscale.ensemble import patch_means
 from gstlib.surfaces.footprints import with_t1
 from gstlib.surfaces.grid import make_surface, spacing_of
-from numpy.testing import assert_allclose, assert_array_equal
 
 SPACING = 1.66e-3
 SEARCH = {"maximum_shift_mm": 0.1, "minimum_cluster_points": 8}
@@ -69,7 +70,9 @@ def test_the_summary_of_a_plateau_by_hand():
     assert summary["loss_area_mm2"] == pytest.approx(share * area)
     assert summary["mean_depth_where_worn_um"] == pytest.approx(0.5 / share, rel=1e-3)
     assert summary["mean_wear_depth_um"] == pytest.approx(0.5, rel=1e-3)
-    assert summary["loss_volume_um3"] == pytest.approx(0.25 * area * 1e6 * 2.0, rel=1e-3)
+    assert summary["loss_volume_um3"] == pytest.approx(
+        0.25 * area * 1e6 * 2.0, rel=1e-3
+    )
 
 
 def test_points_without_two_measured_heights_are_unknown():
@@ -158,8 +161,12 @@ def test_the_place_of_t1_is_that_of_the_points_known_at_both_epochs(remeasure, c
     assert is_known.mean() == pytest.approx(table.overlap[0], abs=0.02)
 
 
-@pytest.mark.parametrize(("factor", "refused", "warned"), [(1.15, 0, 0), (0.7, 0, 1), (2.5, 1, 1)])
-def test_heights_of_another_scale_are_told_from_wear(remeasure, caplog, factor, refused, warned):
+@pytest.mark.parametrize(
+    ("factor", "refused", "warned"), [(1.15, 0, 0), (0.7, 0, 1), (2.5, 1, 1)]
+)
+def test_heights_of_another_scale_are_told_from_wear(
+    remeasure, caplog, factor, refused, warned
+):
     t0, t1, _ = remeasure(1, (10, -5), wear=0.05)
     change = register_patch(prepared(t0), prepared(factor * t1), patch="7", **SEARCH)
     table = registration_table({"7": change}, RULES, max_gain_to_loss_ratio=0.5)
@@ -177,7 +184,9 @@ def smooth(rng, size, scale):
     return field / field.std()
 
 
-def scanned_twice(relief, *, noise=0.1e-3, scatter=0.5, size=160, seed=0, loss=0.0, shift=(7, -4)):
+def scanned_twice(
+    relief, *, noise=0.1e-3, scatter=0.5, size=160, seed=0, loss=0.0, shift=(7, -4)
+):
     """Two prepared scans of a stone with an r.m.s. `relief` (mm), the second laid elsewhere.
 
     Each point of the second lies off its place by `scatter` (r.m.s. along each axis, points), as
@@ -254,7 +263,9 @@ def test_noise_of_whole_lines_is_no_trace_and_deep_wear_on_it_is(along):
     assert max(summary["loss_fraction"], summary["gain_fraction"]) < 0.002
     # neighbours within 2.35 / 2 σ √2 of the kernel on each side err alike
     reach = 2 * np.floor(np.sqrt(4 * np.log(2)) * along)
-    assert change.attrs["alike_um2"] == pytest.approx(reach * 1.66**2, rel=0.15, abs=0.1)
+    assert change.attrs["alike_um2"] == pytest.approx(
+        reach * 1.66**2, rel=0.15, abs=0.1
+    )
     worn = again.copy()
     worn[50:53, 60:63] -= 2e-3
     loss = height_change(once, worn, minimum_cluster_points=8)["loss"]

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.polynomial.legendre import legvander2d
+
 from gstlib.change.form import form_warning
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.surfaces.grid import make_surface
-from numpy.polynomial.legendre import legvander2d
 
 SIZE = 96
 
@@ -14,7 +15,9 @@ SIZE = 96
 def stone(request):
     """Self-affine heights, mm, on twice the side of a scan."""
     rng = np.random.default_rng(request.param)
-    field = self_affine_field(rng, 2 * SIZE, 0.5 / SIZE, hurst_exponent=0.8, roll_off=1 / 3)
+    field = self_affine_field(
+        rng, 2 * SIZE, 0.5 / SIZE, hurst_exponent=0.8, roll_off=1 / 3
+    )
     return 5e-3 * field / field.std()
 
 

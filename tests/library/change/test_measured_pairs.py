@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from gstlib.change.change import estimate_detection_limit, measured_change, wear_summary
 from gstlib.change.registration import register
 from gstlib.io.scans import read_scan
@@ -45,7 +46,10 @@ IMPRESSIONS = {
     "TW05-01": (202, 48),
 }
 # The same places on other castings, and how these are turned (degrees).
-SAME_FACE = {"TW02-01": ("TW02-02", (466, 253), -2.0), "TW03-02": ("TW03-03", (457, 245), 2.0)}
+SAME_FACE = {
+    "TW02-01": ("TW02-02", (466, 253), -2.0),
+    "TW03-02": ("TW03-03", (457, 245), 2.0),
+}
 
 
 @pytest.fixture(scope="module", params=REPEATS)
@@ -63,14 +67,19 @@ def repeat(request):
         heights = np.asarray(topography.heights(), dtype=float).T * mm
         spacing = topography.physical_sizes[0] * mm / heights.shape[1]
         scans.append(prepare_scan(make_surface(heights, spacing)))
-    settings = {"maximum_shift_mm": 0.7 * len(heights) * spacing, "minimum_cluster_points": 8}
+    settings = {
+        "maximum_shift_mm": 0.7 * len(heights) * spacing,
+        "minimum_cluster_points": 8,
+    }
     return request.param, scans, settings, spacing * np.array(shift)
 
 
 def shows_wear(name, change):
     """Whether more than 0.5 % is lost or gained; what is unknown is neither."""
     found = wear_summary(change)
-    if name in AS_NOISE and found["gain_to_loss_ratio"] > 0.2:  # the limit of the default study
+    if (
+        name in AS_NOISE and found["gain_to_loss_ratio"] > 0.2
+    ):  # the limit of the default study
         return False
     return max(found["loss_fraction"], found["gain_fraction"]) > 0.005
 

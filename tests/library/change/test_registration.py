@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+
 from gstlib.change.registration import Registration, apply_registration, register
 from gstlib.surfaces.grid import make_surface
 
@@ -19,7 +20,9 @@ def error_in_elements(registration, shift):
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("turn_deg", [-1.0, 2.0])
-def test_within_a_fifth_of_the_field_and_two_degrees_all_are_registered(remeasure, seed, turn_deg):
+def test_within_a_fifth_of_the_field_and_two_degrees_all_are_registered(
+    remeasure, seed, turn_deg
+):
     way = 2 * seed + turn_deg
     shift = 0.2 * SIZE * np.array([np.sin(way), np.cos(way)])
     t0, t1, _ = remeasure(seed, shift, turn_deg)

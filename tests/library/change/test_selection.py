@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+
 from gstlib.change.change import height_change
 from gstlib.change.selection import (
     exchanged_epochs,
@@ -12,7 +13,11 @@ from gstlib.change.selection import (
 )
 from gstlib.surfaces.grid import make_surface
 
-RULES = {"minimum_overlap": 0.7, "minimum_correlation": 0.5, "minimum_pressure_MPa": 1.0}
+RULES = {
+    "minimum_overlap": 0.7,
+    "minimum_correlation": 0.5,
+    "minimum_pressure_MPa": 1.0,
+}
 
 
 def changed(rose, fell, *, is_reliable=True):
@@ -40,7 +45,9 @@ def test_a_loss_is_believed_if_it_exceeds_noise(rose, fell, above_noise, warned)
     table = table_of({"7": changed(rose, fell)})
     row = table.iloc[0]
     assert row.above_noise == above_noise
-    assert row.gain_to_loss_ratio == pytest.approx(rose / fell if fell else np.nan, nan_ok=True)
+    assert row.gain_to_loss_ratio == pytest.approx(
+        rose / fell if fell else np.nan, nan_ok=True
+    )
     assert not row.excluded
     warnings = "".join(rise_warnings(table, max_gain_to_loss_ratio=0.5))
     assert ("patch 7" in warnings) == warned
@@ -49,7 +56,9 @@ def test_a_loss_is_believed_if_it_exceeds_noise(rose, fell, above_noise, warned)
 @pytest.mark.parametrize(
     ("rising", "faults", "words"), [(2, 0, "patches 0, 1: more rose"), (3, 1, None)]
 )
-def test_epochs_exchanged_on_most_patches_are_a_fault_and_on_few_a_warning(rising, faults, words):
+def test_epochs_exchanged_on_most_patches_are_a_fault_and_on_few_a_warning(
+    rising, faults, words
+):
     changes = {str(n): changed(0, 300) for n in range(3)}
     changes |= {str(n): changed(300, 100) for n in range(rising)}
     changes["3"] = changed(1, 0)  # unworn, but for noise
@@ -71,7 +80,11 @@ def test_patches_are_selected_by_pressure_overlap_and_correlation():
     registration["found"] = [True, True, True, False, False]
     table = select_patches(pressures, registration, RULES)
     assert list(table.in_study) == [False, False, False, True, False, False]
-    reasons = ["no macroscale contact; T0/T1 overlap", "pressure 0.5", "correlation 0.30"]
+    reasons = [
+        "no macroscale contact; T0/T1 overlap",
+        "pressure 0.5",
+        "correlation 0.30",
+    ]
     reasons += ["", "T1 was not found on T0", "striae match"]
     assert all(map(str.__contains__, table.reason, reasons))
     # not by the pressure that the patch's own wear tells, where another is known

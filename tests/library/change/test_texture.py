@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
-from gstlib.change.texture import _scale_limited, texture_rows
-from gstlib.surfaces.grid import make_surface
 from scipy.integrate import quad
 from scipy.stats import norm
+
+from gstlib.change.texture import _scale_limited, texture_rows
+from gstlib.surfaces.grid import make_surface
 
 UM = 1e-3  # mm
 SIZE = 256
@@ -50,7 +51,9 @@ def test_egg_box():
     assert texture["Sq"] == pytest.approx(amplitude / 2)
     assert texture["Sku"] == pytest.approx(2.25)
     wave_number = 2 * np.pi * count / (2 * SIZE)
-    assert texture["Sdq"] == pytest.approx(amplitude * wave_number / math.sqrt(2), rel=3e-3)
+    assert texture["Sdq"] == pytest.approx(
+        amplitude * wave_number / math.sqrt(2), rel=3e-3
+    )
     assert texture["Sdr"] == pytest.approx(100 * texture["Sdq"] ** 2 / 2, rel=0.01)
 
 
@@ -94,7 +97,9 @@ def test_neither_datum_nor_tilt_nor_axes_matter():
     y, x = np.indices(heights.shape)
     texture = parameters(heights, filters=FILTERS)
     for same in (1e3 + heights + 0.1 * y - 0.05 * x, heights.T):
-        assert parameters(same, filters=FILTERS) == pytest.approx(texture, rel=1e-6, abs=1e-6)
+        assert parameters(same, filters=FILTERS) == pytest.approx(
+            texture, rel=1e-6, abs=1e-6
+        )
 
 
 def test_fraction_of_a_wave_that_passes_both_filters():

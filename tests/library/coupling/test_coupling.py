@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+
 from gstlib.bem import HalfSpace
 from gstlib.coupling.embedding import surroundings
 from gstlib.coupling.pressures import covered_pressures, patch_pressures, stated, unseen
@@ -10,7 +11,9 @@ from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import make_surface
 
 SHAPE, SPACING = (20, 24), (0.25, 0.2)  # 5 mm × 4.8 mm
-PLACES = pd.DataFrame({"patch": list("ab"), "x_mm": 2.4, "y_mm": 2.6, "rotation_deg": [25.0, 0.0]})
+PLACES = pd.DataFrame(
+    {"patch": list("ab"), "x_mm": 2.4, "y_mm": 2.6, "rotation_deg": [25.0, 0.0]}
+)
 
 
 @pytest.fixture
@@ -21,9 +24,12 @@ def pressure():
 
 
 @pytest.mark.parametrize(
-    ("size", "shift", "rotation"), [(0.4, 0.13, 0.0), (0.7, -0.3, 33.0), (2.0, 0.9, -77.0)]
+    ("size", "shift", "rotation"),
+    [(0.4, 0.13, 0.0), (0.7, -0.3, 33.0), (2.0, 0.9, -77.0)],
 )
-def test_footprints_that_tile_share_out_all_of_the_force(pressure, size, shift, rotation):
+def test_footprints_that_tile_share_out_all_of_the_force(
+    pressure, size, shift, rotation
+):
     count = int(np.ceil(5 / size)) + 2
     along = size * np.arange(-count, count + 1) + shift
     y, x = np.meshgrid(along, along)
@@ -32,12 +38,15 @@ def test_footprints_that_tile_share_out_all_of_the_force(pressure, size, shift, 
     patches = pd.DataFrame({"x_mm": x[near], "y_mm": y[near]})
     patches = patches.assign(patch=patches.index, rotation_deg=rotation)
     table = patch_pressures(pressure, patches, size_mm=size)
-    assert table.force_N.sum() == pytest.approx(float(pressure.sum()) * np.prod(SPACING))
+    assert table.force_N.sum() == pytest.approx(
+        float(pressure.sum()) * np.prod(SPACING)
+    )
     np.testing.assert_allclose(table.pressure_MPa, table.force_N / size**2)
 
 
 @pytest.mark.parametrize(
-    ("shift_mm", "size_mm", "turn"), [((-0.4, 0.1), (1.4, 0.7), -35.0), ((0, 0), (3.0, 3.0), 3.0)]
+    ("shift_mm", "size_mm", "turn"),
+    [((-0.4, 0.1), (1.4, 0.7), -35.0), ((0, 0), (3.0, 3.0), 3.0)],
 )
 def test_a_mean_is_over_what_both_scans_cover(pressure, shift_mm, size_mm, turn):
     """By brute force: the points of T0 that T1 shows; T1 need not be as large as T0."""

@@ -4,13 +4,20 @@ import numpy as np
 import pandas as pd
 import pytest
 from contacts import laid
-from gstlib.coupling.comparison import AGREES, CANNOT_TELL, ELSEWHERE, SHIFTED, _shared_shift
+from scipy.ndimage import gaussian_filter
+
+from gstlib.coupling.comparison import (
+    AGREES,
+    CANNOT_TELL,
+    ELSEWHERE,
+    SHIFTED,
+    _shared_shift,
+)
 from gstlib.coupling.orientations import Mould, lying_right, oriented
 from gstlib.coupling.placement import ALL, FAULT, check_placement
 from gstlib.errors import InputsError
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import axis_coordinates, make_surface
-from scipy.ndimage import gaussian_filter
 
 SQUARE, SIZE = 5.0, 0.85
 NINE = [(y, x) for y in (1.2, 2.5, 3.8) for x in (1.2, 2.5, 3.8)]
@@ -21,7 +28,10 @@ class Waves:
 
     def __init__(self, seed, count=60):
         rng = np.random.default_rng(seed)
-        wavelength, direction = rng.uniform(0.6, 2.5, count), rng.uniform(0, 2 * np.pi, count)
+        wavelength, direction = (
+            rng.uniform(0.6, 2.5, count),
+            rng.uniform(0, 2 * np.pi, count),
+        )
         self.y, self.x = 2 * np.pi / wavelength * [np.sin(direction), np.cos(direction)]
         self.phase = rng.uniform(0, 2 * np.pi, count)
         self.height = wavelength**1.8 * 1e-3
@@ -41,10 +51,16 @@ class Waves:
 def place(square, heights, rotation_deg=0.0, columns=None, **mould):
     """The table by patch, of as many patches as there are heights."""
     y, x = np.transpose(NINE[: len(heights)])
-    scans = {str(n): height.to_dataset(name="height") for n, height in enumerate(heights, 1)}
-    patches = pd.DataFrame({"patch": list(scans), "x_mm": x, "y_mm": y} | (columns or {}))
+    scans = {
+        str(n): height.to_dataset(name="height") for n, height in enumerate(heights, 1)
+    }
+    patches = pd.DataFrame(
+        {"patch": list(scans), "x_mm": x, "y_mm": y} | (columns or {})
+    )
     patches["rotation_deg"] = rotation_deg
-    return check_placement(square, patches, scans, patch_mm=SIZE, **mould).set_index("patch")
+    return check_placement(square, patches, scans, patch_mm=SIZE, **mould).set_index(
+        "patch"
+    )
 
 
 def nine(stone, noise_um=0.0, rotation_deg=0.0):
@@ -68,7 +84,9 @@ def fault_of(*arguments, **options):
 def test_a_shift_that_all_share_is_found_whatever_planes_and_scales_are(caplog):
     stone, rotation = Waves(3), -7.0
     heights = [stone.patch(y + 0.06, x - 0.09, rotation) for y, x in NINE]
-    heights = [2.0 * (height + 0.01 * height.x - 0.02 * height.y + 3) for height in heights]
+    heights = [
+        2.0 * (height + 0.01 * height.x - 0.02 * height.y + 3) for height in heights
+    ]
     square = stone.square()
     table = place(square + 0.01 * square.y, heights, rotation_deg=rotation)
     row = table.loc[ALL]
@@ -120,7 +138,9 @@ def test_patches_of_another_stone_or_of_wrong_places_are_noticed(caplog):
         ),
     ],
 )
-def test_one_patch_in_another_orientation_is_named_with_what_to_set(orientation, remedy):
+def test_one_patch_in_another_orientation_is_named_with_what_to_set(
+    orientation, remedy
+):
     stone = Waves(7)
     heights = nine(stone, 0.5, rotation_deg=10.0)
     heights[3].values = oriented(heights[3].values, orientation)
@@ -134,7 +154,9 @@ def test_one_patch_in_another_orientation_is_named_with_what_to_set(orientation,
     if right.flip:
         heights[3].values = np.flip(heights[3].values, "yx".index(right.flip))
     rotations = np.where(table.index[:-1] == "4", 10.0 + turn, 10.0)
-    assert (place(stone.square(), heights, rotation_deg=rotations).status == AGREES).all()
+    assert (
+        place(stone.square(), heights, rotation_deg=rotations).status == AGREES
+    ).all()
 
 
 def test_exchanged_scans_are_named():

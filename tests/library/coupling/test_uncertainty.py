@@ -6,7 +6,13 @@ import pytest
 import xarray as xr
 from contacts import around, laid, mesh_face
 from contacts import pressed as press
-from gstlib.coupling.intervals import Errors, Macroscale, draw_contact_moduli, pressure_intervals
+
+from gstlib.coupling.intervals import (
+    Errors,
+    Macroscale,
+    draw_contact_moduli,
+    pressure_intervals,
+)
 from gstlib.coupling.pressures import patch_pressures
 from gstlib.macroscale.active_tool import face_in_pose, rounded_counterface
 from gstlib.macroscale.composite import compose_surface
@@ -15,9 +21,19 @@ from gstlib.surfaces.grid import axis_coordinates, coarser, make_surface
 from gstlib.surfaces.leveling import remove_plane
 
 COUNT, SPACING, PATCH = 24, 0.1, 0.6  # the square is 2.4 mm wide
-STONES = {"young_1_MPa": 20000.0, "poisson_1": 0.25, "young_2_MPa": 20000.0, "poisson_2": 0.25}
+STONES = {
+    "young_1_MPa": 20000.0,
+    "poisson_1": 0.25,
+    "young_2_MPa": 20000.0,
+    "poisson_2": 0.25,
+}
 PLACES = pd.DataFrame(
-    {"patch": ["1", "2"], "x_mm": [0.8, 1.5], "y_mm": [0.9, 1.4], "rotation_deg": [0.0, 12.0]}
+    {
+        "patch": ["1", "2"],
+        "x_mm": [0.8, 1.5],
+        "y_mm": [0.9, 1.4],
+        "rotation_deg": [0.0, 12.0],
+    }
 )
 MODULUS, TARGET, RADIUS = 10000.0, 15.0, 60.0  # MPa, MPa, mm
 MIDDLE = (COUNT * SPACING / 2, COUNT * SPACING / 2)
@@ -37,7 +53,11 @@ def mesh(error=0.0):
 def pressures(height, over=None, share=1.0, load_point=MIDDLE, places=PLACES):
     """Of the patches at rest, on elements as wide as those of the draws."""
     faces = [None if face is None else coarser(face, 2) for face in (height, over)]
-    loading = {"modulus": share * MODULUS, "mean_pressure": TARGET, "load_point": load_point}
+    loading = {
+        "modulus": share * MODULUS,
+        "mean_pressure": TARGET,
+        "load_point": load_point,
+    }
     contact = press(*faces, **loading)
     return patch_pressures(contact.pressure, places, size_mm=PATCH).pressure_MPa
 
@@ -120,7 +140,9 @@ def test_moduli_vary_as_their_stones_do():
     def draw(young_log_sd, poisson, **stones):
         errors = NO_ERRORS._replace(young_log_sd=young_log_sd, poisson=poisson)
         generator = np.random.default_rng(3)
-        return draw_contact_moduli(STONES | stones, errors, draws=20000, generator=generator)
+        return draw_contact_moduli(
+            STONES | stones, errors, draws=20000, generator=generator
+        )
 
     # two like stones of half of the compliance each
     assert np.log(draw(0.1, 0.0)).std() == pytest.approx(0.1 / np.sqrt(2), rel=0.02)
@@ -128,7 +150,9 @@ def test_moduli_vary_as_their_stones_do():
     alone = np.log(draw(0.5, 0.0, young_2_MPa=1e15))
     assert [alone.mean(), alone.std()] == pytest.approx([0, 0.5], abs=0.01)
     # d(1 - ν²) = -2ν dν over 1 - ν²
-    assert draw(0.0, 0.02).std() == pytest.approx(0.02 * 0.5 / 0.9375 / np.sqrt(2), rel=0.03)
+    assert draw(0.0, 0.02).std() == pytest.approx(
+        0.02 * 0.5 / 0.9375 / np.sqrt(2), rel=0.03
+    )
 
 
 def test_an_active_tool_adds_the_error_of_its_pose(intervals):
@@ -138,7 +162,9 @@ def test_an_active_tool_adds_the_error_of_its_pose(intervals):
     def width(along_y, along_x, pose_um):
         heights = stone(along_y * at[:, None], along_x * at)
         over = around(heights, SPACING, COUNT * SPACING)
-        posed = face_in_pose(over, mesh().height, PatchPosition(0.0, 0.0), size_mm=COUNT * SPACING)
+        posed = face_in_pose(
+            over, mesh().height, PatchPosition(0.0, 0.0), size_mm=COUNT * SPACING
+        )
         face = mesh().assign(counterface=posed)
         table = intervals(np.ones(6), face, None, over, pose_um=pose_um)
         return float((table.high_MPa - table.low_MPa).max())

@@ -17,10 +17,11 @@ from functools import partial
 
 import numpy as np
 import pytest
+from hypothesis import strategies as st
+
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
-from hypothesis import strategies as st
 
 
 def refused(path, match=None, **options):
@@ -67,7 +68,11 @@ def write_x3p(path, heights, spacing, stage_mm=(0, 0)):
         f"<C{axis}><AxisType>{kind}</AxisType><DataType>D</DataType>"
         f"<Increment>{step!r}</Increment><Offset>{at / 1e3}</Offset></C{axis}>"
         for axis, kind, step, at in zip(
-            "XYZ", "IIA", (spacing[1] / 1e3, spacing[0] / 1e3, 1.0), (*stage_mm, 0), strict=True
+            "XYZ",
+            "IIA",
+            (spacing[1] / 1e3, spacing[0] / 1e3, 1.0),
+            (*stage_mm, 0),
+            strict=True,
         )
     )
     index = (
@@ -79,14 +84,19 @@ def write_x3p(path, heights, spacing, stage_mm=(0, 0)):
         f"<SizeX>{nx}</SizeX><SizeY>{ny}</SizeY><SizeZ>1</SizeZ></MatrixDimension><DataLink>"
         "<PointDataLink>bindata/data.bin</PointDataLink></DataLink></Record3></p:ISO5436_2>"
     )
-    content = {"main.xml": index.encode(), "bindata/data.bin": (heights / 1e3).tobytes()}
+    content = {
+        "main.xml": index.encode(),
+        "bindata/data.bin": (heights / 1e3).tobytes(),
+    }
     path.write_bytes(zipped(content))
 
 
 def write_sdf(path, heights, spacing):
     """Heights in µm as doubles, the lowest of which stands for unmeasured."""
     ny, nx = heights.shape
-    header = struct.pack("<8s10s12s12s", b"bISO-1.0", b"a profiler", *2 * [b"190420211140"])
+    header = struct.pack(
+        "<8s10s12s12s", b"bISO-1.0", b"a profiler", *2 * [b"190420211140"]
+    )
     dy, dx = spacing
     header += struct.pack("<2H4d3B", nx, ny, dx / 1e3, dy / 1e3, 1e-6, -1, 0, 7, 0)
     lowest = np.finfo(float).min
@@ -140,7 +150,10 @@ def matrix_writer(separator, unmeasured, point="."):
     """Writer of heights in µm, between separators and with a decimal sign as some program's."""
 
     def write(path, heights, spacing):
-        rows = [[unmeasured if np.isnan(v) else f"{v * 1e3:.9g}" for v in row] for row in heights]
+        rows = [
+            [unmeasured if np.isnan(v) else f"{v * 1e3:.9g}" for v in row]
+            for row in heights
+        ]
         text = "".join(separator.join(row) + "\n" for row in rows)
         path.write_text(text.replace(".", point))
 
@@ -162,7 +175,9 @@ def damaged(draw, content):
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = {name: archive.read(name) for name in archive.namelist()}
         name = draw(st.sampled_from(sorted(members)))
-        return zipped(members | {name: draw(damaged(members[name]))}, zipfile.ZIP_STORED)
+        return zipped(
+            members | {name: draw(damaged(members[name]))}, zipfile.ZIP_STORED
+        )
     in_header = st.integers(0, min(len(content), 600))
     place = draw(in_header | st.integers(0, len(content)))
     lost = draw(st.sampled_from([0, 1, 4, 400, len(content)]))
@@ -183,7 +198,9 @@ class Format:
 
 
 FORMATS = {
-    "plu": Format(".plu", write_plu, attrs={"objective": "Leica HC PL Fluotar EPI 10X"}),
+    "plu": Format(
+        ".plu", write_plu, attrs={"objective": "Leica HC PL Fluotar EPI 10X"}
+    ),
     "plux": Format(".plux", write_plux, attrs={"instrument": "S neox"}),
     "sur": Format(".sur", write_sur, attrs={"instrument": "a profiler"}),
     "sur, compressed": Format(".sur", partial(write_sur, compressed=True)),

@@ -5,12 +5,13 @@ import struct
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from scan_files import FORMATS, damaged, refused, write_sur
+
 from gstlib.errors import InputError
 from gstlib.io.plu import PLU_UNMEASURED_UM, write_plu
 from gstlib.io.scans import read_scan
 from gstlib.surfaces.grid import spacing_of
-from hypothesis import given, settings
-from scan_files import FORMATS, damaged, refused, write_sur
 
 SPACING = (1.66e-3, 0.83e-3)
 each_format = pytest.mark.parametrize("name", FORMATS)
@@ -110,7 +111,9 @@ def test_a_lost_block_is_not_read_as_heights(tmp_path, rough, first, count):
     """Zeros in one row through the file, from within a line of the map to within another."""
     rough.flat[first : first + count] = 0
     path, _ = written(tmp_path, "sdf", rough)
-    refused(path, f"{count} heights one behind the other, from number {first + 1} on, are 0")
+    refused(
+        path, f"{count} heights one behind the other, from number {first + 1} on, are 0"
+    )
 
 
 ZEROS = {
@@ -140,7 +143,9 @@ def test_numbers_that_lost_digits_or_were_given_some(tmp_path):
     read(path, sample)
     for odd in (number[:-1], number + "3"):
         path.write_text(text.replace(number, odd))
-        refused(path, "of its numbers have 4 decimals, and 1 others", **sample.options(1e-3))
+        refused(
+            path, "of its numbers have 4 decimals, and 1 others", **sample.options(1e-3)
+        )
 
 
 PLACES = np.arange(35).reshape(5, 7)
@@ -205,7 +210,9 @@ def test_absurd_sizes_are_of_a_wrong_unit(tmp_path, heights, spacing, factor):
 def test_unknown_content(tmp_path, name):
     # as many bytes as a square map of 16-bit heights has: one format has no other mark
     (tmp_path / name).write_bytes(b"what no instrument wrote" * 3 * 4**3)
-    refused(tmp_path / name, "cannot be read as a height map", unit="um", spacing_um=1.0)
+    refused(
+        tmp_path / name, "cannot be read as a height map", unit="um", spacing_um=1.0
+    )
     refused(tmp_path / f"no{name}", "no such file")
 
 
@@ -230,6 +237,9 @@ def test_whatever_happens_to_a_file(tmp_path, heights, name):
         assert max(scan.shape[0] * dy, scan.shape[1] * dx) <= 50
         assert not np.isinf(scan.values).any()
         assert np.nanmax(scan.values) - np.nanmin(scan.values) <= 10
-        assert all(isinstance(value, str) and "\0" not in value for value in scan.attrs.values())
+        assert all(
+            isinstance(value, str) and "\0" not in value
+            for value in scan.attrs.values()
+        )
 
     check()

@@ -8,6 +8,7 @@ import sys
 import textwrap
 
 import pytest
+
 from gstlib.errors import OutputError
 from gstlib.io.files import check_writable, write_whole
 
@@ -71,5 +72,7 @@ def test_a_folder_that_cannot_be_written_to(tmp_path):
     check_writable(tmp_path / "new/results")
     assert os.listdir(tmp_path / "new/results") == []
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="file/results: cannot be written: Not a directory"):
+    with pytest.raises(
+        OutputError, match="file/results: cannot be written: Not a directory"
+    ):
         check_writable(tmp_path / "file/results")

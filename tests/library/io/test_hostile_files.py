@@ -16,6 +16,10 @@ import h5py
 import numpy as np
 import openpyxl
 import pytest
+from hypothesis import given, settings
+from mesh_files import glb, stone
+from scan_files import FORMATS, damaged, write_sur, zipped
+
 from gst.config.patches import read_patches
 from gst.config.strict_yaml import parse_yaml
 from gstlib.errors import ConfigError, InputError
@@ -24,9 +28,6 @@ from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
-from hypothesis import given, settings
-from mesh_files import glb, stone
-from scan_files import FORMATS, damaged, write_sur, zipped
 
 BYTES, SECONDS = 10**9, 10
 STATUS = Path("/proc/self/statm")  # of Linux
@@ -111,7 +112,11 @@ FAN = "v 0 0 0\nv 9 0 0\nv 0 9 0\nf" + " 1 2 3" * 2000 + "\n"
 CASES = {
     "points": (made(POINTS.encode()), "a.xyz", read_scan),
     "zeros": (mesh_with({"notes.bin": bytes(20_000_000)}), "a.3mf", read_mesh),
-    "entity": (mesh_with({"a.xml": b"<!DOCTYPE a [<!ENTITY b 'c'>]>"}), "a.3mf", read_mesh),
+    "entity": (
+        mesh_with({"a.xml": b"<!DOCTYPE a [<!ENTITY b 'c'>]>"}),
+        "a.3mf",
+        read_mesh,
+    ),
     "members": (mesh_with({f"{n}": b"" for n in range(2000)}), "a.3mf", read_mesh),
     "fan": (made(FAN.encode()), "a.obj", read_mesh),
     "sur": (false_sur, "a.sur", read_scan),
@@ -184,13 +189,25 @@ def references(root):
 HDF5 = {
     "external storage": (external, "stored in other files"),
     "virtual": (virtual, "stored in other files"),
-    "link": (lambda root: root.update(a=h5py.ExternalLink("/tmp/b.h5", "height")), "a link"),
+    "link": (
+        lambda root: root.update(a=h5py.ExternalLink("/tmp/b.h5", "height")),
+        "a link",
+    ),
     "huge": (huge, "unpacks from"),
     "texts": (long_texts, "too long"),
     "references": (references, "cannot be read as HDF5"),
-    "filter": (lambda root: root.create_dataset("f", data=np.zeros(9), scaleoffset=3), "filters"),
-    "loop": (lambda root: root.create_group("g").update(again=root), "cannot be read as HDF5"),
-    "many": (lambda root: [root.create_group(f"{n}") for n in range(3000)], "more than 1000"),
+    "filter": (
+        lambda root: root.create_dataset("f", data=np.zeros(9), scaleoffset=3),
+        "filters",
+    ),
+    "loop": (
+        lambda root: root.create_group("g").update(again=root),
+        "cannot be read as HDF5",
+    ),
+    "many": (
+        lambda root: [root.create_group(f"{n}") for n in range(3000)],
+        "more than 1000",
+    ),
 }
 
 

@@ -7,10 +7,11 @@ import zipfile
 import numpy as np
 import pytest
 import trimesh
-from gstlib.errors import NOTE, InputError
-from gstlib.io.meshes import ply_with, read_mesh
 from mesh_files import SIZE, glb, ply, rough_ball, stone
 from scipy.spatial import Delaunay
+
+from gstlib.errors import NOTE, InputError
+from gstlib.io.meshes import ply_with, read_mesh
 
 PLACES = "0 0 0\n0 0 20\n0 30 0\n0 30 20\n40 0 0\n40 0 20\n40 30 0\n40 30 20\n"
 SIDES = "4 0 1 3 2\n4 4 6 7 5\n4 0 4 5 1\n4 2 3 7 6\n4 0 2 6 4\n4 1 5 7 3\n"
@@ -67,7 +68,9 @@ FILES = {
     "whole.glb": exported("glb"),
     "whole.3mf": exported("3mf"),
 }
-STL, OBJ, OFF, BIG = (FILES[name] for name in ("binary.stl", "plain.obj", "text.off", "big.ply"))
+STL, OBJ, OFF, BIG = (
+    FILES[name] for name in ("binary.stl", "plain.obj", "text.off", "big.ply")
+)
 COUNT = struct.pack("<I", 48)
 INSIDE_OUT = trimesh.Trimesh(stone().vertices, stone().faces[:, ::-1])
 BOTH_SIDES = stone() + INSIDE_OUT
@@ -181,7 +184,10 @@ def test_a_wrong_unit_is_named(tmp_path):
 
 def test_a_ply_has_numbers_at_its_vertices_in_the_files_own_unit():
     mesh = stone()
-    scalars = {"pressure_MPa": mesh.vertices[:, 0] ** 2, "exposure_N_per_mm": mesh.vertices[:, 1]}
+    scalars = {
+        "pressure_MPa": mesh.vertices[:, 0] ** 2,
+        "exposure_N_per_mm": mesh.vertices[:, 1],
+    }
     content = ply_with(mesh, scalars, unit="m")
     rows = content.partition(b"end_header\n")[2]
     numbers = np.frombuffer(rows, "<f4", 5 * len(mesh.vertices)).reshape(-1, 5)
@@ -268,8 +274,16 @@ STEPS = {
     "utm_in_m.stl": (moved(UTM, scale=1e-3).export(file_type="stl"), "m", 500),
     "utm_in_double.ply": (ply(moved(UTM, scale=1e-3), "<f8"), "m", 0.93e-6),
     # moved back, as some programs do when they export
-    "back.ply": (ply(moved(1e5, "<f4").apply_translation([-1e5] * 3), "<f8"), "mm", 7.8e-3),
-    "two_decimals.off": (rough_ball(0.3).export(file_type="off", digits=2).encode(), "mm", 10e-3),
+    "back.ply": (
+        ply(moved(1e5, "<f4").apply_translation([-1e5] * 3), "<f8"),
+        "mm",
+        7.8e-3,
+    ),
+    "two_decimals.off": (
+        rough_ball(0.3).export(file_type="off", digits=2).encode(),
+        "mm",
+        10e-3,
+    ),
     "whole_numbers.glb": (glb(scaled(0.03, normalized=True), "i1", 127), "m", 0.236),
 }
 
@@ -281,7 +295,9 @@ def test_the_step_of_the_coordinates_is_told_warned_of_and_refused(write, caplog
     if step_mm > 20e-3:
         refused(path, "steps of .* (origin|digits)", unit=unit)
         return
-    assert read_mesh(path, unit=unit).metadata["step_mm"] == pytest.approx(step_mm, rel=0.1)
+    assert read_mesh(path, unit=unit).metadata["step_mm"] == pytest.approx(
+        step_mm, rel=0.1
+    )
     assert ("steps of" in caplog.text) == (step_mm > 1e-3)
 
 
@@ -289,7 +305,9 @@ def test_a_grid_of_heights_is_not_rounded_to_its_spacing(write):
     rows, columns = np.indices((40, 40))
     grid = np.column_stack([columns.ravel(), rows.ravel()]) * 0.5
     heights = np.random.default_rng(1).random(len(grid))
-    sheet = trimesh.Trimesh(np.c_[grid, heights], Delaunay(grid).simplices, process=False)
+    sheet = trimesh.Trimesh(
+        np.c_[grid, heights], Delaunay(grid).simplices, process=False
+    )
     assert read_mesh(write("a.ply", ply(sheet, "<f8"))).metadata["step_mm"] < 1e-5
 
 
@@ -312,7 +330,12 @@ def test_cut_files_are_refused(write, name):
     ("name", "old", "new", "match"),
     [
         # they could mean two stones
-        ("binary.stl", COUNT, struct.pack("<I", 40), "states 40 triangles, and more follow"),
+        (
+            "binary.stl",
+            COUNT,
+            struct.pack("<I", 40),
+            "states 40 triangles, and more follow",
+        ),
         ("plain.obj", b".0", b",0", "decimal commas"),
         ("plain.obj", b"\nv ", b"\nv 1 2 3 2.0\nv ", "fourth number"),
         ("plain.obj", b"\nv ", b"\nf -1 -1 -1\nv ", "backwards"),
@@ -323,9 +346,19 @@ def test_cut_files_are_refused(write, name):
         ("ascii.ply", b"4 0 1", b"4 77 1", "a face refers to a vertex outside its 8"),
         ("ascii.ply", b"40 ", b"4 0 ", "a row that its header does not describe"),
         ("text.off", b"26 48", b"26 49", "has 74 rows, but states 75"),
-        ("little.ply", np.float32(-20).tobytes(), np.float32("nan").tobytes(), "are not numbers"),
+        (
+            "little.ply",
+            np.float32(-20).tobytes(),
+            np.float32("nan").tobytes(),
+            "are not numbers",
+        ),
         # the last face, of 14 bytes, has seven corners
-        ("big.ply", BIG[-14:], BIG[-14:-13] + b"\7" + BIG[-12:], "different numbers of corners"),
+        (
+            "big.ply",
+            BIG[-14:],
+            BIG[-14:-13] + b"\7" + BIG[-12:],
+            "different numbers of corners",
+        ),
         ("plain.obj", OBJ, b"v 0 0 0\nv 9 0 0\nv 0 9 0\n", "no faces"),
         ("ascii.stl", FILES["ascii.stl"], b"", "the file is empty"),
         ("ascii.stl", FILES["ascii.stl"], b"I am not a mesh\n", "endsolid"),
@@ -375,7 +408,9 @@ def test_triangles_that_rounding_shrinks_are_read(write):
 def test_a_closed_mesh_inside_out_is_turned(tmp_path, caplog):
     caplog.set_level(NOTE)
     ball = trimesh.creation.icosphere(4, radius=20)
-    ball.update_faces(np.arange(len(ball.faces)) > 2)  # pin-holes, as scanners leave them
+    ball.update_faces(
+        np.arange(len(ball.faces)) > 2
+    )  # pin-holes, as scanners leave them
     ball.apply_translation((500, 0, 0))
     ball.export(tmp_path / "right.stl")
     ball.invert()

@@ -5,12 +5,13 @@ import zipfile
 
 import numpy as np
 import pytest
+from scan_files import FORMATS, refused, write_plu_at, write_sur, write_x3p, zipped
+
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
 from gstlib.surfaces.grid import make_surface, spacing_of
-from scan_files import FORMATS, refused, write_plu_at, write_sur, write_x3p, zipped
 
 DY, DX = 1.66e-3, 0.83e-3
 
@@ -28,7 +29,9 @@ def test_every_format_gives_the_same_surface(tmp_path, heights, name):
     assert sample.attrs.items() <= scan.attrs.items()
 
 
-def test_a_plu_is_read_back_by_the_library_that_reads_the_instruments_own(tmp_path, heights):
+def test_a_plu_is_read_back_by_the_library_that_reads_the_instruments_own(
+    tmp_path, heights
+):
     from SurfaceTopography.IO.PLU import PLUReader
 
     write_plu(tmp_path / "a.plu", heights, (DY, DX))
@@ -36,7 +39,9 @@ def test_a_plu_is_read_back_by_the_library_that_reads_the_instruments_own(tmp_pa
     # in µm, masked where unmeasured: the library has them as [x, y]
     stored = np.ma.filled(topography.heights().astype(float), np.nan).T
     np.testing.assert_array_equal(stored, (heights * 1e3).astype(np.float32))
-    np.testing.assert_allclose(topography.physical_sizes, (7 * 0.83, 5 * 1.66), rtol=1e-7)
+    np.testing.assert_allclose(
+        topography.physical_sizes, (7 * 0.83, 5 * 1.66), rtol=1e-7
+    )
     assert topography.unit == "µm"
 
 
@@ -68,17 +73,26 @@ def rewritten_x3p(path, heights, changes=(), rename=str, **members):
 
 
 HEIGHT_AXIS = (
-    "<AxisType>A</AxisType><DataType>D</DataType><Increment>1.0</Increment><Offset>0.0</Offset>"
+    "<AxisType>A</AxisType><DataType>D</DataType>"
+    "<Increment>1.0</Increment><Offset>0.0</Offset>"
 )
-VALID = ("</PointDataLink>", "</PointDataLink><ValidPointsLink>bindata/valid.bin</ValidPointsLink>")
+VALID = (
+    "</PointDataLink>",
+    "</PointDataLink><ValidPointsLink>bindata/valid.bin</ValidPointsLink>",
+)
 LINK = "<DataLink><PointDataLink>bindata/data.bin</PointDataLink></DataLink>"
 
 
 def test_x3p_is_read_however_it_was_written(tmp_path, heights):
     """In a folder, by a program for Windows, with a date of no standard and an empty offset."""
     path = tmp_path / "a.x3p"
-    changes = [("2021-04-19T11:40:13", "23 Sep 2009"), ("<Offset>0.0</Offset>", "<Offset/>")]
-    rewritten_x3p(path, heights, changes, lambda name: f"./Land/{name}".replace("/", "\\"))
+    changes = [
+        ("2021-04-19T11:40:13", "23 Sep 2009"),
+        ("<Offset>0.0</Offset>", "<Offset/>"),
+    ]
+    rewritten_x3p(
+        path, heights, changes, lambda name: f"./Land/{name}".replace("/", "\\")
+    )
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("Land/bindata/", "")
         archive.writestr("__MACOSX/land/._main.xml", b"\0\5\x16\7")
@@ -88,9 +102,13 @@ def test_x3p_is_read_however_it_was_written(tmp_path, heights):
 
 
 def test_x3p_with_its_heights_in_the_index(tmp_path, heights):
-    cells = ["" if np.isnan(height) else f" {height / 1e3} " for height in heights.ravel()]
+    cells = [
+        "" if np.isnan(height) else f" {height / 1e3} " for height in heights.ravel()
+    ]
     listed = "".join(f"<Datum>{cell}</Datum>" for cell in cells)
-    rewritten_x3p(tmp_path / "a.x3p", heights, [(LINK, f"<DataList>{listed}</DataList>")])
+    rewritten_x3p(
+        tmp_path / "a.x3p", heights, [(LINK, f"<DataList>{listed}</DataList>")]
+    )
     np.testing.assert_allclose(read_scan(tmp_path / "a.x3p").values, heights)
 
 
@@ -108,7 +126,9 @@ def test_x3p_in_steps(tmp_path, heights):
         valid=np.packbits(valid, bitorder="little").tobytes(),
     )
     expected = np.where(valid, heights, np.nan)
-    np.testing.assert_allclose(read_scan(tmp_path / "a.x3p").values, expected, atol=0.51e-6)
+    np.testing.assert_allclose(
+        read_scan(tmp_path / "a.x3p").values, expected, atol=0.51e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -145,7 +165,9 @@ def spiky():
 
 
 @pytest.mark.parametrize(("mark", "points"), [(0.0, 10), (-9999.0, 300)])
-def test_a_height_far_from_the_others_is_unmeasured(tmp_path, caplog, spiky, mark, points):
+def test_a_height_far_from_the_others_is_unmeasured(
+    tmp_path, caplog, spiky, mark, points
+):
     order = np.random.default_rng(2).permutation(spiky.size)
     held = order.reshape(spiky.shape) < points
     measured = read_heights(tmp_path, np.where(held, mark, spiky))
@@ -153,7 +175,9 @@ def test_a_height_far_from_the_others_is_unmeasured(tmp_path, caplog, spiky, mar
     assert f"a.csv: {points} points" in caplog.text
 
 
-def test_a_height_of_few_points_in_steps_or_among_the_others_is_measured(tmp_path, caplog, spiky):
+def test_a_height_of_few_points_in_steps_or_among_the_others_is_measured(
+    tmp_path, caplog, spiky
+):
     spikes = spiky.copy()
     spikes[40, :9] = 0.0  # they are left to the outlier rule
     two_levels = np.where(spiky > 78, 78.0, 60.0)
@@ -212,13 +236,23 @@ def test_an_esri_grid_begins_with_its_highest_y(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "match"),
     [
-        ("a.xyz", "# x y z\n1 2 3\n1 2 three\n", "from line 2 on, is not a table .*'three'"),
-        ("a.asc", ESRI.format(cell="0.01", rows=ROWS[:8]), "holds 1 rows of 4 .* states 3 of 4"),
+        (
+            "a.xyz",
+            "# x y z\n1 2 3\n1 2 three\n",
+            "from line 2 on, is not a table .*'three'",
+        ),
+        (
+            "a.asc",
+            ESRI.format(cell="0.01", rows=ROWS[:8]),
+            "holds 1 rows of 4 .* states 3 of 4",
+        ),
     ],
 )
 def test_a_text_that_is_no_scan_is_refused(tmp_path, name, text, match):
     (tmp_path / name).write_text(text)
-    refused(tmp_path / name, match, unit="um", spacing_um=None if name == "a.xyz" else 1.0)
+    refused(
+        tmp_path / name, match, unit="um", spacing_um=None if name == "a.xyz" else 1.0
+    )
 
 
 def test_a_sur_states_micrometres_in_another_coding(tmp_path, heights):
@@ -227,7 +261,9 @@ def test_a_sur_states_micrometres_in_another_coding(tmp_path, heights):
     content = (tmp_path / "a.sur").read_bytes()
     assert content.count(b"\xb5m\0") == 2
     (tmp_path / "a.sur").write_bytes(content.replace(b"\xb5m\0", "μm".encode()))
-    assert spacing_of(read_scan(tmp_path / "a.sur")) == pytest.approx((DY, DX), rel=1e-6)
+    assert spacing_of(read_scan(tmp_path / "a.sur")) == pytest.approx(
+        (DY, DX), rel=1e-6
+    )
 
 
 # --- The stage ----------------------------------------------------------------------------------

@@ -8,12 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
 from gstlib.errors import InputError
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import printed, read_table, write_table
 from gstlib.surfaces.grid import make_surface
-from hypothesis import given
-from hypothesis import strategies as st
 
 
 def dataset():
@@ -50,7 +51,9 @@ def test_datasets_by_name_are_read_when_they_are_looked_up_and_only_then(path):
     assert list(stored["a"]) == ["height"]
 
 
-@pytest.mark.parametrize("damage", [lambda content: b"no HDF5", lambda content: content[:9000]])
+@pytest.mark.parametrize(
+    "damage", [lambda content: b"no HDF5", lambda content: content[:9000]]
+)
 def test_unreadable_files_are_named(path, damage):
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(InputError, match=r"a\.h5.*Delete it"):
@@ -105,7 +108,9 @@ def test_xarray_reads_what_was_written_and_it_is_read_as_xarray_does(tmp_path):
     xr.testing.assert_identical(expected, kinds)
     xr.testing.assert_identical(fields, kinds)
     assert dict(fields.dtypes) == dict(expected.dtypes)
-    xr.testing.assert_identical(read_dataset(tmp_path / "a.h5", ["word"]), kinds[["word"]])
+    xr.testing.assert_identical(
+        read_dataset(tmp_path / "a.h5", ["word"]), kinds[["word"]]
+    )
 
 
 # --- Tables -------------------------------------------------------------------------------------
@@ -132,7 +137,9 @@ def test_table_digits_and_words(tmp_path):
     read = read_table(tmp_path / "t.csv", ["patch", "count"])
     assert list(read.patch) == ["01", "2"]
     assert read.in_study.tolist() == [True, False]
-    with pytest.raises(InputError, match=r"t\.csv: lacks pressure_MPa, x_mm\. Delete it"):
+    with pytest.raises(
+        InputError, match=r"t\.csv: lacks pressure_MPa, x_mm\. Delete it"
+    ):
         read_table(tmp_path / "t.csv", ["patch", "pressure_MPa", "x_mm"])
 
 

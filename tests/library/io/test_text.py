@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scan_files import refused
+
 from gstlib.io.scans import read_scan
 from gstlib.surfaces.grid import spacing_of
-from scan_files import refused
 
 STEP = 1.5  # µm
 CONFIG = {"unit": "um", "spacing_um": STEP}
@@ -101,7 +102,17 @@ def test_heights_in_even_steps_are_not_coordinates(tmp_path, heights):
     same(read(tmp_path, lines_of(heights), **CONFIG), heights)
 
 
-MARKS = ["*****", "#N/A", "#DIV/0!", "#¡VALOR!", "No Data", "--", "-nan(ind)", "1.#QNAN", "inf"]
+MARKS = [
+    "*****",
+    "#N/A",
+    "#DIV/0!",
+    "#¡VALOR!",
+    "No Data",
+    "--",
+    "-nan(ind)",
+    "1.#QNAN",
+    "inf",
+]
 
 
 @pytest.mark.parametrize("mark", MARKS)
@@ -111,7 +122,9 @@ def test_marks_of_unmeasured_points(tmp_path, mark, separator):
     heights = HEIGHTS.copy()
     heights[np.random.default_rng(1).random(heights.shape) < 0.8] = np.nan
     heights[:3] = heights[:, -1] = np.nan
-    same(read(tmp_path, lines_of(heights, separator, unmeasured=mark), **CONFIG), heights)
+    same(
+        read(tmp_path, lines_of(heights, separator, unmeasured=mark), **CONFIG), heights
+    )
 
 
 def test_a_header_of_gwyddion(tmp_path):
@@ -148,11 +161,20 @@ MAPS = {
     "thousands": (lines_of(HEIGHTS + 1500, ";", "{:,.4f}"), "thousands"),
     "hashes": (PLAIN.replace(",", ",####,", 1), "damaged"),
     "an unknown mark": ("void,void,void,void\n" + "1,2,3,4\n" * 9, "'void' in 3 cells"),
-    "other spacing": (lines_of(with_coordinates(2 * X, 2 * Y)), "coordinates are 3 apart"),
+    "other spacing": (
+        lines_of(with_coordinates(2 * X, 2 * Y)),
+        "coordinates are 3 apart",
+    ),
     "uneven": (lines_of(with_coordinates(X**1.1 + 60, Y)), "uneven"),
-    "two rows": (lines_of(np.vstack([np.arange(NX), X, HEIGHTS])), "two rows or columns"),
+    "two rows": (
+        lines_of(np.vstack([np.arange(NX), X, HEIGHTS])),
+        "two rows or columns",
+    ),
     "a word as height": (first_as("word", PLAIN), "its first cell is 'word'"),
-    "a table of points": ("x,y,z,i\n" + lines_of(points((0, 1, 2, 2))), "4 columns and 720 rows"),
+    "a table of points": (
+        "x,y,z,i\n" + lines_of(points((0, 1, 2, 2))),
+        "4 columns and 720 rows",
+    ),
 }
 
 

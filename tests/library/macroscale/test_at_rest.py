@@ -9,6 +9,7 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 from contacts import around, interface
+
 from gstlib.bem.closed_forms import Sphere
 from gstlib.contact import Load, contact_at_pressure
 from gstlib.coupling.embedding import placed_faces
@@ -64,7 +65,9 @@ def test_a_plane_changes_the_tilt_by_itself_and_nothing_else():
     straight = at_rest(face, over)
     askew = at_rest(tilted(face, 5e-3, -8e-3), over)
     assert_same_pressures(askew, straight)
-    np.testing.assert_allclose(slopes(straight) - slopes(askew), (5e-3, -8e-3), atol=1e-9)
+    np.testing.assert_allclose(
+        slopes(straight) - slopes(askew), (5e-3, -8e-3), atol=1e-9
+    )
     forces = straight.pressure * np.prod(spacing_of(face))
     assert float(forces.sum()) == pytest.approx(300.0, rel=1e-9)
     centre = [float((forces * forces[axis]).sum()) / 300 for axis in "yx"]
@@ -83,7 +86,9 @@ def test_a_rounded_stone_touches_as_hertz_says(own_radius):
     contact = at_rest(face, over, load_point=load_point)
     radius = 1 / (1 / 40.0 + 1 / own_radius)
     exact = Sphere(300.0, radius, MODULUS)
-    expected = exact.pressure(face.x.values - load_point[1], face.y.values[:, None] - load_point[0])
+    expected = exact.pressure(
+        face.x.values - load_point[1], face.y.values[:, None] - load_point[0]
+    )
     peak = exact.peak_pressure
     misfit = contact.pressure.values - expected
     assert np.sqrt(np.mean(misfit**2)) < 0.01 * peak
@@ -106,7 +111,9 @@ def test_where_there_is_no_stone_nothing_is_borne():
     other = at_rest(face, 0 * face.where(~absent))
     assert_same_pressures(other, contact)
     place = PatchPosition(1.2, 1.4, 25.0)
-    planes = [astuple(plane_under(spline_of(surface), place, 0.8)) for surface in (cut, face)]
+    planes = [
+        astuple(plane_under(spline_of(surface), place, 0.8)) for surface in (cut, face)
+    ]
     np.testing.assert_allclose(*planes, atol=1e-6)
 
 
@@ -120,8 +127,12 @@ def larger():
     return at_rest(face, rounded_counterface(face, 60.0, MIDDLE), force_N=900.0)
 
 
-@pytest.mark.parametrize(("rotation", "is_laid"), [(0.0, False), (90.0, True), (180.0, True)])
-def test_a_square_placed_in_a_larger_contact_has_its_pressures(larger, rotation, is_laid):
+@pytest.mark.parametrize(
+    ("rotation", "is_laid"), [(0.0, False), (90.0, True), (180.0, True)]
+)
+def test_a_square_placed_in_a_larger_contact_has_its_pressures(
+    larger, rotation, is_laid
+):
     """A piece that is cut out of the larger one and placed in it, as it is or levelled."""
     place = PatchPosition(2.2, 2.0, rotation)
     size = 1.2
@@ -163,6 +174,8 @@ def test_the_square_at_the_faces_resolution_is_the_face_again(larger):
     assert 0.1 < float(inside.sum() / larger.pressure.sum()) < 0.995
     scale = float(inside.max())
     np.testing.assert_allclose(reference.pressure, inside, atol=0.01 * scale)
-    assert float(reference.pressure.sum()) == pytest.approx(float(inside.sum()), rel=1e-4)
+    assert float(reference.pressure.sum()) == pytest.approx(
+        float(inside.sum()), rel=1e-4
+    )
     level, _ = remove_plane(square)
     np.testing.assert_allclose(reference.height, level, atol=1e-7)

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from contacts import laid, mesh_face
+
 from gstlib.macroscale.composite import (
     compose,
     compose_surface,
@@ -20,16 +21,26 @@ from gstlib.surfaces.grid import axis_coordinates, make_surface
 from gstlib.surfaces.leveling import Plane
 from gstlib.validation.single_scale import composite_heights
 
-NO_DETAIL = xr.DataArray(np.zeros(2), dims="frequency", coords={"frequency": [1.0, 2.0]})
+NO_DETAIL = xr.DataArray(
+    np.zeros(2), dims="frequency", coords={"frequency": [1.0, 2.0]}
+)
 SIDE, COUNT, PATCH, POINTS = 4.0, 40, 0.8, 64
 PLACES = pd.DataFrame(
-    {"patch": ["a", "b"], "x_mm": [1.0, 2.7], "y_mm": [1.2, 2.5], "rotation_deg": [0.0, 20.0]}
+    {
+        "patch": ["a", "b"],
+        "x_mm": [1.0, 2.7],
+        "y_mm": [1.2, 2.5],
+        "rotation_deg": [0.0, 20.0],
+    }
 )
 
 
 def waves(y, x):
     """A smooth stone, mm."""
-    return 0.02 * np.sin(2 * np.pi * x / 3.1 + 0.4) * np.cos(2 * np.pi * y / 2.7) + 0.01 * x
+    return (
+        0.02 * np.sin(2 * np.pi * x / 3.1 + 0.4) * np.cos(2 * np.pi * y / 2.7)
+        + 0.01 * x
+    )
 
 
 def mesh_surface(error=1e-4):
@@ -44,10 +55,14 @@ def scans(detail=1e-3):
     generator = np.random.default_rng(2)
     levels = {}
     for patch, place in places_of(PLACES).items():
-        noise = make_surface(generator.standard_normal((POINTS, POINTS)), PATCH / POINTS)
+        noise = make_surface(
+            generator.standard_normal((POINTS, POINTS)), PATCH / POINTS
+        )
         rough = s_filtered(noise, 60.0).values
         rough *= detail / rough.std()
-        level, _ = laid(lambda y, x, rough=rough: waves(y, x) + rough, place, PATCH, POINTS)
+        level, _ = laid(
+            lambda y, x, rough=rough: waves(y, x) + rough, place, PATCH, POINTS
+        )
         levels[patch] = level.to_dataset(name="height")
     return levels
 
@@ -58,7 +73,12 @@ def composed(detail=1e-3, *, error=1e-4, placement_um=0.0):
 
 def on_face(face, levels, placement_um=10.0):
     """The composite of scans on a face."""
-    settings = {"patch_mm": PATCH, "s_filter_um": None, "placement_um": placement_um, "seed": 1}
+    settings = {
+        "patch_mm": PATCH,
+        "s_filter_um": None,
+        "placement_um": placement_um,
+        "seed": 1,
+    }
     return compose_surface(face, PLACES, levels, **settings)
 
 
@@ -96,7 +116,9 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
 def test_the_spectrum_is_that_of_scans_turned_a_quarter(points):
     """Waves along x and along y count alike."""
     along = axis_coordinates(points, PATCH / points)
-    grooves = np.broadcast_to(1e-3 * np.sin(2 * np.pi * 9 * along / PATCH), 2 * (points,))
+    grooves = np.broadcast_to(
+        1e-3 * np.sin(2 * np.pi * 9 * along / PATCH), 2 * (points,)
+    )
     flat = mesh_surface()
     flat["height"] = 0 * flat.height
     densities = []
@@ -159,6 +181,10 @@ def test_at_the_scans_resolution_each_draw_has_other_detail_and_the_same_scans()
     a = composite.sel(patch="a")
     height = levels["a"].height
     along = axis_coordinates(POINTS, PATCH / POINTS) - PATCH / 2
-    plane = float(a.offset) + float(a.slope_y) * along[:, None] + float(a.slope_x) * along
+    plane = (
+        float(a.offset) + float(a.slope_y) * along[:, None] + float(a.slope_x) * along
+    )
     np.testing.assert_allclose(first[at] - plane, height, atol=1e-9)
-    np.testing.assert_allclose(filtered[at] - plane, s_filtered(height, 60.0), atol=1e-9)
+    np.testing.assert_allclose(
+        filtered[at] - plane, s_filtered(height, 60.0), atol=1e-9
+    )

@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 from contacts import pressed
+from scipy.spatial import Delaunay
+from scipy.spatial.transform import Rotation
+from trimesh.transformations import rotation_matrix, translation_matrix
+
 from gstlib.errors import ConfigError, InputError
 from gstlib.macroscale.active_tool import (
     FLAT,
@@ -18,9 +22,6 @@ from gstlib.specimen.randomness import smooth_field
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.leveling import remove_plane
-from scipy.spatial import Delaunay
-from scipy.spatial.transform import Rotation
-from trimesh.transformations import rotation_matrix, translation_matrix
 
 SIDE, COUNT, EDGE = 4.0, 32, 0.125
 MIDDLE = SIDE / 2, SIDE / 2
@@ -56,7 +57,9 @@ def gridded(passive, active=None, pose=None):
         points_mm=CORNERS.tolist(),
         size_mm=SIDE,
         grid=COUNT,
-        active_tool=FLAT if active is None else ActiveTool(active, pose, 0.0, "active.ply"),
+        active_tool=FLAT
+        if active is None
+        else ActiveTool(active, pose, 0.0, "active.ply"),
         source="passive.ply",
         interpolation="linear",
     )[0]
@@ -78,7 +81,9 @@ def upper():
 PICKED = trimesh.transform_points([(SIDE, 0, 0), (0.0, 0, 0), (SIDE, SIDE, 0)], AWAY)
 
 
-@pytest.mark.parametrize("pose", [{"points_mm": PICKED.tolist()}, {"matrix": BACK.tolist()}])
+@pytest.mark.parametrize(
+    "pose", [{"points_mm": PICKED.tolist()}, {"matrix": BACK.tolist()}]
+)
 def test_halves_of_a_block_fit(lower, upper, pose):
     square = gridded(lower, upper, pose)
     assert np.ptp(square.height.values) > 0.01
@@ -140,7 +145,10 @@ def test_stones_that_do_not_meet_are_refused(lower, pose, problem):
     [
         ({"matrix": np.diag([2.0, 2, 2, 1])}, "stretches or mirrors"),
         ({"matrix": np.diag([1.0, 1, -1, 1])}, "stretches or mirrors"),
-        ({"points_mm": np.add(CORNERS, (100, 0, 0))}, r"counterface\.pose\.points_mm.*point 1"),
+        (
+            {"points_mm": np.add(CORNERS, (100, 0, 0))},
+            r"counterface\.pose\.points_mm.*point 1",
+        ),
     ],
 )
 def test_what_is_no_pose_is_refused_by_its_key(upper, pose, problem):

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from contacts import interface
+
 from gstlib.contact import Load, contact_at_pressure
 from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.surfaces.grid import axis_coordinates, make_surface

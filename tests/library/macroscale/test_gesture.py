@@ -4,8 +4,15 @@ import numpy as np
 import pandas as pd
 from contacts import around, tiles
 from contacts import pressed as press
+
 from gstlib.macroscale.active_tool import rounded_counterface
-from gstlib.macroscale.gesture import Gesture, exposure, press_poses, scatter_poses, stroke_poses
+from gstlib.macroscale.gesture import (
+    Gesture,
+    exposure,
+    press_poses,
+    scatter_poses,
+    stroke_poses,
+)
 from gstlib.specimen.randomness import smooth_field
 from gstlib.surfaces.grid import make_surface
 
@@ -45,7 +52,9 @@ def posed(poses, mesh=FACE, shown=()):
 def assert_is_contact(fields, counterface, load_point):
     """The only pose is the contact at rest with a face, pressed in a place (y, x)."""
     alone = press(HEIGHT, counterface, mean_pressure=20.0, load_point=load_point)
-    np.testing.assert_allclose(fields.pressure_sum, alone.pressure, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(
+        fields.pressure_sum, alone.pressure, rtol=1e-4, atol=1e-3
+    )
 
 
 def test_a_pose_is_a_contact_at_rest_with_the_shifted_face():
@@ -75,9 +84,17 @@ def test_batches_add_up_to_the_whole():
     assert parts.pose.values.tolist() == [0, 1, 2, 3, 4]
     assert parts.shown.values.tolist() == [0, 4]
     np.testing.assert_allclose(parts.pressure.mean(["y", "x"]), [10, 10], rtol=1e-9)
-    for name in ("mean_pressure", "highest_pressure", "touched", "exposure", "patch_pressure"):
+    for name in (
+        "mean_pressure",
+        "highest_pressure",
+        "touched",
+        "exposure",
+        "patch_pressure",
+    ):
         scale = float(abs(whole[name]).max())
-        np.testing.assert_allclose(parts[name], whole[name], atol=1e-3 * scale, err_msg=name)
+        np.testing.assert_allclose(
+            parts[name], whole[name], atol=1e-3 * scale, err_msg=name
+        )
 
 
 def test_a_turn_slides_farther_out():

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 import xarray as xr
 from contacts import around
-from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED, concentration, propose_places
+
+from gstlib.macroscale.sampling_sites import (
+    CONTROL,
+    COUNTS,
+    EXPOSED,
+    concentration,
+    propose_places,
+)
 
 SIZES = {"size_mm": 5.0, "patch_mm": 0.8}
 ELEMENT = 0.1
@@ -27,12 +34,16 @@ def rub(fields, y_mm, x_mm, size_mm, exposure):
 def test_spots_are_proposed_in_the_order_of_their_exposure(fields):
     rub(fields, 1.0, 4.0, 0.8, 10.0)
     rub(fields, 3.0, 2.0, 0.8, 40.0)
-    rub(fields, 4.6, 0.4, 0.4, 40.0)  # half as wide: a quarter of the mean, touching the corner
+    rub(
+        fields, 4.6, 0.4, 0.4, 40.0
+    )  # half as wide: a quarter of the mean, touching the corner
     rub(fields, -1.0, 2.0, 0.8, 90.0)  # outside the square
     places = propose_places(fields, **SIZES)
     exposed = places[places.kind == EXPOSED]
     np.testing.assert_allclose(exposed.exposure_N_per_mm, [40, 10, 10], rtol=1e-12)
-    np.testing.assert_allclose(exposed.iloc[0][["x_mm", "y_mm"]].astype(float), [2.0, 3.0])
+    np.testing.assert_allclose(
+        exposed.iloc[0][["x_mm", "y_mm"]].astype(float), [2.0, 3.0]
+    )
     assert places.place.tolist()[:4] == ["E1", "E2", "E3", "C1"]
 
 
@@ -53,7 +64,9 @@ def test_places_do_not_overlap_and_lie_in_the_square(fields):
 def test_controls_are_never_touched_and_lie_far_from_what_is(fields, caplog):
     rub(fields, 2.5, 0.5, 1.0, 5.0)
     for at in ((45, 30), (62, 58)):
-        fields["touched"][at] = 1e-3  # one element of one pose, whose exposure rounds to 0
+        fields["touched"][at] = (
+            1e-3  # one element of one pose, whose exposure rounds to 0
+        )
     places = propose_places(fields, **SIZES)
     controls = places[places.kind == CONTROL]
     assert len(controls) == COUNTS[CONTROL]
@@ -69,7 +82,9 @@ def test_controls_are_never_touched_and_lie_far_from_what_is(fields, caplog):
         free = np.min(apart, axis=0)
         own = abs(centres - points[number]).max(axis=-1) < 1e-6
         assert free[own] == pytest.approx(free.max())
-    assert "exposed places fit" in caplog.text  # the one spot holds fewer than are asked for
+    assert (
+        "exposed places fit" in caplog.text
+    )  # the one spot holds fewer than are asked for
 
 
 def test_patches_of_broken_elements_are_summed_exactly(fields):

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from contacts import pressed, rough
+from numpy.testing import assert_allclose, assert_array_equal
+
 from gstlib.bem.closed_forms import Sphere
 from gstlib.microscale.slip_and_cap import (
     capped_numbers,
@@ -12,7 +14,6 @@ from gstlib.microscale.slip_and_cap import (
     solve_slip,
 )
 from gstlib.surfaces.grid import make_surface
-from numpy.testing import assert_allclose, assert_array_equal
 
 GRINDING = {"friction": 0.4, "tangential_ratio": 0.5, "poisson": 0.3}
 MEAN_MPa = 50.0
@@ -34,18 +35,23 @@ def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(ratio):
     exact = Sphere(30.0 * height.size * spacing**2, radius, modulus)
     contact_mm, stick_mm = exact.contact_radius, exact.stick_radius(ratio)
     numbers = slip_numbers(slip)
-    assert 1 - numbers["slip share"] == pytest.approx((stick_mm / contact_mm) ** 2, abs=0.02)
+    assert 1 - numbers["slip share"] == pytest.approx(
+        (stick_mm / contact_mm) ** 2, abs=0.02
+    )
     assert numbers["mean traction"] == pytest.approx(0.4 * ratio * 30.0, rel=1e-9)
     compliances = (2 - 0.3) / (2 * (1 - 0.3))
     closed_mm = 0.4 * compliances * (contact_mm**2 - stick_mm**2) / radius
-    assert numbers["tangential displacement"] == pytest.approx(1e3 * closed_mm, rel=0.01)
+    assert numbers["tangential displacement"] == pytest.approx(
+        1e3 * closed_mm, rel=0.01
+    )
     assert_array_equal(slip.stick ^ slip.slip, sphere.pressure > 0)
 
 
 def test_coulomb_holds_and_everything_slips_at_the_end(contact):
     limit = 0.4 * contact.pressure.values
     half, none, full = (
-        solve_slip(contact, **GRINDING | {"tangential_ratio": ratio}) for ratio in (0.5, 0, 1)
+        solve_slip(contact, **GRINDING | {"tangential_ratio": ratio})
+        for ratio in (0.5, 0, 1)
     )
     assert np.all(half.traction <= limit)
     assert half.traction.min() > -1e-6 * limit.max()
@@ -86,7 +92,9 @@ def test_a_patch_that_no_cap_lets_bear_its_load_is_left_out(contact, caplog):
     ("grinding", "pressure_cap", "cases"),
     [(GRINDING, None, ["grinding"]), (GRINDING, 2000.0, ["study", "grinding", "cap"])],
 )
-def test_the_cases_asked_for_are_those_that_are_solved(contact, grinding, pressure_cap, cases):
+def test_the_cases_asked_for_are_those_that_are_solved(
+    contact, grinding, pressure_cap, cases
+):
     """The study's own values stand first, and only where a case has others."""
     table = case_table({"7": contact}, grinding=grinding, pressure_cap=pressure_cap)
     assert table.case.unique().tolist() == cases

@@ -4,6 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from contacts import pressed
+from numpy.testing import assert_allclose, assert_array_equal
+
 from gstlib.contact import ContactPath
 from gstlib.microscale.patches import (
     EQUILIBRIUM,
@@ -14,7 +16,6 @@ from gstlib.microscale.patches import (
 )
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.grid import make_surface
-from numpy.testing import assert_allclose, assert_array_equal
 
 SETTINGS = Microscale(
     contact_modulus_MPa=1e4,
@@ -24,7 +25,11 @@ SETTINGS = Microscale(
     maximum_displacement_um=50.0,
 )
 PRESSURES = pd.DataFrame(
-    {"patch": list("abc"), "pressure_MPa": [5.0, 9.0, 0.0], "square_pressure_MPa": [6.0, 8.0, 7.0]}
+    {
+        "patch": list("abc"),
+        "pressure_MPa": [5.0, 9.0, 0.0],
+        "square_pressure_MPa": [6.0, 8.0, 7.0],
+    }
 )
 
 
@@ -50,7 +55,9 @@ def stone():
 
 
 def test_patches_are_solved_in_order_at_the_pressures_of_their_variants(scans, stone):
-    contacts = solve_patches(scans, PRESSURES, SETTINGS, variants=[EQUILIBRIUM, PAPER], **stone)
+    contacts = solve_patches(
+        scans, PRESSURES, SETTINGS, variants=[EQUILIBRIUM, PAPER], **stone
+    )
     targets, order = PRESSURES.set_index("patch"), []
     for patch, variant, contact in contacts:
         order.append((patch, variant))
@@ -58,14 +65,18 @@ def test_patches_are_solved_in_order_at_the_pressures_of_their_variants(scans, s
         assert (interface.surroundings is not None) == is_equilibrium
         assert (interface.plane.slope_y == 0.01) == is_equilibrium
         assert_array_equal(interface.height, scans[patch].height)
-        target = targets["pressure_MPa" if is_equilibrium else "square_pressure_MPa"][patch]
+        target = targets["pressure_MPa" if is_equilibrium else "square_pressure_MPa"][
+            patch
+        ]
         assert float(contact.pressure.mean()) == pytest.approx(target, rel=1e-6)
     assert order == [("c", EQUILIBRIUM), ("c", PAPER), ("a", EQUILIBRIUM), ("a", PAPER)]
 
 
 def test_the_scan_of_the_active_stone_is_turned_over_onto_every_patch(scans):
     face, settings = rough(5).height, SETTINGS._replace(s_filter_um=120.0)
-    contacts = solve_patches(scans, PRESSURES, settings, variants=[PAPER], counterface=face)
+    contacts = solve_patches(
+        scans, PRESSURES, settings, variants=[PAPER], counterface=face
+    )
     for patch, _, contact in contacts:
         own = s_filtered(scans[patch].height, 120.0).values
         other = s_filtered(face, 120.0).values[:, ::-1]
@@ -77,7 +88,9 @@ def test_the_studys_own_variant_has_a_path_and_states_no_less_than_its_residual(
     scans, stone, residual, stated
 ):
     settings = SETTINGS._replace(steps=2)
-    contacts = solve_patches(scans, PRESSURES, settings, variants=[PAPER, EQUILIBRIUM], **stone)
+    contacts = solve_patches(
+        scans, PRESSURES, settings, variants=[PAPER, EQUILIBRIUM], **stone
+    )
     stored = {}
     for patch, variant, contact in contacts:
         assert isinstance(contact, ContactPath) == (variant == PAPER)

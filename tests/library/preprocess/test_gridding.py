@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay
+
 from gstlib.errors import InputError, accepting
 from gstlib.macroscale.face import grid_macroscale, thin_stone
 from gstlib.preprocess import use_face
 from gstlib.preprocess.mesh import grid_mesh, gridding_table
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import Frame
-from numpy.testing import assert_allclose, assert_array_equal
-from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import Delaunay
 
 KINDS = ["linear", "clough-tocher", "cubic"]
 
@@ -104,7 +105,8 @@ def plate():
 
 
 @pytest.mark.parametrize(
-    ("stone", "thickness", "faults"), [(stone_with_flap, 39.5, []), (plate, 0.5, ["thickness"])]
+    ("stone", "thickness", "faults"),
+    [(stone_with_flap, 39.5, []), (plate, 0.5, ["thickness"])],
 )
 def test_the_thickness_is_that_of_the_stone(stone, thickness, faults):
     # a square on the top of the ball, 0.2 mm off its surface
@@ -243,7 +245,9 @@ def test_an_edge_of_the_mesh_in_the_face_is_no_stone_and_is_warned_of(caplog):
 
 
 def test_a_face_mostly_beyond_the_stone_is_refused_unless_accepted():
-    with pytest.raises(InputError, match=r"6\d % of the face of 13 mm lies beyond the stone"):
+    with pytest.raises(
+        InputError, match=r"6\d % of the face of 13 mm lies beyond the stone"
+    ):
         macroscale(sheet(hills), 13.0)
     with accepting(["face"]):
         assert np.isnan(macroscale(sheet(hills), 13.0)).mean() > 0.6

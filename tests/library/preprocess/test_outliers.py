@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from gstlib.preprocess.outliers import median_outliers, window_outliers
-from gstlib.surfaces.grid import make_surface
-from gstlib.surfaces.leveling import remove_plane
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.testing import assert_array_equal
 from scipy.ndimage import binary_dilation, gaussian_filter
+
+from gstlib.preprocess.outliers import median_outliers, window_outliers
+from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import remove_plane
 
 
 def rough(seed, size):
@@ -43,7 +44,9 @@ def test_median_rule_is_the_rule_as_written():
     half = np.hstack([quarter, quarter[:, ::-1]])
     heights = np.vstack([half, half[::-1]])
     r, t = 2, 3.0
-    outlier, scale = median_outliers(make_surface(heights, 1e-3), half_width=r, threshold=t)
+    outlier, scale = median_outliers(
+        make_surface(heights, 1e-3), half_width=r, threshold=t
+    )
     around = windows(heights, r, "reflect")
     median = np.median(around, axis=1)
     mad = np.median(np.abs(around - median[:, None]), axis=1)

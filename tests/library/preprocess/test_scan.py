@@ -2,12 +2,18 @@
 
 import numpy as np
 import pytest
-from gstlib.errors import InputError
-from gstlib.preprocess.scans import check_unmeasured, interpolate_holes, prepare_patch, prepare_scan
-from gstlib.surfaces.grid import make_surface
-from gstlib.surfaces.leveling import remove_plane
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import binary_dilation, gaussian_filter
+
+from gstlib.errors import InputError
+from gstlib.preprocess.scans import (
+    check_unmeasured,
+    interpolate_holes,
+    prepare_patch,
+    prepare_scan,
+)
+from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import remove_plane
 
 PREPROCESSING = {"maximum_unmeasured": 0.05, "outlier_fraction": 0.01}
 SETTINGS = PREPROCESSING | {"mould_invert": True, "mould_flip": "x"}
@@ -50,7 +56,9 @@ def raw(stone, spikes, holes):
 
 
 @pytest.mark.parametrize("rule", ["window", "median"])
-def test_the_stone_is_recovered_and_every_step_is_counted(stone, spikes, holes, raw, rule):
+def test_the_stone_is_recovered_and_every_step_is_counted(
+    stone, spikes, holes, raw, rule
+):
     scan = prepare_scan(raw, **SETTINGS, outlier_rule=rule)
     assert_array_equal(scan.filled, holes)
     assert_array_equal(scan.measured, np.float32(-raw.values[:, ::-1]))
@@ -115,7 +123,9 @@ def test_too_many_unmeasured_points_are_refused(raw):
     surface = make_surface(np.zeros((10, 10)), 1e-3, file="a.plu")
     surface[3:5, 3:9] = np.nan
     check_unmeasured(surface, 0.12)
-    with pytest.raises(InputError, match=r"a\.plu: 12 % .*\(12 of 100\).* limit of 10 %"):
+    with pytest.raises(
+        InputError, match=r"a\.plu: 12 % .*\(12 of 100\).* limit of 10 %"
+    ):
         check_unmeasured(surface, 0.1)
     with pytest.raises(InputError, match="100 % of the points are unmeasured"):
         prepare_scan(raw * np.nan, **SETTINGS | {"maximum_unmeasured": 1.0})

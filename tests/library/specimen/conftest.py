@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
+
 from gstlib.specimen.generate import make_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+
 from gstlib.errors import ConfigError, InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
@@ -21,7 +22,9 @@ STEPS = (np.arange(64) - 31.5) * SPACING
 
 def as_on_stone(scan, true):
     """Heights (mm) of a scan as it lies on the stone, its true plane removed."""
-    slope_y, slope_x = (np.tan(1e-3 * true[f"plane_{axis}_mrad"].item()) for axis in "yx")
+    slope_y, slope_x = (
+        np.tan(1e-3 * true[f"plane_{axis}_mrad"].item()) for axis in "yx"
+    )
     return -scan.values[:, ::-1] - slope_y * STEPS[:, None] - slope_x * STEPS
 
 
@@ -34,9 +37,13 @@ def test_another_patch_table_changes_no_other_patch(patches, parameters, specime
     assert all(part.scans[scan].identical(specimen.scans[scan]) for scan in same)
 
 
-def test_files_read_back_are_the_specimen_in_memory(tmp_path, patches, parameters, specimen):
+def test_files_read_back_are_the_specimen_in_memory(
+    tmp_path, patches, parameters, specimen
+):
     """Made again, for the same arguments give the same specimen."""
-    patches = patches.assign(t1=patches.t1.where(patches.patch != "7", ""))  # not after use
+    patches = patches.assign(
+        t1=patches.t1.where(patches.patch != "7", "")
+    )  # not after use
     write_specimen(
         make_specimen(patches, parameters, square_mm=5.0, grid=50),
         mesh=tmp_path / "mesh.stl",
@@ -47,7 +54,9 @@ def test_files_read_back_are_the_specimen_in_memory(tmp_path, patches, parameter
     mesh = read_mesh(tmp_path / "mesh.stl")
     np.testing.assert_array_equal(mesh.vertices, specimen.mesh.vertices)
     np.testing.assert_array_equal(mesh.faces, specimen.mesh.faces)
-    assert read_dataset(tmp_path / "truth.h5").equals(specimen.truth)  # known without T1, too
+    assert read_dataset(tmp_path / "truth.h5").equals(
+        specimen.truth
+    )  # known without T1, too
     scans = {f"{'_'.join(key)}.plu": scan for key, scan in specimen.scans.items()}
     del scans["7_T1.plu"]
     assert {path.name for path in (tmp_path / "scans").iterdir()} == scans.keys()
@@ -57,7 +66,9 @@ def test_files_read_back_are_the_specimen_in_memory(tmp_path, patches, parameter
         assert spacing_of(read) == (SPACING, SPACING)
 
 
-def test_scan_is_the_truth_with_tilt_noise_spikes_and_holes(specimen, truth, parameters):
+def test_scan_is_the_truth_with_tilt_noise_spikes_and_holes(
+    specimen, truth, parameters
+):
     for patch in truth.patch.values:
         true = truth.sel(patch=patch, epoch="T0")
         noise = as_on_stone(specimen.scans[patch, "T0"], true) - true.height.values
@@ -67,8 +78,12 @@ def test_scan_is_the_truth_with_tilt_noise_spikes_and_holes(specimen, truth, par
         clean = ~true.outlier.values & ~true.unmeasured.values
         assert noise_um[clean].std() == pytest.approx(parameters.noise_um, rel=0.1)
         spikes = np.abs(noise_um[true.outlier.values])
-        assert (np.abs(spikes - 37.5) < 22.5 + 6 * parameters.noise_um).all()  # 15 to 60 µm
-    assert truth.outlier.values.mean() == pytest.approx(parameters.spike_fraction, rel=0.2)
+        assert (
+            np.abs(spikes - 37.5) < 22.5 + 6 * parameters.noise_um
+        ).all()  # 15 to 60 µm
+    assert truth.outlier.values.mean() == pytest.approx(
+        parameters.spike_fraction, rel=0.2
+    )
     differences = truth[["unmeasured", "plane_x_mrad"]].astype(float).diff("epoch")
     assert differences.any(["y", "x"]).all().to_array().all()
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from gstlib.specimen.law import worn_by_law
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import Stone
@@ -35,8 +36,12 @@ def bare(stone):
     return worn(stone)
 
 
-@pytest.mark.parametrize(("off_mm", "low", "high"), [(0.0, 1 - 1e-6, 1 + 1e-6), (2.5, 0.3, 0.8)])
-def test_the_square_loses_in_proportion_to_its_share_of_the_force(stone, off_mm, low, high):
+@pytest.mark.parametrize(
+    ("off_mm", "low", "high"), [(0.0, 1 - 1e-6, 1 + 1e-6), (2.5, 0.3, 0.8)]
+)
+def test_the_square_loses_in_proportion_to_its_share_of_the_force(
+    stone, off_mm, low, high
+):
     """Of a small tool in the middle it bears all, over its edge about half."""
     pressed = {"worn_off_middle_mm": (off_mm, 0.0), "worn_radius_mm": 60.0}
     other = Stone(replace(stone.parameters, **pressed), 5.0)
@@ -46,7 +51,9 @@ def test_the_square_loses_in_proportion_to_its_share_of_the_force(stone, off_mm,
 def test_it_lies_at_rest_and_not_on_its_mean_plane(stone, bare, monkeypatch):
     """A plane added to the stone makes no difference: it tilts back."""
     macroscale = stone.macroscale
-    monkeypatch.setattr(stone, "macroscale", lambda y, x: macroscale(y, x) + 2e-3 * y[:, None])
+    monkeypatch.setattr(
+        stone, "macroscale", lambda y, x: macroscale(y, x) + 2e-3 * y[:, None]
+    )
     assert np.abs(worn(stone) - bare).max() < 0.02 * bare.max()
 
 

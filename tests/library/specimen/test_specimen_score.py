@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+
 from gstlib.specimen.score import score_truth
 from gstlib.surfaces.grid import make_surface
 
@@ -22,7 +23,9 @@ def perfect_scan(true):
 
 def perfect_change(true):
     """What registration would have left of a patch without errors."""
-    dx, dy, turn = (true[name].diff("epoch").item() for name in ("x_mm", "y_mm", "rotation_deg"))
+    dx, dy, turn = (
+        true[name].diff("epoch").item() for name in ("x_mm", "y_mm", "rotation_deg")
+    )
     turned = np.exp(-1j * np.deg2rad(true.rotation_deg.sel(epoch="T0").item()))
     shift_um = turned * complex(dx, dy) * 1e3
     return xr.Dataset(
@@ -48,7 +51,9 @@ def results(truth):
         shared[f"shift_{axis}_um"] = float(off_mm.mean()) * 1e3
     pressures = np.arange(len(names), dtype=float)
     return {
-        "face": make_surface(truth.macroscale_height.values, 0.1).to_dataset(name="height"),
+        "face": make_surface(truth.macroscale_height.values, 0.1).to_dataset(
+            name="height"
+        ),
         "scans": {
             (patch, epoch): perfect_scan(truth.sel(patch=patch, epoch=epoch))
             for patch in names
@@ -56,7 +61,9 @@ def results(truth):
         },
         "changes": {patch: perfect_change(truth.sel(patch=patch)) for patch in names},
         "placement": pd.DataFrame([{"patch": names[0]}, shared]),
-        "pressures": pd.DataFrame({"patch": names, "pressure_MPa": pressures, **places}),
+        "pressures": pd.DataFrame(
+            {"patch": names, "pressure_MPa": pressures, **places}
+        ),
         "two_scales": pd.DataFrame(
             {"patch": 2 * names, "reference_pressure_MPa": [*pressures] * 2}
         ),
@@ -103,7 +110,9 @@ def test_every_perturbed_stage_shows(truth, results):
     assert scanned["preprocessing", "T1 tilt_x"] == 0
     assert scanned["preprocessing", "T0 filled"] > 30
     assert scanned["preprocessing", "T0 outlier_precision"] < -0.5
-    assert scanned["microscale input", "T0 height_rms_error"] == pytest.approx(0.1, rel=0.05)
+    assert scanned["microscale input", "T0 height_rms_error"] == pytest.approx(
+        0.1, rel=0.05
+    )
     assert moved["registration", "shift_y"] == pytest.approx(5)
     assert moved["registration", "rotation"] == pytest.approx(-0.25)
     assert moved["coupling", "pressure"] == pytest.approx(3)
@@ -112,7 +121,9 @@ def test_every_perturbed_stage_shows(truth, results):
     assert shared["macroscale", "height_rms_error"] == pytest.approx(1.0, rel=0.05)
 
 
-def test_shallow_traces_are_neither_false_nor_missed_and_only_the_overlap_counts(truth, results):
+def test_shallow_traces_are_neither_false_nor_missed_and_only_the_overlap_counts(
+    truth, results
+):
     change = results["changes"]["10"]
     depth = truth.sel(patch="10").wear_depth
     deep = depth > truth.attrs["wear_threshold_um"] * 1e-3

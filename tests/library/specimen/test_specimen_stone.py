@@ -4,14 +4,19 @@ import dataclasses
 
 import numpy as np
 import pytest
+
 from gstlib.bem import measure_spectrum
 from gstlib.specimen.pebble import OUTER_SIZE_MM
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.specimen.stone import Stone
 
 
-@pytest.mark.parametrize(("hurst", "count", "spacing"), [(0.3, 256, 0.01), (0.95, 300, 0.013)])
-def test_density_has_the_hurst_exponent_and_is_flat_above_the_roll_off(hurst, count, spacing):
+@pytest.mark.parametrize(
+    ("hurst", "count", "spacing"), [(0.3, 256, 0.01), (0.95, 300, 0.013)]
+)
+def test_density_has_the_hurst_exponent_and_is_flat_above_the_roll_off(
+    hurst, count, spacing
+):
     generator = np.random.default_rng(1)
 
     def rings(roll_off, low, high):
@@ -33,7 +38,9 @@ def stone(parameters):
     return Stone(parameters, 5.0)
 
 
-def test_means_over_the_face_are_those_of_the_true_surface_in_the_square(stone, specimen):
+def test_means_over_the_face_are_those_of_the_true_surface_in_the_square(
+    stone, specimen
+):
     """With all its waves: the surface of the reference, over each element; and the waves around."""
     grid, around = 50, 40
     face = stone.face_means(grid, around)

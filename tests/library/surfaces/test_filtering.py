@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.grid import axis_coordinates, make_surface
-from numpy.testing import assert_allclose
 
 
 @pytest.mark.parametrize("axis", [0, 1])

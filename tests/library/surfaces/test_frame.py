@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+
 from gstlib.errors import ConfigError
 from gstlib.surfaces.frames import Frame, find_frame
 
@@ -33,7 +34,10 @@ def test_coordinates_are_along_the_right_handed_axes_of_the_points(seed):
     ("points", "match"),
     [
         ([[0, 0, 20], [1, 0, 20], [3, 0.01, 20]], "in line"),
-        ([[0, 0, 20], [3, 0, 20], [0, 300, 20]], r"point 3, \[0, 300, 20\], is 280.* of stone.stl"),
+        (
+            [[0, 0, 20], [3, 0, 20], [0, 300, 20]],
+            r"point 3, \[0, 300, 20\], is 280.* of stone.stl",
+        ),
     ],
 )
 def test_points_that_make_no_frame(points, match):

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 from contacts import around
+from numpy.testing import assert_allclose, assert_array_equal
+
 from gstlib.change.registration import register
 from gstlib.errors import InputError
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import Frame, on_mesh
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
-from numpy.testing import assert_allclose, assert_array_equal
 
 
 def test_a_scan_sees_its_points_where_they_lie():
@@ -83,7 +84,11 @@ def test_surfaces_of_other_spacings_are_not_compared():
 
 @pytest.mark.parametrize(
     ("shape", "spacing", "match"),
-    [((2, 2), (1.0, -1.0), "spacing"), ((2, 2), np.nan, "spacing"), (4, 1.0, "dimensions")],
+    [
+        ((2, 2), (1.0, -1.0), "spacing"),
+        ((2, 2), np.nan, "spacing"),
+        (4, 1.0, "dimensions"),
+    ],
 )
 def test_an_array_that_is_no_surface_is_refused(shape, spacing, match):
     with pytest.raises(ValueError, match=match):

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+
 from gstlib.errors import InputError
 from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
-from numpy.testing import assert_allclose
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from gstlib.conditions import ARCHARD, Law
 from gstlib.use import laws
 from gstlib.use.evidence import Losses
@@ -61,8 +62,13 @@ def test_a_law_is_found_under_loads_that_are_not_known():
     places = np.linspace(0, 4, 12)
 
     def hertz(standard):
-        centre, radius = 2.2 + 0.5 * standard[:, :1], np.exp(0.4 + 0.05 * standard[:, 1:])
-        return 60 * np.sqrt(np.maximum(1 - ((places - centre) / radius) ** 2, 0)) / radius
+        centre, radius = (
+            2.2 + 0.5 * standard[:, :1],
+            np.exp(0.4 + 0.05 * standard[:, 1:]),
+        )
+        return (
+            60 * np.sqrt(np.maximum(1 - ((places - centre) / radius) ** 2, 0)) / radius
+        )
 
     generator = np.random.default_rng(3)
     (pressure,) = hertz(np.array([[-0.4, 0.5]]))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from gstlib.validation.masks import mask_counts, mask_scores
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+
 from gstlib.validation.baselines import BASELINES, ORACLE, Others, baseline_depths
 
 RNG = np.random.default_rng(1)
@@ -36,7 +37,9 @@ def test_each_baseline_cuts_what_it_is_told_to():
     assert not depths["none"].any()
     assert depths["mean_volume"].mean() == pytest.approx(4e-5)
     assert depths["pressure_volume"].mean() == pytest.approx(10 * 12e-5 / 90)
-    assert np.mean(depths["pressure_fraction"] > 2e-4) == pytest.approx(10 * 0.12 / 90, abs=2e-4)
+    assert np.mean(depths["pressure_fraction"] > 2e-4) == pytest.approx(
+        10 * 0.12 / 90, abs=2e-4
+    )
     assert np.mean(depths[ORACLE] > 2e-4) == pytest.approx(0.1, abs=2e-4)
     # a plane cuts: what is higher loses more, down to one height
     for name in (*BASELINES[1:], ORACLE):

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import spearmanr
+
 from gstlib.validation.inference import (
     Draws,
     exchange_p_value,
@@ -13,7 +15,6 @@ from gstlib.validation.inference import (
     rank_correlation,
     spatial_p_value,
 )
-from scipy.stats import spearmanr
 
 SIDE = 5
 PLACES = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
@@ -82,7 +83,9 @@ def test_smooth_unrelated_fields_are_significant_as_often_as_the_level_says():
     for x, y in fields(1.2, seed=1):
         plain.append(spearmanr(x, y).pvalue)
         spatial.append(spatial_p_value(x, y, PLACES, permuted=plain[-1]))
-    assert np.mean(np.less_equal(plain, LEVEL)) > LEVEL + error  # neighbours pass for evidence
+    assert (
+        np.mean(np.less_equal(plain, LEVEL)) > LEVEL + error
+    )  # neighbours pass for evidence
     assert abs(np.mean(np.less_equal(spatial, LEVEL)) - LEVEL) < error
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import scipy
+
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
@@ -14,7 +15,9 @@ from gstlib.validation.nulls import Places, p_value, swapped_mcc
 
 def field(rng, length, size=64):
     """A correlated random field, cut out of a larger one: it does not wrap."""
-    wide = scipy.ndimage.gaussian_filter(rng.standard_normal((size + 40, size + 40)), length)
+    wide = scipy.ndimage.gaussian_filter(
+        rng.standard_normal((size + 40, size + 40)), length
+    )
     return wide[20:-20, 20:-20]
 
 
@@ -69,4 +72,6 @@ def test_unrelated_fields_are_significant_as_often_as_the_level_says():
             p_values.append(p_value(score, np.array(null)))
     for level in (0.05, 0.2):
         error = 3 * math.sqrt(level * (1 - level) / len(p_values))
-        assert np.mean(np.less_equal(p_values, level)) == pytest.approx(level, abs=error)
+        assert np.mean(np.less_equal(p_values, level)) == pytest.approx(
+            level, abs=error
+        )

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import make_surface
 from gstlib.validation.single_scale import patches_of_reference

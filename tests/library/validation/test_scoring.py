@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from contacts import contact_of
+
 from gstlib.change.change import height_change
 from gstlib.surfaces.grid import make_surface
 from gstlib.validation.baselines import BASELINES, ORACLE, Others
@@ -14,7 +15,11 @@ from gstlib.validation.scoring import by_chance, other_patches, score_patch
 
 OTHERS = Others.tabulated(
     pd.DataFrame(
-        {"pressure_MPa": [10.0, 20.0], "loss_mm": [2e-4, 4e-4], "loss_fraction": [0.02, 0.04]},
+        {
+            "pressure_MPa": [10.0, 20.0],
+            "loss_mm": [2e-4, 4e-4],
+            "loss_fraction": [0.02, 0.04],
+        },
         index=["8", "9"],
     ),
     {patch: np.linspace(0, 5e-3, 500) for patch in "89"},
@@ -68,7 +73,9 @@ def test_the_study_s_own_prediction_is_that_with_the_interlayer():
 
 def test_a_perfect_prediction_is_no_chance_and_a_shifted_one_is():
     scores = [scored()]
-    scores += [scored(f"of {y}", archard=np.roll(WORN, (9, 5 + y), (0, 1))) for y in range(9)]
+    scores += [
+        scored(f"of {y}", archard=np.roll(WORN, (9, 5 + y), (0, 1))) for y in range(9)
+    ]
     nulls = by_chance(scores)
     assert len(nulls["7"]) == 4 * 10  # not square: no quarter turns
     assert nulls["7"][0] == pytest.approx(scores[0].row["mcc"])
@@ -86,7 +93,9 @@ def test_baselines_know_the_losses_of_the_patches_that_the_prediction_is_fitted_
     assert others.table.loss_mm.tolist() == pytest.approx([1e-4, 2e-4])
     # pressures that the patch's own wear has not shaped
     assert others.table.pressure_MPa.tolist() == [1.0, 2.0]
-    assert others.displacements.max() == pytest.approx(T0.max() - T0.values[MEASURED].min())
+    assert others.displacements.max() == pytest.approx(
+        T0.max() - T0.values[MEASURED].min()
+    )
     assert others.without("7").cut.columns.tolist() == ["8"]
 
 

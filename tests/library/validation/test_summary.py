@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.inference import Draws
 from gstlib.validation.summary import (
@@ -93,7 +94,9 @@ def test_errors_are_over_those_of_no_loss_and_of_the_best_baseline():
 
 
 def chance_of(nulls):
-    *_, estimate, _ = _chance_row("archard", nulls, Draws(np.random.default_rng(1), 499))
+    *_, estimate, _ = _chance_row(
+        "archard", nulls, Draws(np.random.default_rng(1), 499)
+    )
     return estimate
 
 
@@ -105,7 +108,9 @@ def test_patches_that_each_say_little_say_much_together():
     assert estimate.low < estimate.value < estimate.high
     assert estimate.p_value < 0.01
     # the mean that is printed is that of the patches that are tested
-    row = summary(wear_of(), zip("85", nulls, strict=False)).loc["archard", "tested_mean(mcc)"]
+    row = summary(wear_of(), zip("85", nulls, strict=False)).loc[
+        "archard", "tested_mean(mcc)"
+    ]
     assert (row.value, row.n) == (pytest.approx(0.12), 2)
 
 
@@ -148,14 +153,18 @@ def test_an_interlayer_that_saves_a_hundredth_of_the_error_is_not_told(error, is
     ],
 )
 def test_the_papers_claim_is_exact(fractions, value, p_value):
-    rows = summary(pd.DataFrame(), expected=["5", "8"], loss_fraction=np.array(fractions, float))
+    rows = summary(
+        pd.DataFrame(), expected=["5", "8"], loss_fraction=np.array(fractions, float)
+    )
     row = rows.loc["", "expected_most_worn(5+8, loss_fraction)"]
     assert row.against == "random ranking"
     assert [row.value, row.p_value] == pytest.approx([value, p_value], nan_ok=True)
 
 
 def test_statistics_are_of_the_use_as_stated_also_without_a_prediction():
-    patches = pd.DataFrame({"patch": ["a", "b"], "contact_fraction": 0.1, "predicted_loss_um": 0.2})
+    patches = pd.DataFrame(
+        {"patch": ["a", "b"], "contact_fraction": 0.1, "predicted_loss_um": 0.2}
+    )
     registration = pd.DataFrame(
         {
             "patch": ["b", "a", "c"],
@@ -165,7 +174,9 @@ def test_statistics_are_of_the_use_as_stated_also_without_a_prediction():
             "above_noise": [False, True, False],
         }
     )
-    pressures = pd.DataFrame({"patch": ["a", "b", "c"], "x_mm": 1.0, "y_mm": 2.0, "in_study": True})
+    pressures = pd.DataFrame(
+        {"patch": ["a", "b", "c"], "x_mm": 1.0, "y_mm": 2.0, "in_study": True}
+    )
     pressures["pressure_MPa"] = [0.0, 5.0, 1.0]
     # a use that was read from the wear says nothing of its cause
     pressures = pressures.assign(stated_MPa=[3.0, 0.0, 0.0], leave_one_out_MPa=7.0)

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from contacts import around, pressed, rough, tiles
+
 from gstlib.bem import Layer, wear_path
 from gstlib.conditions import Law
 from gstlib.coupling.embedding import surroundings
@@ -59,7 +60,9 @@ def rates(path):
 
 
 def test_patches_that_tile_the_square_lose_what_it_loses(worn):
-    np.testing.assert_allclose(lost(worn).mean("patch"), 20.0 * of_all(worn).kappa, rtol=1e-6)
+    np.testing.assert_allclose(
+        lost(worn).mean("patch"), 20.0 * of_all(worn).kappa, rtol=1e-6
+    )
     assert worn.fitted_to == list("abcd")
     assert float(worn.path.kappa_of_all) == pytest.approx(0.4e-3 / 20.0, rel=1e-6)
 
@@ -105,7 +108,9 @@ def test_a_patch_is_pressed_as_the_wear_of_the_others_says(square, pressures):
 
 def test_the_coefficient_is_fitted_over_what_both_scans_cover(square, pressures):
     """T1 covers a quarter of each patch: κ is that of patches there, and the outlines wear."""
-    registration = pd.DataFrame({"patch": list("abcd"), "found": True, "above_noise": True})
+    registration = pd.DataFrame(
+        {"patch": list("abcd"), "found": True, "above_noise": True}
+    )
     registration["mean_wear_depth_um"] = 0.2
     registration["rotation_deg"] = 0.0
     registration[["t1_x_um", "t1_y_um"]] = 250.0
@@ -119,7 +124,9 @@ def test_the_coefficient_is_fitted_over_what_both_scans_cover(square, pressures)
     losses = dict.fromkeys("abcd", 0.2)
     expected = wear_square(square, quarters, losses, patch_mm=0.5, steps=2)
     np.testing.assert_allclose(worn.path.fitted, expected.path.fitted)
-    np.testing.assert_allclose(lost(worn).mean("patch"), 20.0 * of_all(worn).kappa, rtol=1e-6)
+    np.testing.assert_allclose(
+        lost(worn).mean("patch"), 20.0 * of_all(worn).kappa, rtol=1e-6
+    )
     # the pressures that the other patches say are over the same area
     table["leave_one_out_MPa"] = table.covered_MPa
     same = fit_wear(square, table, registration, patch_mm=1.0, steps=2)
@@ -127,12 +134,16 @@ def test_the_coefficient_is_fitted_over_what_both_scans_cover(square, pressures)
 
 
 def test_losses_that_the_square_cannot_give_are_refused(square, pressures):
-    with pytest.raises(InputError, match="macroscale: its contact could not be solved: mean_loss"):
+    with pytest.raises(
+        InputError, match="macroscale: its contact could not be solved: mean_loss"
+    ):
         wear_square(square, pressures, {"a": 1e5, "b": 1e5}, **OPTIONS)
 
 
 def patch_of(pressure_MPa, seed=0):
-    return pressed(rough(seed, (24, 24), rms_mm=0.001), mean_pressure=pressure_MPa, **SETTINGS)
+    return pressed(
+        rough(seed, (24, 24), rms_mm=0.001), mean_pressure=pressure_MPa, **SETTINGS
+    )
 
 
 def changed(contact, depth_mm):
@@ -155,9 +166,16 @@ def worn_by_both():
         losses.append(1e3 * float((-changes[patch.patch].change).clip(0).mean()))
     registration = pd.DataFrame({"patch": list("abcd"), "above_noise": True})
     registration["mean_wear_depth_um"] = losses
-    tables, maps = (table.assign(in_study=True), registration), PatchMaps(contacts, changes)
+    tables, maps = (
+        (table.assign(in_study=True), registration),
+        PatchMaps(contacts, changes),
+    )
     layer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 200.0}
-    return fit_wear(contact, *tables, maps, **OPTIONS, interlayer=layer), contacts, changes
+    return (
+        fit_wear(contact, *tables, maps, **OPTIONS, interlayer=layer),
+        contacts,
+        changes,
+    )
 
 
 def test_an_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both):
@@ -186,7 +204,9 @@ def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
     ):
         stone = other._replace(interlayer=worn.interlayer._replace(fitted=table))
         maps = wear_map(contact, stone, "a").depth
-        expected = wear_patch(contact, other, "a", ratio=float(ratio), kappa=float(kappa))
+        expected = wear_patch(
+            contact, other, "a", ratio=float(ratio), kappa=float(kappa)
+        )
         np.testing.assert_array_equal(maps.sel(model="interlayer"), expected)
 
 
@@ -198,7 +218,9 @@ def test_a_patch_is_worn_at_its_pressure_in_each_step(worn):
     path = path.assign(pressed=0 * path.pressed + xr.DataArray(depths, dims="step"))
     depth = wear_patch(contact, worn._replace(path=path), "a", kappa=kappas[-1])
     options = {"mean_pressure": pressures, "mean_loss": depths[-1], "steps": 6}
-    expected = wear_path(contact.interface.height.values, 0.01, 1e4, **options, tolerance=1e-9)
+    expected = wear_path(
+        contact.interface.height.values, 0.01, 1e4, **options, tolerance=1e-9
+    )
     np.testing.assert_allclose(depth, expected.depth, atol=1e-12)
     spared = worn._replace(path=path.assign(pressed=0 * path.pressed))
     assert wear_patch(contact, spared, "a").max() == 0
@@ -211,7 +233,7 @@ def test_an_interlayer_lies_among_the_pressures_that_are_under_it(worn_by_both):
     soft = path.assign(pressed=path.pressed.where(path.body == "interlayer", 0.0))
     worn, face = worn._replace(path=soft), alone.interface
     options = {"size_mm": 1.0, "contact_modulus_MPa": 1e4, "layer": INTERLAYER}
-    place, shape = PatchPosition.of(soft.sel(patch="a")), face.height.shape
+    place, shape = PatchPosition.from_dataset(soft.sel(patch="a")), face.height.shape
     sunk = surroundings(worn.interlayer.pressure, place, shape, **options)
     assert np.ptp(sunk) > 1e-4
     lower = replace(alone, interface=replace(face, height=face.height - sunk))
@@ -222,7 +244,9 @@ def test_an_interlayer_lies_among_the_pressures_that_are_under_it(worn_by_both):
     np.testing.assert_allclose(depth, expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("law", [Law(exponent=2.0), Law(threshold_MPa=18.8), Law(15.0, 0.5)])
+@pytest.mark.parametrize(
+    "law", [Law(exponent=2.0), Law(threshold_MPa=18.8), Law(15.0, 0.5)]
+)
 def test_a_patch_loses_as_the_law_says_of_its_pressure(square, pressures, law):
     """While pressures are as before use; so a threshold between them spares some patches."""
     before = pressures.pressure_MPa.to_numpy()
@@ -252,11 +276,17 @@ def test_summits_that_yield_spread_the_same_loss_wider(worn, pressures):
 
 def test_without_two_worn_patches_nothing_is_fitted(square, pressures, caplog):
     registration = pd.DataFrame({"patch": list("abc"), "above_noise": True})
-    registration["mean_wear_depth_um"] = [0.4, np.nan, 0.4]  # the change of b is not known
+    registration["mean_wear_depth_um"] = [
+        0.4,
+        np.nan,
+        0.4,
+    ]  # the change of b is not known
     pressures, options = pressures.assign(in_study=True), {"patch_mm": 1.0, "steps": 2}
     worn = fit_wear(square, pressures, registration, **options)
     assert worn.fitted_to == ["a", "c"]
-    bare = pressures.assign(pressure_MPa=pressures.pressure_MPa.where(pressures.patch != "c", 0))
+    bare = pressures.assign(
+        pressure_MPa=pressures.pressure_MPa.where(pressures.patch != "c", 0)
+    )
     assert fit_wear(square, bare, registration, **options) is None
     assert "fewer than two patches" in caplog.text
 
@@ -269,7 +299,9 @@ def test_a_gesture_that_stays_in_place_wears_as_the_single_pose_does(square):
     square = pressed(symmetric, mean_pressure=20.0, **SETTINGS)
     table = patch_pressures(square.pressure, PLACES, size_mm=1.0)
     wide = around(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT, 1.0)
-    poses = stroke_poses(stroke_mm=1.0, poses=2, force_N=20.0 * SIDE**2).assign(x_mm=0.0)
+    poses = stroke_poses(stroke_mm=1.0, poses=2, force_N=20.0 * SIDE**2).assign(
+        x_mm=0.0
+    )
     gesture = Gesture(symmetric, wide, SIDE, (SIDE / 2, SIDE / 2), poses)
     losses = dict.fromkeys("abcd", 0.2)
     errors = []

@@ -49,7 +49,9 @@ def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure
     """The heights with the contact over them, and area and displacement along the path."""
     figure, (left, area, depth) = panels(3, 2)
     final, table = contact.final, contact.table()
-    draw_map(left, height, marks={VERMILION: final.contact.values}, ticks=True, **HEIGHTS)
+    draw_map(
+        left, height, marks={VERMILION: final.contact.values}, ticks=True, **HEIGHTS
+    )
     left.set_title(
         f"{plain_text(name)}: contact {final.contact_fraction:.2%} at {final.mean_pressure:.4g} MPa"
     )
@@ -63,7 +65,9 @@ def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure
 
 
 @styled
-def changed_figure(t0: xr.DataArray, change: xr.Dataset, names: tuple[str, str]) -> Figure:
+def changed_figure(
+    t0: xr.DataArray, change: xr.Dataset, names: tuple[str, str]
+) -> Figure:
     """Both scans, the second as it lies on the first, and the height that was lost or gained.
 
     The arguments are the results of `gst.share.change.compare_scans` and the names of the files.

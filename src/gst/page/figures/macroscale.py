@@ -41,7 +41,9 @@ def input_figure(
 
 
 @styled
-def contact_steps_figure(contact: xr.Dataset, *, size_mm: float, steps: int = 8) -> Figure:
+def contact_steps_figure(
+    contact: xr.Dataset, *, size_mm: float, steps: int = 8
+) -> Figure:
     """Contact as the far-field displacement grows (Fig. 5); last, beside a rigid body's (Fig. 6).
 
     `contact` is the face's, with the pressure at every step; at most `steps` of them are shown,
@@ -60,7 +62,10 @@ def contact_steps_figure(contact: xr.Dataset, *, size_mm: float, steps: int = 8)
             f"{style.short(force)} N, contact {percent:.2f} %"
         )
         drawn.append((title, height, {"marks": {BLACK: touching[step]}}))
-    faces, elastic = Interface.from_dataset(contact).laid, contact["pressure"].values > 0
+    faces, elastic = (
+        Interface.from_dataset(contact).laid,
+        contact["pressure"].values > 0,
+    )
     rigid = (faces > faces.max() - contact["displacement"]).values
     touched, overlapping = 100 * elastic.mean(), 100 * rigid.mean()
     title = f"last step: contact {touched:.2f} %\nrigid interpenetration {overlapping:.1f} %"
@@ -74,7 +79,11 @@ def contact_steps_figure(contact: xr.Dataset, *, size_mm: float, steps: int = 8)
 
 @styled
 def exposure_figure(
-    exposure: xr.Dataset, contact: xr.Dataset, patches: pd.DataFrame, *, patch_size_mm: float
+    exposure: xr.Dataset,
+    contact: xr.Dataset,
+    patches: pd.DataFrame,
+    *,
+    patch_size_mm: float,
 ) -> Figure:
     """What a gesture leaves on the square, beside the single pose, and some of its poses.
 
@@ -124,8 +133,16 @@ def force_figure(
     places, values = np.arange(len(pressures)), pressures["pressure_MPa"]
     studied = pressures["in_study"]
     bars.bar(places[studied], values[studied], color=BLUE, label="in the study")
-    bars.bar(places[~studied], values[~studied], color="none", edgecolor=GREY, label="left out")
-    bars.vlines(places, pressures["low_MPa"], pressures["high_MPa"], color=BLACK, linewidth=0.7)
+    bars.bar(
+        places[~studied],
+        values[~studied],
+        color="none",
+        edgecolor=GREY,
+        label="left out",
+    )
+    bars.vlines(
+        places, pressures["low_MPa"], pressures["high_MPa"], color=BLACK, linewidth=0.7
+    )
     style.name_patches(bars, list(pressures["patch"]))
     bars.set_ylabel("pressure (MPa), 95 % interval")
     bars.set_title("pressure of every patch")

@@ -109,7 +109,9 @@ def draw_map(
     # where elements are smaller than pixels, a pixel has their mean colour
     axes.imshow(picture, origin="lower", extent=extent, interpolation="antialiased")
     axes.set(xlim=(left, right), ylim=(bottom, top))
-    axes.set(xlabel="x (mm)", ylabel="y (mm)") if ticks else axes.set(xticks=[], yticks=[])
+    axes.set(xlabel="x (mm)", ylabel="y (mm)") if ticks else axes.set(
+        xticks=[], yticks=[]
+    )
     axes.spines[:].set_visible(True)
     if bar:
         below = 0.13 if ticks else 0.04  # in heights of the map
@@ -163,11 +165,15 @@ def raking(height: xr.DataArray) -> np.ndarray:
 
 def _marked(picture: np.ndarray, marks: Mapping[str, np.ndarray]) -> np.ndarray:
     for colour, mask in marks.items():
-        picture[np.asarray(mask, dtype=bool)] = np.round(np.multiply(to_rgb(colour), 255))
+        picture[np.asarray(mask, dtype=bool)] = np.round(
+            np.multiply(to_rgb(colour), 255)
+        )
     return picture
 
 
-def draw_maps(maps: Sequence[tuple[str, xr.DataArray, Mapping]], columns: int) -> Figure:
+def draw_maps(
+    maps: Sequence[tuple[str, xr.DataArray, Mapping]], columns: int
+) -> Figure:
     """Small multiples: for each map its title, its field and further arguments of `draw_map`."""
     figure, axes = panels(len(maps), columns)
     for panel, (title, field, look) in zip(axes, maps, strict=True):
@@ -177,7 +183,9 @@ def draw_maps(maps: Sequence[tuple[str, xr.DataArray, Mapping]], columns: int) -
     return figure
 
 
-def draw_forces(axes: Axes, contact: xr.Dataset, *, bar: str = "", ticks: bool = False) -> None:
+def draw_forces(
+    axes: Axes, contact: xr.Dataset, *, bar: str = "", ticks: bool = False
+) -> None:
     """Force (N) on each element at the last step, in colours on a square-root scale."""
     force = contact["pressure"].values * np.prod(spacing_of(contact))
     look = {"cmap": FORCE_MAP, "norm": force_norm(force), "bar": bar, "ticks": ticks}
@@ -187,8 +195,14 @@ def draw_forces(axes: Axes, contact: xr.Dataset, *, bar: str = "", ticks: bool =
 def scale_bar(axes: Axes) -> None:
     """A bar of a round length, about a quarter of a map, in its lower left corner."""
     length = float(f"{0.24 * np.diff(axes.get_xlim()).item():.0e}")
-    look = {"fontproperties": FontProperties(size=6.5), "label_top": True, "size_vertical": 0}
-    bar = AnchoredSizeBar(axes.transData, length, f"{length:g} mm", "lower left", **look)
+    look = {
+        "fontproperties": FontProperties(size=6.5),
+        "label_top": True,
+        "size_vertical": 0,
+    }
+    bar = AnchoredSizeBar(
+        axes.transData, length, f"{length:g} mm", "lower left", **look
+    )
     bar.patch.set(linewidth=0, alpha=0.8)  # white, so that it shows on black contact
     axes.add_artist(bar)
 

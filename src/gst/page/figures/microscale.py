@@ -30,7 +30,12 @@ from gstlib.wear.archard import seen_depth
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["PatchResult", "load_curves_figure", "microscale_maps_figure", "overview_figure"]
+__all__ = [
+    "PatchResult",
+    "load_curves_figure",
+    "microscale_maps_figure",
+    "overview_figure",
+]
 __all__ += ["patch_figure", "patch_strip", "preparation_figure", "two_scales_figure"]
 
 _UNKNOWN = "#ffffff"
@@ -118,7 +123,11 @@ def two_scales_figure(
         for variant, by_patch in contacts.items():
             height = by_patch[patch]["height"]
             touching = by_patch[patch]["pressure"].values > 0
-            marks = {BLUE: touching & true, AMBER: true & ~touching, PURPLE: touching & ~true}
+            marks = {
+                BLUE: touching & true,
+                AMBER: true & ~touching,
+                PURPLE: touching & ~true,
+            }
             title = f"{patch} {variant}: {f1[variant, patch]:.2f}"
             drawn.append((title, height, {"marks": marks}))
         drawn.append((f"{patch} whole square", height, {"marks": {BLUE: true}}))
@@ -129,7 +138,11 @@ def two_scales_figure(
         "Contact of the patches against one contact of the whole square at the scans' resolution\n"
         f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
     )
-    names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": PURPLE}
+    names = {
+        "found": BLUE,
+        "missed": AMBER,
+        "not in the whole square's contact": PURPLE,
+    }
     style.colour_legend(figure, names)
     return figure
 
@@ -172,10 +185,16 @@ def patch_figure(result: PatchResult) -> Figure:
             drawn.append(("predicted and measured loss", t0, {"marks": agreement}))
     figure = maps.draw_maps(drawn, 3)
     pressure, overlap = float(contact["mean_pressure"]), change.attrs["overlap"]
-    covers = "T1 was not found on T0" if nowhere else f"T1 covers {100 * overlap:.0f} % of T0"
+    covers = (
+        "T1 was not found on T0"
+        if nowhere
+        else f"T1 covers {100 * overlap:.0f} % of T0"
+    )
     figure.suptitle(f"patch {result.patch}: {style.short(pressure)} MPa, {covers}")
     if agreement:
-        percent = {colour: 100 * mask.sum() / count for colour, mask in agreement.items()}
+        percent = {
+            colour: 100 * mask.sum() / count for colour, mask in agreement.items()
+        }
         names = {f"{name} {percent[c]:.1f} %": c for name, c in _AGREEMENT.items()}
         style.colour_legend(figure, names)
     return figure
@@ -237,7 +256,11 @@ def overview_figure(
     patch are left out for which there is no `result`.
     """
     agreement = None
-    if result is not None and result.change is not None and result.predicted is not None:
+    if (
+        result is not None
+        and result.change is not None
+        and result.predicted is not None
+    ):
         agreement = _agreement(result.predicted, result.change)
     count = 2 + (result is not None) + (agreement is not None)
     figure, (whole, forces, *axes) = style.panels(count, 4)
@@ -271,7 +294,9 @@ def _draw_contact(axes: Axes, result: PatchResult) -> None:
 
 
 @styled
-def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -> Figure:
+def load_curves_figure(
+    square: xr.Dataset, contacts: Mapping[str, xr.Dataset]
+) -> Figure:
     """Load paths of the patches (Fig. 10), and below them that of the square (Fig. 7).
 
     All are contacts with their paths; `square` is the part of the face's that lies in the square,
@@ -285,7 +310,9 @@ def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -
     for path, colour in zip(contacts.values(), colours, strict=True):
         pressure = path["path_mean_pressure"]
         _draw_path((area, load), path, pressure, path["path_contact_fraction"], colour)
-        stiffness.plot(pressure, path["path_stiffness"] / MM_TO_UM, color=colour, **_OF_PATH)
+        stiffness.plot(
+            pressure, path["path_stiffness"] / MM_TO_UM, color=colour, **_OF_PATH
+        )
     pressed = square["path_pressure"]
     pressure, share = (field.mean(("y", "x")) for field in (pressed, pressed > 0))
     _draw_path(of_square, square, pressure, share, BLACK)

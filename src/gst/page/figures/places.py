@@ -28,9 +28,7 @@ _NOTE = (
     "N/mm: pressure times sliding, all poses, mean of the place.\n"
     "Touched: poses that touch its most often touched point."
 )
-_X_AND_Y = (
-    "x and y: from the reference corner to the middle of a place, along the square's edges"
-)
+_X_AND_Y = "x and y: from the reference corner to the middle of a place, along the square's edges"
 
 
 @styled
@@ -49,7 +47,12 @@ def places_figure(
     `gstlib.macroscale.gesture.exposure`; `places` is ``places.csv``.
     """
     figure = Figure(figsize=_PAGE, layout="constrained")
-    grid = {"height_ratios": [3, 4], "width_ratios": [4, 3], "left": 0.05, "right": 0.99}
+    grid = {
+        "height_ratios": [3, 4],
+        "width_ratios": [4, 3],
+        "left": 0.05,
+        "right": 0.99,
+    }
     panels = figure.subplots(2, 2, gridspec_kw=grid)
     (stone, face), (square, table) = panels
     view = Frame(np.mean(mesh.bounds, axis=0), frame.x_axis, frame.normal)
@@ -57,7 +60,9 @@ def places_figure(
     draw_square(stone, view, frame, size_mm)
     stone.set_title("the stone, seen along the square's normal")
     touched = exposure.touched.values > 0
-    maps.draw_map(face, exposure.touched, np.zeros(touched.shape), marks={BLACK: touched})
+    maps.draw_map(
+        face, exposure.touched, np.zeros(touched.shape), marks={BLACK: touched}
+    )
     corners = outline(PatchPosition(size_mm / 2, size_mm / 2), size_mm)
     face.plot(*corners[[0, 1, 2, 3, 0]].T, color=VERMILION)
     face.plot(*corners[0], "o", color=VERMILION)
@@ -98,7 +103,9 @@ def _write_table(axes: Axes, places: pd.DataFrame) -> None:
         for place in places.itertuples()
     ]
     axes.set_axis_off()
-    table = axes.table(rows, colLabels=_HEADS, loc="upper left", edges="open", cellLoc="left")
+    table = axes.table(
+        rows, colLabels=_HEADS, loc="upper left", edges="open", cellLoc="left"
+    )
     table.auto_set_font_size(False)
     look = {"fontsize": 6, "color": GREY, "in_layout": False}
     axes.text(0, 0, _NOTE, transform=axes.transAxes, **look)

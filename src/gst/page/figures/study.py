@@ -47,7 +47,9 @@ def result_of(study: Results, patch: str) -> PatchResult:
     """The results of a study on one patch."""
     only = "height", "pressure", "mean_pressure"
     contact = study.by_patch("contacts", [patch], *only)[patch]
-    return PatchResult(patch, contact, change_of(study, patch), predicted_loss(study, patch))
+    return PatchResult(
+        patch, contact, change_of(study, patch), predicted_loss(study, patch)
+    )
 
 
 def _inputs(study: Results) -> Figure:
@@ -58,7 +60,9 @@ def _inputs(study: Results) -> Figure:
 
 def _forces(study: Results) -> Figure:
     columns = ["patch", "low_MPa", "high_MPa"]
-    pressures = study.pressures.merge(study.table("intervals", *columns)[columns], on="patch")
+    pressures = study.pressures.merge(
+        study.table("intervals", *columns)[columns], on="patch"
+    )
     return macroscale.force_figure(
         study.square("contact"), pressures, patch_size_mm=study.patch_mm
     )
@@ -67,10 +71,14 @@ def _forces(study: Results) -> Figure:
 def _exposure(study: Results) -> Figure:
     if not study.has("proposed"):
         fields, outlined = map(study.square, ("exposure", "contact")), study.pressures
-        return macroscale.exposure_figure(*fields, outlined, patch_size_mm=study.patch_mm)
+        return macroscale.exposure_figure(
+            *fields, outlined, patch_size_mm=study.patch_mm
+        )
     # where nothing is scanned: the square in the face
     middle = study.size_mm / 2
-    square = pd.DataFrame([{"patch": "", "x_mm": middle, "y_mm": middle, "rotation_deg": 0.0}])
+    square = pd.DataFrame(
+        [{"patch": "", "x_mm": middle, "y_mm": middle, "rotation_deg": 0.0}]
+    )
     fields = map(study.data, ("exposure", "contact"))
     return macroscale.exposure_figure(*fields, square, patch_size_mm=study.size_mm)
 
@@ -115,7 +123,9 @@ def _wear(study: Results) -> Figure:
 
 
 def _validation(study: Results) -> Figure:
-    losses = study.table("registration", "patch").merge(study.by_stated_pressure, on="patch")
+    losses = study.table("registration", "patch").merge(
+        study.by_stated_pressure, on="patch"
+    )
     patches = study.table("patches_table", "patch")
     return tables.validation_figure(patches, losses, study.table("summary"))
 
@@ -127,7 +137,9 @@ def _use(study: Results) -> Figure:
     return use_figure(
         use,
         study.table("use_table", "parameter"),
-        study.table("predicted_losses", "patch") if study.has("predicted_losses") else None,
+        study.table("predicted_losses", "patch")
+        if study.has("predicted_losses")
+        else None,
         study.square("surface", "height").height,
         pd.DataFrame(study.places),
         patch_size_mm=study.patch_mm,
@@ -169,7 +181,8 @@ def figures_by_patch(name: str, study: Results) -> Iterator[tuple[str, Figure]]:
         epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
         only = "measured", "filled", "outlier"
         scans = {
-            epoch: study.by_patch(epoch.lower(), [patch], *only)[patch] for epoch in epochs
+            epoch: study.by_patch(epoch.lower(), [patch], *only)[patch]
+            for epoch in epochs
         }
         yield patch, microscale.preparation_figure(scans, patch=patch)
 
@@ -181,7 +194,9 @@ def draw(study: Results, pictures: Mapping[str, Path], note: str | None) -> None
     PDF to print, for `preparation` and `patch` a folder, for a PNG of each patch; ``strip_jpg`` is
     a folder for those of `microscale.patch_strip`.
     """
-    for name in (each.removesuffix("_png") for each in pictures if each.endswith("_png")):
+    for name in (
+        each.removesuffix("_png") for each in pictures if each.endswith("_png")
+    ):
         png = pictures[f"{name}_png"]
         vector = pictures.get(f"{name}_svg") or pictures.get(f"{name}_pdf")
         if name in ("preparation", "patch"):
@@ -191,11 +206,15 @@ def draw(study: Results, pictures: Mapping[str, Path], note: str | None) -> None
         if name in OF_STUDIED and not study.drawn:
             figure = message_figure("No patch is in the microscale study.")
         elif name in OF_PREDICTED and study.table("wear").empty:
-            figure = message_figure("No loss of a patch could be predicted from the others'.")
+            figure = message_figure(
+                "No loss of a patch could be predicted from the others'."
+            )
         else:
             figure = figure_of(name, study)
         save_figure(figure, png, vector, source_note=note)
     for patch in study.compared if "strip_jpg" in pictures else ():
         content = io.BytesIO()
-        microscale.patch_strip(result_of(study, patch)).save(content, "jpeg", quality=80)
+        microscale.patch_strip(result_of(study, patch)).save(
+            content, "jpeg", quality=80
+        )
         write_whole(pictures["strip_jpg"] / f"{patch}.jpg", content.getvalue())

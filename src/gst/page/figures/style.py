@@ -18,7 +18,15 @@ from matplotlib.patches import Patch
 from gstlib.io.files import write_whole
 
 __all__ = ["AMBER", "BLACK", "BLUE", "CLASSES", "DPI", "GREY", "LEGIBLE"]
-__all__ += ["PALE", "PURPLE", "STONE", "VERMILION", "WIDTH", "colour_legend", "message_figure"]
+__all__ += [
+    "PALE",
+    "PURPLE",
+    "STONE",
+    "VERMILION",
+    "WIDTH",
+    "colour_legend",
+    "message_figure",
+]
 __all__ += [
     "name_patches",
     "panels",
@@ -78,7 +86,11 @@ styled = matplotlib.style.context(["default", _STYLE])
 
 @styled
 def save_figure(
-    figure: Figure, png: Path, vector: Path | None = None, *, source_note: str | None = None
+    figure: Figure,
+    png: Path,
+    vector: Path | None = None,
+    *,
+    source_note: str | None = None,
 ) -> None:
     """Write a figure as PNG and, if requested, as SVG or PDF; the same figure gives the same bytes.
 
@@ -103,7 +115,9 @@ def save_figure(
             write_whole(path, content.getvalue())
 
 
-def panels(count: int, columns: int, aspect: float | None = None) -> tuple[Figure, list[Axes]]:
+def panels(
+    count: int, columns: int, aspect: float | None = None
+) -> tuple[Figure, list[Axes]]:
     """A figure of equal panels, row by row.
 
     Panels are square, as maps are. Those of charts share out what axes and titles leave of the

@@ -64,7 +64,9 @@ def _draw_losses(axes: Axes, losses: pd.DataFrame, is_counted: pd.Series) -> Non
         look = {"color": colour, "mfc": fill, "clip_on": False, "zorder": 3}
         look["in_layout"] = False  # an empty one would lie at the corner of the figure
         axes.plot(drawn.stated_MPa, drawn.mean_wear_depth_um, "o", label=name, **look)
-    axes.set(xlabel="pressure under the load as stated (MPa)", ylabel="loss per area (µm)")
+    axes.set(
+        xlabel="pressure under the load as stated (MPa)", ylabel="loss per area (µm)"
+    )
     axes.set(xlim=(0, None), ylim=(0, None))
     touched = losses[is_touched]
     ends = touched[["stated_MPa", "mean_wear_depth_um"]].to_numpy()
@@ -78,8 +80,12 @@ def _correlations(summary: pd.DataFrame) -> Iterator[str]:
     names = statistic_names(summary)
     for words, name in _CORRELATED.items():
         for row in summary[names == name].dropna(subset="value").itertuples():
-            interval = f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
-            tested = f"p = {row.p_value:.2g}" if math.isfinite(row.p_value) else "not tested"
+            interval = (
+                f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
+            )
+            tested = (
+                f"p = {row.p_value:.2g}" if math.isfinite(row.p_value) else "not tested"
+            )
             yield f"{words}: ρ = {row.value:.2g}{interval}, {tested}".replace("-", "−")
 
 
@@ -105,7 +111,9 @@ def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
     axes.set_xlabel("mean MCC of predicted and measured loss")
     count = int(means.n.max()) if len(means) else 0
     title = f"Was the place of the loss predicted? ({count} patches)"
-    axes.set_title(f"{title}\n| the most that masks of its areas could reach", fontsize=7)
+    axes.set_title(
+        f"{title}\n| the most that masks of its areas could reach", fontsize=7
+    )
 
 
 @styled
@@ -144,7 +152,9 @@ def wear_figure(
     figure, (volumes, heights) = style.panels(2, 2, 1.05)
     counted = list(in_statistics)
     _draw_volumes(volumes, table[table.patch.isin(counted)], limits.set_index("patch"))
-    figure.legend(*volumes.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.legend(
+        *volumes.get_legend_handles_labels(), loc="outside upper center", ncols=3
+    )
     _draw_heights(heights, profile[profile.patch.isin(counted)])
     return figure
 
@@ -158,13 +168,21 @@ def _draw_volumes(axes: Axes, table: pd.DataFrame, limits: pd.DataFrame) -> None
             continue
         measured = rows.measured_volume_um3.to_numpy() / 1e5
         predicted = rows.predicted_volume_um3.to_numpy() / 1e5
-        look = {"mfc": "none"} if model == CAPPED else {}  # it may lie over the elastic one
-        axes.plot(measured, predicted, marker, color=colour, label=MODELS[model], **look)
+        look = (
+            {"mfc": "none"} if model == CAPPED else {}
+        )  # it may lie over the elastic one
+        axes.plot(
+            measured, predicted, marker, color=colour, label=MODELS[model], **look
+        )
         if model == BARE:
             names, ends = list(rows.patch), list(zip(measured, predicted, strict=True))
             own = limits.loc[rows.patch]
-            low, high = own[["low_MPa", "high_MPa"]].div(own.pressure_MPa, axis=0).to_numpy().T
-            axes.vlines(measured, predicted * low, predicted * high, color=colour, lw=0.8)
+            low, high = (
+                own[["low_MPa", "high_MPa"]].div(own.pressure_MPa, axis=0).to_numpy().T
+            )
+            axes.vlines(
+                measured, predicted * low, predicted * high, color=colour, lw=0.8
+            )
     most = 1.05 * max(1e-9, axes.dataLim.x1, axes.dataLim.y1)
     axes.plot([0, most], [0, most], color=GREY, lw=0.6)
     axes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
@@ -180,8 +198,12 @@ def _draw_heights(axes: Axes, profile: pd.DataFrame) -> None:
     for model, (colour, marker) in ({"measured": (BLACK, "x")} | _LOOKS).items():
         if model in means:
             look = {"mfc": "none", "ls": "--"} if model == CAPPED else {}
-            axes.plot(means[model], means[model].index, color=colour, marker=marker, **look)
-    style.write_beside(axes, "× measured", (means["measured"][3], 3), (8, 0), fontsize=8)
+            axes.plot(
+                means[model], means[model].index, color=colour, marker=marker, **look
+            )
+    style.write_beside(
+        axes, "× measured", (means["measured"][3], 3), (8, 0), fontsize=8
+    )
     bands = ["highest\nquarter", "second", "third", "lowest\nquarter"]
     axes.set_yticks(range(1, len(bands) + 1), bands)
     axes.invert_yaxis()

@@ -56,7 +56,12 @@ def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
 
 
 def cut_tool(
-    mesh: "trimesh.Trimesh", frame: Frame, field: xr.DataArray, *, edge_mm: float, faces: int
+    mesh: "trimesh.Trimesh",
+    frame: Frame,
+    field: xr.DataArray,
+    *,
+    edge_mm: float,
+    faces: int,
 ) -> "trimesh.Trimesh":
     """A mesh with at most about so many faces, except over a field, where its edges are short.
 
@@ -130,11 +135,17 @@ def outline_on(
     flat = np.concatenate(sides)
     *plane, heights = places[is_over].T
     _, nearest = scipy.spatial.KDTree(np.transpose(plane)).query(flat)
-    return np.column_stack([flat, heights[nearest]]) @ frame.axes + np.array(frame.origin)
+    return np.column_stack([flat, heights[nearest]]) @ frame.axes + np.array(
+        frame.origin
+    )
 
 
 def draw_stone(
-    axes: Axes, mesh: "trimesh.Trimesh", view: Frame, *, colours: np.ndarray | None = None
+    axes: Axes,
+    mesh: "trimesh.Trimesh",
+    view: Frame,
+    *,
+    colours: np.ndarray | None = None,
 ) -> None:
     """Draw a stone as seen from afar, shaded, with a scale bar.
 
@@ -166,7 +177,12 @@ def draw_stone(
 
 
 def draw_square(
-    axes: Axes, view: Frame, frame: Frame, size: float, *, names: Sequence[str] = ("x", "y")
+    axes: Axes,
+    view: Frame,
+    frame: Frame,
+    size: float,
+    *,
+    names: Sequence[str] = ("x", "y"),
 ) -> None:
     """Outline the square of a side (mm) in a view, with the names of its axes at their ends."""
     on_tool = frame.origin + size * _UNIT @ frame.axes[:2]

@@ -1,0 +1,63 @@
+"""`gst change`: what two scans of one surface lost and gained, without a study."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.ndimage import gaussian_filter
+
+import gstlib
+from gst.cli import main
+
+SPACING = 0.004  # mm
+POINTS = 160
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A scan before use, the same place again, after a loss of 2 µm on a quarter, and another."""
+    folder = tmp_path_factory.mktemp("scans")
+    rng = np.random.default_rng(5)
+    here, elsewhere = 2e-3 * gaussian_filter(
+        rng.normal(size=(2, POINTS, POINTS)), (0, 2, 2)
+    )
+    worn = here.copy()
+    worn[40:120, 40:120] -= 2e-3
+    for name, heights in {
+        "T0": here,
+        "again": here,
+        "T1": worn,
+        "other": elsewhere,
+    }.items():
+        noise = 1e-5 * rng.normal(size=heights.shape)
+        gstlib.write_plu(folder / f"{name}.plu", heights + noise, SPACING)
+    return folder
+
+
+def run(folder, *arguments):
+    options = ["--output", str(folder / "change.png")]
+    files = [
+        str(folder / word) if word.endswith(".plu") else word for word in arguments
+    ]
+    return CliRunner().invoke(main, ["change", *files, *options])
+
+
+@pytest.mark.parametrize(
+    ("repeat", "source"),
+    [((), "unchanged part"), (("--repeat", "again.plu"), "the repeat")],
+)
+def test_the_loss_of_two_scans(folder, repeat, source):
+    result = run(folder, "T0.plu", "T1.plu", *repeat)
+    assert result.exit_code == 0, result.output
+    loss = next(row for row in result.output.splitlines() if row.startswith("loss"))
+    percent, volume = float(loss.split()[1]), float(loss.split()[6])
+    assert percent == pytest.approx(25, abs=1.5)
+    assert volume == pytest.approx(2.0 * 320**2, rel=0.05)  # µm³
+    assert source in result.output
+    assert (folder / "change.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("files", [("other.plu",), ("T1.plu", "--repeat", "other.plu")])
+def test_a_scan_of_another_surface_is_refused(folder, files):
+    result = run(folder, "T0.plu", *files)
+    assert result.exit_code == 2
+    assert "other.plu" in result.output
