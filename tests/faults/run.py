@@ -69,21 +69,23 @@ class Study:
         """Whether `make study`, once jobs of a killed run had ended, ended well; and its words."""
         while True:
             process = self.start()
-            said = process.communicate()[0]
-            if process.returncode == 0 or "are still at work" not in said:
-                return process.returncode == 0, said
+            text = process.communicate()[0]
+            if process.returncode == 0 or "are still at work" not in text:
+                return process.returncode == 0, text
             time.sleep(2)
 
     def processes(self, kind):
         """The run's jobs (`job`), or its Snakemake (`run`), as they are now."""
-        found = []
+        running = []
         for process in psutil.process_iter(["cwd", "cmdline"]):
             command = process.info["cmdline"] or []
             is_job = any("/.snakemake/scripts/" in word for word in command)
             is_run = "gst.run.scheduler" in command and not is_job
             here = process.info["cwd"] == str(self.folder.resolve())
-            found += [process] if here and (is_job if kind == "job" else is_run) else []
-        return found
+            running += (
+                [process] if here and (is_job if kind == "job" else is_run) else []
+            )
+        return running
 
     def files(self):
         """Every result by its name; hidden files are none."""
@@ -106,14 +108,14 @@ class Study:
 
     def end(self):
         """What is amiss once the study has been run to its end."""
-        done, said = self.make()
+        done, text = self.make()
         missing = sorted(self.reference.keys() - self.files().keys())
         left = [file.name for file in self.results.rglob("*.part")]
         amiss = "" if done else "the study does not end"
         amiss = amiss or self.half_written() or ", ".join(missing + left)
         if amiss:
             print(
-                "\n".join("    | " + line for line in said.splitlines()[-40:]),
+                "\n".join("    | " + line for line in text.splitlines()[-40:]),
                 flush=True,
             )
         return amiss
@@ -135,8 +137,8 @@ def kill_at_random(study, kind, choose, duration):
                 process,
             ]:
                 each.kill()
-        elif found := study.processes(kind):
-            choose.choice(found).kill()
+        elif running := study.processes(kind):
+            choose.choice(running).kill()
         else:
             time.sleep(0.05)
             continue
@@ -162,9 +164,9 @@ def fill_disk(folder, reference):
                 "ro" if share is None else f"rw,size={int(share * size) + 24 * 1024}"
             )
             subprocess.run(["mount", "-o", f"remount,{options}", disk], check=True)
-            done, said = study.make()
+            done, text = study.make()
             words = ("the disk is read-only",) if share is None else FULL
-            clear = not done and any(word in said for word in words)
+            clear = not done and any(word in text for word in words)
             amiss = study.half_written() if clear else "no clear error"
             count("read-only disk" if share is None else "full disk", amiss)
         subprocess.run(["mount", "-o", "remount,size=1g", disk], check=True)
@@ -219,9 +221,9 @@ DAMAGES = {
 
 def after_damage(study, file):
     """What is amiss after the study has met a damaged file, which it makes again."""
-    done, said = study.make()
-    if not done or f"again: {file} is not as it was made" not in said:
-        return f"not seen: {said[-2000:]}"
+    done, text = study.make()
+    if not done or f"again: {file} is not as it was made" not in text:
+        return f"not seen: {text[-2000:]}"
     return study.end()
 
 
@@ -235,9 +237,9 @@ def main():
         folder = Path(name)
         started = time.monotonic()
         finished = Study(folder / "undisturbed", {})
-        done, said = finished.make()
+        done, text = finished.make()
         if not done:
-            raise SystemExit(said)
+            raise SystemExit(text)
         duration, reference = time.monotonic() - started, finished.files()
         for number in range(arguments.kills):
             kind = ("job", "run", "all")[number % 3]

@@ -74,10 +74,10 @@ PRIVATE = (
 def test_terms_are_those_of_the_field():
     places = "src", "workflow", "config", "docs", "README.md"
     command = ["git", "grep", "-nwiE", PRIVATE, "--", *places]
-    said = subprocess.run(
+    stated = subprocess.run(
         command, cwd=ROOT, capture_output=True, text=True, check=False
     ).stdout
-    assert said == ""
+    assert stated == ""
 
 
 def links_of(document):
@@ -105,11 +105,11 @@ def test_the_lines_of_readme_print_what_they_say(tmp_path, monkeypatch):
     (code,) = re.findall(
         r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL
     )
-    said = re.findall(r"print\(.*\)  # (\S+)", code)
+    stated = re.findall(r"print\(.*\)  # (\S+)", code)
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         exec(compile(code, "README.md", "exec"), {})
-    assert len(said) == 2
-    for number, line in zip(said, printed.getvalue().splitlines(), strict=True):
+    assert len(stated) == 2
+    for number, line in zip(stated, printed.getvalue().splitlines(), strict=True):
         assert f" {number} " in line
     assert (tmp_path / "contact.png").is_file()
 

@@ -9,14 +9,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import pandas as pd
 import pytest
 import yaml
 from filelock import FileLock
 from sweep import study_of
 
 from gst.config.reading import read_config
-from gst.config.tables import write_table
 from gstlib.io.tables import read_table
 
 ROOT = Path(__file__).parents[2]
@@ -109,13 +107,6 @@ class Study:
 def in_memory(study, config=None):
     """The study by the library alone, from the same files, with its own config or another."""
     return study_of(config or read_config(study.folder / study.config), study.folder)
-
-
-def assert_stored(table, file, folder):
-    """The table, as it would be written, is that of the file."""
-    write_table(folder / file.name, table)
-    again, stored = (read_table(path) for path in (folder / file.name, file))
-    pd.testing.assert_frame_equal(again, stored, rtol=1e-4, atol=1e-9)
 
 
 def fresh(folder):

@@ -27,11 +27,11 @@ def test_a_failed_step_shows_its_own_error_and_nothing_else(tiny):
     )
     result = tiny.run()
     assert result.returncode != 0
-    said = result.stdout + result.stderr
-    assert said.count("240 MPa cannot be reached") == 1, said
-    assert "log:  results-tiny/logs/solve_macroscale.log" in said
-    assert "Stopped with " in said
-    assert not [word for word in NOT_FOR_USERS if word in said], said
+    text = result.stdout + result.stderr
+    assert text.count("240 MPa cannot be reached") == 1, text
+    assert "log:  results-tiny/logs/solve_macroscale.log" in text
+    assert "Stopped with " in text
+    assert not [word for word in NOT_FOR_USERS if word in text], text
     assert not (tiny.results / "macroscale/contact.h5").exists()
 
 
@@ -47,7 +47,7 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
     edited.write_bytes(whole[edited].replace(b"0.", b"99.", 1))
     for file in (gone, lost, record, results / "logs/solve_macroscale.log"):
         file.unlink()
-    said = tiny.gst("study", tiny.config, "--plan").stdout
+    text = tiny.gst("study", tiny.config, "--plan").stdout
     for step, why in (
         ("register_patches", "change/1/7.h5 is not as it was made"),
         ("score_wear", "change/1/7.h5 has changed"),
@@ -55,9 +55,9 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
         ("compare_scales", "no record says how it was made"),
     ):
         assert re.search(
-            rf"^{step}: .*\n    {re.escape(why)}; last took \d", said, re.MULTILINE
+            rf"^{step}: .*\n    {re.escape(why)}; last took \d", text, re.MULTILINE
         )
-    assert "compose_surface" not in said
+    assert "compose_surface" not in text
     result = tiny.gst("study", tiny.config)
     assert result.returncode == 0, result.stderr
     assert "again: change/1/7.h5 is not as it was made" in result.stderr
@@ -76,13 +76,13 @@ def test_stale_results_are_not_certified_without_the_records_of_snakemake(tiny):
     shutil.rmtree(tiny.folder / ".snakemake")
     tiny.change(load={"force_N": 200.0})
     assert "made with another config" in tiny.gst("check", tiny.config).stdout
-    said = tiny.gst("study", tiny.config, "--until", "solve_macroscale")
-    assert said.returncode == 0, said.stderr
-    assert "again: force_N was 550.0, is 200.0" in said.stderr
-    assert "Done" not in said.stdout
+    result = tiny.gst("study", tiny.config, "--until", "solve_macroscale")
+    assert result.returncode == 0, result.stderr
+    assert "again: force_N was 550.0, is 200.0" in result.stderr
+    assert "Done" not in result.stdout
     assert (
         "The study is not finished: the results were made with another config."
-        in said.stdout
+        in result.stdout
     )
     for command in (["export"], ["package"]):
         refused = tiny.gst(*command, tiny.results.name)
@@ -102,8 +102,8 @@ def test_nothing_outside_the_results_is_deleted(tiny):
     (first / "wear/1/7.h5").unlink()
     before = {file: file.stat().st_mtime_ns for file in first.rglob("*")}
     tiny.change(results=other.name)
-    said = tiny.gst("study", tiny.config, "--plan").stdout
-    assert said.splitlines()[-1] == "Nothing to do."
+    text = tiny.gst("study", tiny.config, "--plan").stdout
+    assert text.splitlines()[-1] == "Nothing to do."
     assert tiny.gst("study", tiny.config).returncode == 0
     assert {file: file.stat().st_mtime_ns for file in first.rglob("*")} == before
     assert (other / "wear/1/7.h5").is_file()
@@ -128,14 +128,14 @@ def test_ctrl_c_ends_a_run_in_a_sentence(study):
         start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    said = ""
-    while "Making the specimen" not in said:
-        said += process.stdout.readline()
+    text = ""
+    while "Making the specimen" not in text:
+        text += process.stdout.readline()
     os.killpg(process.pid, signal.SIGINT)
-    said += process.communicate()[0]
+    text += process.communicate()[0]
     assert process.returncode == 1
-    assert said.endswith("Repeat the same command to continue from there.\n")
-    assert len(said.splitlines()) < 8
+    assert text.endswith("Repeat the same command to continue from there.\n")
+    assert len(text.splitlines()) < 8
     assert not (study.results / LOCK).exists()
 
 

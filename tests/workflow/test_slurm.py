@@ -81,9 +81,9 @@ class Run:
         """Id of the first job of a rule, or of its group, once submitted, or even at its work."""
         deadline = time.monotonic() + LIMIT
         while self.process.poll() is None and time.monotonic() < deadline:
-            found = re.search(rf"slurm_logs/\w*{rule}[\w/]*/(\d+).log", self.record())
-            if found and (not running or f"{found[1]}.0" in self.steps()):
-                return found[1]
+            match = re.search(rf"slurm_logs/\w*{rule}[\w/]*/(\d+).log", self.record())
+            if match and (not running or f"{match[1]}.0" in self.steps()):
+                return match[1]
             time.sleep(0.2)
         raise AssertionError(f"no job of {rule}:\n{self.record()}")
 
@@ -92,7 +92,7 @@ class Run:
         """What runs, as JOB.STEP: a rule is at work in step 0 of its job."""
         return run("squeue", "--noheader", "--steps", "--format=%i").stdout.split()
 
-    def said(self, job: str) -> str:
+    def log_of(self, job: str) -> str:
         """Slurm's own log of a job that failed."""
         return next(
             self.log.parent.glob(f".snakemake/slurm_logs/**/{job}.log")
@@ -137,8 +137,8 @@ def test_a_study_with_faults_of_jobs_is_the_one_of_one_machine(finished_tiny, tm
         assert run.finish() == 0, run.log.read_text()
     finally:
         run.kill()
-    assert "DUE TO TIME LIMIT" in run.said(frozen)
-    assert all("exceeded memory limit" in run.said(job) for job in starved)
+    assert "DUE TO TIME LIMIT" in run.log_of(frozen)
+    assert all("exceeded memory limit" in run.log_of(job) for job in starved)
     states = run.states()
     assert states[cancelled] == "CANCELLED"
     faulty = {frozen, cancelled, *starved}

@@ -36,9 +36,9 @@ def test_the_default_study_gives_the_baseline(default):
     tables, results = default
     listed = {one.file for name, one in TABLES.items() if name not in ABSENT}
     assert {f"tables/{name}" for name in tables} == listed - {TABLES["pressures"].file}
-    found = compare_results(BASELINE, results)
-    found = found[found.table != "provenance"]
-    assert found.empty, describe_changes(found)
+    changes = compare_results(BASELINE, results)
+    changes = changes[changes.table != "provenance"]
+    assert changes.empty, describe_changes(changes)
 
 
 def test_the_rules_take_the_memory_that_the_documents_say(default):
@@ -51,8 +51,8 @@ def test_the_rules_take_the_memory_that_the_documents_say(default):
     assert len(took) > 20
     text = (ROOT / "docs/how-to/cluster.md").read_text("utf-8")
     for rules, memory in re.findall(r"^\| (`.*?) \| (.*?) \|$", text, re.MULTILINE):
-        said = map(float, re.findall(r"(\d+) MB", memory))
-        for rule, most in zip(re.findall(r"`(\w+)`", rules), said, strict=True):
+        stated_MB = map(float, re.findall(r"(\d+) MB", memory))
+        for rule, most in zip(re.findall(r"`(\w+)`", rules), stated_MB, strict=True):
             assert took.pop(rule, most) == pytest.approx(most, rel=0.2), rule
     (others,) = re.findall(r"^\| all others \| (\d+) MB or less", text, re.MULTILINE)
     assert max(took.values()) <= 1.2 * float(others)
@@ -64,25 +64,25 @@ def test_the_rules_take_the_memory_that_the_documents_say(default):
 def test_the_measured_stone_is_as_the_evidence_says(tmp_path):
     """Its pressures at rest, and those of the square alone."""
     (tmp_path / "shared").symlink_to(SHARED)
-    study, found = fresh(tmp_path / "study"), {}
+    study, tables = fresh(tmp_path / "study"), {}
     study.config = "config/pebble.yaml"
     for coupling in ("equilibrium", "paper"):
         study.change(coupling=coupling, results=f"results-{coupling}")
         study.succeed(f"results-{coupling}/tables/patch_intervals.csv")
-        found[coupling] = read_table(study.results / "tables/patch_intervals.csv")
+        tables[coupling] = read_table(study.results / "tables/patch_intervals.csv")
     text = " ".join((ROOT / "docs/explanation/evidence.md").read_text("utf-8").split())
     touched, first, second, alone = re.search(
         r"just touched, by (\S+) MPa; the intervals of two reach (\d+) and (\d+) MPa.*? "
         r"would have put (\d+) MPa on the first",
         text,
     ).groups()
-    rest = found["equilibrium"]
+    rest = tables["equilibrium"]
     (pressure,) = rest.pressure_MPa[rest.pressure_MPa > 0]
     assert f"{pressure:.1f}" == touched
     reached = rest.high_MPa[rest.high_MPa > 1]
     assert [f"{high:.0f}" for high in reached] == [first, second]
     assert rest.pressure_MPa[reached.index[0]] == 0
-    assert f"{found['paper'].pressure_MPa[reached.index[0]]:.0f}" == alone
+    assert f"{tables['paper'].pressure_MPa[reached.index[0]]:.0f}" == alone
 
 
 def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(
@@ -90,8 +90,8 @@ def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(
 ):
     """Its sums and functions differ in their last bits; the generated files do not, nor tables."""
     single = fresh(tmp_path / "single")
-    known = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
-    single.environment |= {"NPY_DISABLE_CPU_FEATURES": " ".join(known)}
+    features = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    single.environment |= {"NPY_DISABLE_CPU_FEATURES": " ".join(features)}
     single.environment |= {"OPENBLAS_CORETYPE": "Prescott"}
     single.succeed(cores=1)
     specimen = [study.results / "specimen" for study in (single, finished_tiny)]
@@ -159,8 +159,8 @@ def test_measured_files_without_t1(measured):
 def test_a_study_that_no_patch_enters(tiny):
     """Its tables have their columns and no rows; figures say so."""
     tiny.change(selection={"minimum_pressure_MPa": 1000.0})
-    said = tiny.succeed()
-    assert "no patch enters the study" in said
+    shown = tiny.succeed()
+    assert "no patch enters the study" in shown
     for name in ("microscale_summary", "validation_patches"):
         table = pd.read_csv(tiny.results / f"tables/{name}.csv")
         assert table.empty

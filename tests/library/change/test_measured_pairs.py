@@ -76,12 +76,12 @@ def repeat(request):
 
 def shows_wear(name, change):
     """Whether more than 0.5 % is lost or gained; what is unknown is neither."""
-    found = wear_summary(change)
+    extent = wear_summary(change)
     if (
-        name in AS_NOISE and found["gain_to_loss_ratio"] > 0.2
+        name in AS_NOISE and extent["gain_to_loss_ratio"] > 0.2
     ):  # the limit of the default study
         return False
-    return max(found["loss_fraction"], found["gain_fraction"]) > 0.005
+    return max(extent["loss_fraction"], extent["gain_fraction"]) > 0.005
 
 
 def test_a_repeat_is_registered_where_its_details_match_and_shows_no_wear(repeat):
