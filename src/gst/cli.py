@@ -262,6 +262,7 @@ def press(scan, output, **options) -> None:
 @click.argument("t0", type=_PATH)
 @click.argument("t1", type=_PATH)
 @click.option("--repeat", type=_PATH, help="T0 scanned again: for the detection limit.")
+@click.option("--mould", is_flag=True, help="The scans show moulds: turn them over.")
 @_UNIT
 @_SPACING
 @_OUTPUT

@@ -56,6 +56,14 @@ def test_the_loss_of_two_scans(folder, repeat, source):
     assert (folder / "change.png").stat().st_size > 1000
 
 
+def test_moulds_are_turned_over(folder):
+    """Scans of moulds that are taken for the stone's show a gain, which is doubted."""
+    assert "--mould" in run(folder, "T1.plu", "T0.plu").output
+    turned = run(folder, "T1.plu", "T0.plu", "--mould").output
+    assert turned.partition("loss")[2].split()[0].startswith("25")
+    assert "NOTE" not in turned
+
+
 @pytest.mark.parametrize("files", [("other.plu",), ("T1.plu", "--repeat", "other.plu")])
 def test_a_scan_of_another_surface_is_refused(folder, files):
     result = run(folder, "T0.plu", *files)

@@ -29,17 +29,20 @@ def compare_scans(
     *,
     unit: str | None = None,
     spacing_um: float | None = None,
+    mould: bool = False,
 ) -> tuple[xr.DataArray, xr.Dataset]:
     """Register T1 to T0 and take the height change, with the default settings of a study.
 
     `repeat` is a second scan of the surface at T0, without use between the two: the detection limit
     then comes from it, and otherwise from the unchanged part of T1. `unit` and `spacing_um` are as
-    in `gstlib.io.scans.read_scan`. The result is the prepared T0 (y, x), mm, and the dataset of
+    in `gstlib.io.scans.read_scan`; the heights of a `mould` are turned over.
+
+    The result is the prepared T0 (y, x), mm, and the dataset of
     `gstlib.change.change.register_patch`. Raises an `InputError` if T1 is not found on T0, or if
     the repeat does not show the surface of T0.
     """
     settings = Settings()
-    before, after = (_prepared(path, unit, spacing_um) for path in (t0, t1))
+    before, after = (_prepared(path, unit, spacing_um, mould) for path in (t0, t1))
     sides = np.multiply(spacing_of(before.height), before.height.shape)
     search: dict[str, Any] = {
         "maximum_shift_mm": _LARGEST_SHIFT * float(max(sides)),
@@ -47,7 +50,7 @@ def compare_scans(
     }
     detection = None
     if repeat is not None:
-        again = {repeat.name: _prepared(repeat, unit, spacing_um)}
+        again = {repeat.name: _prepared(repeat, unit, spacing_um, mould)}
         detection = estimate_detection_limit({repeat.name: before}, again, **search)
         if detection is None:
             problem = (
@@ -63,10 +66,12 @@ def compare_scans(
     return before["height"], change
 
 
-def _prepared(path: Path, unit: str | None, spacing_um: float | None) -> xr.Dataset:
+def _prepared(
+    path: Path, unit: str | None, spacing_um: float | None, mould: bool
+) -> xr.Dataset:
     """A scan, cleaned and level, as a study prepares it."""
     raw = read_scan(path, unit=unit, spacing_um=spacing_um)
-    return prepare_scan(raw, maximum_unmeasured=_MOST_UNMEASURED)
+    return prepare_scan(raw, mould_invert=mould, maximum_unmeasured=_MOST_UNMEASURED)
 
 
 def describe_change(change: xr.Dataset) -> Iterator[str]:
@@ -93,9 +98,17 @@ def describe_change(change: xr.Dataset) -> Iterator[str]:
         f"{extent['loss_volume_um3']:.4g} µm³, mean depth {extent['mean_wear_depth_um']:.3g} µm"
     )
     yield f"gain        {100 * extent['gain_fraction']:.2g} % of the area"
-    limit = Settings().validation.max_gain_to_loss_ratio
-    if extent["gain_to_loss_ratio"] > limit:
+    ratio, limit = (
+        extent["gain_to_loss_ratio"],
+        Settings().validation.max_gain_to_loss_ratio,
+    )
+    if extent["gain_fraction"] > extent["loss_fraction"]:
         yield (
-            f"NOTE: the area that rose is {extent['gain_to_loss_ratio']:.2f} times the area that "
-            "fell, so the loss may be noise"
+            "NOTE: more of the area rose than fell. Give --mould if the scans show moulds, and "
+            "check that T0 is the earlier scan"
+        )
+    elif ratio > limit:
+        yield (
+            f"NOTE: the area that rose is {ratio:.2f} times the area that fell, so the loss may "
+            "be noise"
         )

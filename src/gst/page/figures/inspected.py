@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from gst.page.figures.maps import HEIGHTS, PALE, draw_map, height_norm
+from gst.page.figures.maps import HEIGHTS, PALE, draw_map, height_norm, scale_bar
 from gst.page.figures.microscale import change_colours, detected_change
 from gst.page.figures.style import BLUE, VERMILION, panels, styled
 from gst.page.figures.tool import FACES, draw_stone
@@ -75,11 +75,12 @@ def changed_figure(
     figure, axes = panels(3, 3)
     heights = HEIGHTS | {"norm": height_norm(t0, change["t1"])}
     for panel, field, name in zip(axes, (t0, change["t1"]), names, strict=False):
-        draw_map(panel, field, ticks=True, **heights)
+        draw_map(panel, field, **heights)
         panel.set_title(plain_text(name))
+    scale_bar(axes[0])
     unknown = {PALE: np.isnan(change["change"].values)}
     colours = change_colours(change) | {"bar": "height change (µm), 0 if not detected"}
-    draw_map(axes[2], t0, detected_change(change), ticks=True, marks=unknown, **colours)
+    draw_map(axes[2], t0, detected_change(change), marks=unknown, **colours)
     limit_um = change.attrs["level_of_detection_um"]
-    axes[2].set_title(f"change, detected beyond {limit_um:.3g} µm")
+    axes[2].set_title(f"change beyond {limit_um:.3g} µm")
     return figure
