@@ -5,6 +5,7 @@ the last bits of its sums depend on their number.
 """
 
 import math
+import weakref
 from functools import cached_property
 
 import numpy as np
@@ -100,7 +101,8 @@ class Preconditioner:
     """
 
     def __init__(self, window: Window):
-        self._window = window
+        # its window keeps it: a cycle would keep both until the next collection of garbage
+        self._window = weakref.proxy(window)
         ny = int(window.rows.max()) + 1
         nx = int(window.columns.max()) + 1
         self._stencil: list[tuple[int, float]] | None = None
