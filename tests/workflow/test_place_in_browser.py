@@ -4,6 +4,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import webbrowser
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -16,6 +18,7 @@ import yaml
 
 from gst.config.edited import with_values
 from gst.config.patches import read_patches
+from gst.setup.place import PlaceServer
 from gstlib.io.meshes import read_mesh
 from gstlib.surfaces.frames import find_frame
 
@@ -50,6 +53,8 @@ def folder(finished_tiny, tmp_path_factory):
     assert "gst place" in made.stdout
     config = folder / "study.yaml"
     config.write_text(with_values(config.read_text(), COARSE))
+    table = folder / "patches.csv"  # as where names do not say it
+    table.write_text(table.read_text().replace(";7_T1.plu", ";TODO 7_T1.plu"))
     yield folder
     for process in psutil.process_iter(["cwd"]):  # a study that outlived a failure
         if process.info["cwd"] == str(folder):
@@ -71,7 +76,7 @@ def opened(browser, folder, complaints=()):
         browser.new_page(viewport={"width": 1366, "height": 900}) as page,
     ):
         page.set_default_timeout(0)  # a busy machine is no fault
-        asked, messages = listened_to(page)
+        asked, said = listened_to(page)
         try:
             url = next(
                 line.strip() for line in server.stdout if line.startswith("http")
@@ -83,9 +88,7 @@ def opened(browser, folder, complaints=()):
             server.terminate()
     assert server.returncode in (0, -signal.SIGTERM)
     assert [one for one in asked if not one.startswith((url, "data:"))] == []
-    assert [
-        line for line in messages if not any(part in line for part in complaints)
-    ] == []
+    assert [line for line in said if not any(part in line for part in complaints)] == []
 
 
 @pytest.fixture(scope="module")
@@ -136,12 +139,22 @@ def drag(page, thing, right, up):
     saved(page)
 
 
+def say_what_was_scanned(page, folder):
+    page.select_option("#files select", "7_T1.plu")
+    saved(page)
+    assert ";7_T1.plu" in (folder / "patches.csv").read_text()
+    page.check("text=a mould of it")
+    saved(page)
+    assert config_of(folder)["scans"]["mould"] == {"invert": True, "flip": "x"}
+
+
 def lay_square(page, folder, stone):
-    """By its middle, undone, by three corners, and again."""
+    """By its middle, undone, by three corners, turned and made larger."""
     click_stone(page)
     frame = frame_of(folder, stone)
     middle = frame.origin + 2.5 * frame.axes[:2].sum(axis=0)
     assert middle[:2] == pytest.approx([0, 0], abs=0.5)  # that of the stone's view
+    assert frame.normal[2] > 0.9
     page.click("#undo")
     saved(page)
     assert config_of(folder)["square"]["points_mm"] == "TODO"
@@ -155,6 +168,19 @@ def lay_square(page, folder, stone):
     assert frame_of(folder, stone).normal[2] > 0.9
     page.check("text=click its middle")
     click_stone(page)
+    page.fill("#turn", "30")
+    page.locator("#turn").dispatch_event("change")
+    saved(page)
+    after = frame_of(folder, stone)
+    assert page.input_value("#turn") == "30"
+    page.fill("#turn", "0")
+    page.locator("#turn").dispatch_event("change")
+    saved(page)
+    flat = frame_of(folder, stone)
+    assert np.dot(after.x_axis, flat.x_axis) == pytest.approx(
+        np.cos(np.pi / 6), abs=1e-3
+    )
+    assert np.dot(after.x_axis, flat.axes[1]) == pytest.approx(0.5, abs=1e-3)
 
 
 def place_scans(page, folder, wanted):
@@ -171,14 +197,15 @@ def place_scans(page, folder, wanted):
             page.fill(f"#{key}-{patch}", f"{wanted[key][patch]}")
             page.locator(f"#{key}-{patch}").dispatch_event("change")
     saved(page)
-    places = table_of(folder)[["x_mm", "y_mm"]]
-    expected = wanted.loc[places.index, ["x_mm", "y_mm"]]
-    np.testing.assert_allclose(places, expected, atol=0.03)
+    found = table_of(folder)
+    assert found[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
+        wanted.loc[found.index, ["x_mm", "y_mm"]].to_numpy(), abs=0.03
+    )
     return first
 
 
 def turn_and_move(page, folder, patch):
-    """By handle and by keys; undone step by step."""
+    """By handle, by keys, all together; undone step by step."""
     before = table_of(folder)
     on_plan = page.locator(f"#plan [data-patch='{patch}']")
     half = on_plan.locator("rect").bounding_box()["height"] / 2
@@ -186,22 +213,41 @@ def turn_and_move(page, folder, patch):
     assert table_of(folder).rotation_deg[patch] == pytest.approx(90, abs=3)
     on_plan.focus()
     page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Shift+ArrowUp")
     saved(page)
-    assert table_of(folder).x_mm[patch] == pytest.approx(before.x_mm[patch] - 0.05)
-    while table_of(folder).rotation_deg.any():
+    moved = table_of(folder)
+    assert moved.x_mm[patch] == pytest.approx(before.x_mm[patch] - 0.05)
+    assert moved.y_mm[patch] == pytest.approx(before.y_mm[patch] + 0.005)
+    page.check("#together")
+    on_plan.focus()
+    page.keyboard.press("ArrowLeft")
+    page.click("#mirror")
+    saved(page)
+    assert table_of(folder).x_mm.to_numpy() == pytest.approx(
+        5.05 - moved.x_mm.to_numpy()
+    )
+    while table_of(folder).rotation_deg.any() or not table_of(folder).x_mm.equals(
+        before.x_mm
+    ):
         page.click("#undo")
         saved(page)
-    assert table_of(folder).x_mm.equals(before.x_mm)
+    page.uncheck("#together")
+    assert table_of(folder)[["x_mm", "y_mm"]].equals(before[["x_mm", "y_mm"]])
 
 
 def say_how(page, folder):
     page.click("text=2 How")
     page.check("text=with a hand: 100 N")
     page.check("text=not known: anything from 50 to 1500 mm")
+    page.select_option("#rock-2", label="another")
+    page.fill("[data-key='material.young_2_MPa']", "88300")
+    page.fill("[data-key='material.poisson_2']", "0.11")
+    page.press("[data-key='material.poisson_2']", "Tab")
     saved(page)
     config = config_of(folder)
     assert config["load"]["force_N"] == 100
     assert config["counterface"] == {"radius_mm": 274}
+    assert config["uncertainty"]["radius_log_sd"] == 0.98
     page.click("text=1 Where")
     page.check("text=Where it was pressed")
     page.mouse.click(*seen_on_plan(page, 3.5, 3.5))
@@ -210,6 +256,9 @@ def say_how(page, folder):
     page.click("#load-middle")
     saved(page)
     assert config_of(folder)["load"]["at_mm"] is None
+    page.click("text=2 How")
+    stones = {"young_1_MPa": 19500, "young_2_MPa": 88300, "poisson_2": 0.11}
+    assert stones.items() <= config["material"].items()
 
 
 def wait_for(page, name):
@@ -226,31 +275,53 @@ def open_result(page):
     result = popup.value
     result.set_default_timeout(0)
     result.wait_for_selector("#patch-table")
-    _, complaints = listened_to(result)
+    _, said = listened_to(result)
     result.reload()
     assert result.evaluate("origin") == "null"
+    result.wait_for_selector("canvas", state="attached")
+    result.evaluate(
+        "for (const each of document.querySelectorAll('details')) each.open = true"
+    )
+    result.evaluate("for (const each of document.images) each.loading = 'eager'")
+    result.wait_for_function("[...document.images].every((each) => each.complete)")
+    assert result.evaluate(
+        "[...document.images].every((each) => !each.src || each.naturalWidth)"
+    )
     with result.expect_download() as download:
         result.evaluate("document.querySelector('a[download]').click()")
     assert download.value.failure() is None
-    assert complaints == []
+    assert said == []
+    assert page.inner_text("#no-result") == ""
+    result.close()
 
 
 def test_the_five_steps(browser, folder, finished_tiny, stone):
     places = finished_tiny.folder / "config/patches_tiny.tsv"
     wanted = read_patches(places, size_mm=5.0, patch_size_mm=0.85).set_index("patch")
     with opened(browser, folder) as (page, _):
-        page.check("text=a mould of it")
-        saved(page)
-        assert config_of(folder)["scans"]["mould"] == {"invert": True, "flip": "x"}
+        page.click("text=3 Check")
+        page.click("[data-start=check]")
+        wait_for(page, "check")
+        assert "square.points_mm" in page.locator("#check .error").first.inner_text()
+        page.click("text=1 Where")
+        say_what_was_scanned(page, folder)
         lay_square(page, folder, stone)
         first = place_scans(page, folder, wanted)
+        page.click("#exact")
+        page.wait_for_selector("#status.wrong")
+        assert "too coarse" in page.inner_text("#status")  # as the specimen's mesh is
         turn_and_move(page, folder, first)
     text = (folder / "study.yaml").read_text()
     with opened(browser, folder) as (page, _):  # of another server, on another port
         page.click("text=1 Where")
         page.wait_for_selector("#plan")  # all scans are placed
+        assert page.input_value("#size") == "5"
         assert (folder / "study.yaml").read_text() == text  # to look is not to change
         say_how(page, folder)
+        page.click("text=3 Check")
+        page.wait_for_selector("#check .error")  # of before, and said to be so
+        assert "changed" in page.locator("#check [role=status]").inner_text()
+        page.click("text=2 How")
         page.reload()
         page.wait_for_selector("[name=against]:checked")
         assert page.is_checked("text=not known: anything from 50 to 1500 mm")
@@ -258,13 +329,21 @@ def test_the_five_steps(browser, folder, finished_tiny, stone):
         page.click("[data-start=check]")
         wait_for(page, "check")
         assert page.locator("#check .error").count() == 0
+        assert page.locator("#check .note").count() > 0
         page.wait_for_selector("#check-picture")
+        assert (
+            page.evaluate("document.getElementById('check-picture').naturalWidth") > 500
+        )
+        page.click("text=5 Result")
+        page.wait_for_selector("#no-result:not(:empty)")
+        assert page.locator("#open").is_hidden()
         page.click("text=4 Run")
         page.click("[data-start=study]")
         page.wait_for_selector("#progress:not([hidden])", timeout=0)
     with opened(browser, folder) as (page, _):  # the study went on
         page.click("text=4 Run")
         wait_for(page, "study")
+        assert "Done." in page.locator("#run .said").inner_text()
         open_result(page)
 
 
@@ -286,17 +365,31 @@ def test_a_stale_tab_saves_nothing_and_shows_what_was_not_saved(browser, unscann
             page.wait_for_selector("canvas", state="attached")
             click_stone(page)
             page.check("text=Grade places")
-            page.click("#add")
-            page.click("#add")
+            for _ in range(2):
+                page.click("#add")
             saved(page)
-        before = (unscanned / "patches.csv").read_bytes()
+        files = ("study.yaml", "patches.csv")
+        before = [(unscanned / name).read_bytes() for name in files]
         click_stone(stale, 20)
+        assert "reload the page" in stale.inner_text("#status")
         stale.check("text=Grade places")
         stale.click("#add")
         saved(stale)
+        stale.click("text=2 How")
+        stale.check("text=with a hand: 100 N")
+        saved(stale)
+        stale.click("text=1 Where")
         assert "reload the page" in stale.inner_text("#status")
         assert stale.locator("#places li").count() == 1  # its own, which is not saved
-        assert (unscanned / "patches.csv").read_bytes() == before
+        assert stale.is_checked("text=with a hand: 100 N")
+        assert [(unscanned / name).read_bytes() for name in files] == before
+        stale.reload()
+        stale.wait_for_selector("#places li")
+        assert stale.locator("#places li").count() == 2
+        stale.click("[aria-label='Remove 2']")
+        saved(stale)
+        assert "patches.csv.bak" in stale.inner_text("#status")
+        assert (unscanned / "patches.csv.bak").read_bytes() == before[1]
 
 
 ATTACK = """<!DOCTYPE html><title>working</title><script>
@@ -319,8 +412,10 @@ def test_a_script_in_a_received_result_cannot_use_the_server(browser, unscanned)
     (results / "index.html").write_text(ATTACK)
     with opened(browser, unscanned) as (page, _):
         page.click("text=5 Result")
-        for rel in ("noopener", "opener"):
-            page.evaluate(f"document.getElementById('open').rel = '{rel}'")
+        count = len(page.context.pages)
+        for link in ("", " without noopener"):
+            if link:
+                page.evaluate("document.getElementById('open').rel = 'opener'")
             with page.expect_popup() as popup:
                 page.click("#open")
             popup.value.wait_for_function("document.title !== 'working'")
@@ -329,21 +424,46 @@ def test_a_script_in_a_received_result_cannot_use_the_server(browser, unscanned)
             assert tried[3] in ("null", "closed")
             assert tried[4] == "null"
             popup.value.close()
+        assert len(page.context.pages) == count
+        assert page.evaluate("fetch('state').then((answer) => answer.status)") == 200
+
+
+def test_the_browser_is_led_to_the_page_by_a_file(browser, unscanned, monkeypatch):
+    address = []
+    monkeypatch.chdir(unscanned)
+    monkeypatch.setattr(webbrowser, "open", address.append)
+    with PlaceServer(Path("study.yaml")) as server, browser.new_page() as page:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        server.open_browser()
+        page.goto(address[0])
+        page.wait_for_url(server.url)
+        page.wait_for_selector("canvas", state="attached")
+        assert not Path(address[0].removeprefix("file://")).exists()
+        server.shutdown()
+        thread.join()
 
 
 def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
-    with opened(browser, unscanned) as (page, server):
+    folder = unscanned
+    with opened(browser, folder) as (page, server):
         click_stone(page)
         page.check("text=Grade places")
         page.mouse.click(*seen_on_plan(page, 3.5, 4.5))
         page.click("#add")
         page.select_option("#grade-2", "3")
         saved(page)
-        file = unscanned / "patches.csv"
-        table = pd.read_csv(file, sep=";")
+        table = pd.read_csv(folder / "patches.csv", sep=";")
         assert table.wear_grade.tolist() == [0, 3]
+        assert table[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
+            np.array([[3.5, 4.5], [2.5, 2.5]]), abs=0.03
+        )
         # as many as tell a use
-        file.write_text(file.read_text() + "3;1;1;0\n4;1;2.2;1\n5;1;3.4;2\n6;4;1;3\n")
+        more = pd.DataFrame(
+            {"patch": range(3, 7), "x_mm": [1, 1, 1, 4], "y_mm": [1, 2.2, 3.4, 1]}
+        )
+        more = pd.concat([table, more.assign(wear_grade=[0, 1, 2, 3])])
+        more.to_csv(folder / "patches.csv", sep=";", index=False)
         page.reload()
         page.click("text=4 Run")
         page.click("[data-start=study]")
@@ -351,5 +471,6 @@ def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
         page.click("[data-stop=study]")
         page.wait_for_selector("[data-start=study]:not([disabled])", timeout=0)
         assert "Stopped with" in page.locator("#run .said").inner_text()
+        assert page.locator("#run .error").count() == 0
         page.click("#end")
         server.wait()
