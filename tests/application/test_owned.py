@@ -10,7 +10,14 @@ import yaml
 
 import gst
 from gst.run.chain import Step
-from gst.run.owned import claim, claim_picture, claimed_by, refuse_foreign, written_by
+from gst.run.owned import (
+    claim,
+    claim_picture,
+    claimed_by,
+    refuse_foreign,
+    removable,
+    written_by,
+)
 from gst.run.running import remove_results
 
 NAMES = [
@@ -146,3 +153,17 @@ def test_no_list_of_claims_leads_elsewhere(tmp_path):
     claims = tmp_path / "results/.gst_outputs"
     claims.symlink_to(tmp_path / "secret")
     assert claimed_by(tmp_path / "results") == set()
+
+
+def test_links_are_neither_removed_nor_followed(tmp_path):
+    """A record that somebody else wrote may name files beyond a link."""
+    results, outside = tmp_path / "results", tmp_path / "outside"
+    record = results / "logs/step.json"
+    record.parent.mkdir(parents=True)
+    outside.mkdir()
+    (outside / "wear.csv").write_text("private")
+    (results / "tables").symlink_to(outside)
+    (results / "wear.csv").symlink_to(outside / "wear.csv")
+    outputs = dict.fromkeys(["tables/wear.csv", "wear.csv"], 64 * "0")
+    record.write_text(json.dumps({"outputs": outputs}))
+    assert removable(results) == [record]
