@@ -139,6 +139,18 @@ def test_what_was_edited_or_removed_is_made_again(study, name, step):
     assert plan_again(steps, results).keys() == {"results/wear", "results/index.html"}
 
 
+def test_a_step_that_makes_other_files_than_last_time_records_these(study):
+    results, (_, wear, page) = study
+    read = given_to(results, wear)
+    (results / "wear/1.png").rename(results / "wear/2.png")
+    write_record(results, wear, read, {})
+    made = [file.name for file in made_in(results)]
+    assert made == ["1.h5", "2.png", "index.html"]
+    assert "wear/1.png" in break_in(results)  # which the page has read
+    run(results, [page])
+    assert break_in(results) is None
+
+
 def test_a_file_that_no_step_made_is_ignored(study):
     """Also by a step that reads the folder, whether it runs before or after the file came."""
     results, steps = study

@@ -8,10 +8,11 @@ import trimesh
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 from stones import FINE, taken
 
-from gst.check.aligning import Fit
+from gst.check.aligning import Fit, Refined, widened
 from gst.check.matching import Match, _elsewhere, match_map, match_together
-from gst.check.nearby import _BY_HAND, _top, match_near
-from gst.setup.finding import find_on_stone
+from gst.check.nearby import _BY_HAND, _Lying, _Shared, _top, match_near
+from gst.setup.finding import find_on_map, find_on_stone
+from gst.setup.place_matching import _laid_alike
 from gstlib import self_affine_field
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import coarser, make_surface
@@ -150,6 +151,51 @@ def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it():
     assert min(match.lead for match in matches) > 0.2
 
 
+HERE = PatchPosition(1.0, 2.0, 10.0)
+FITS = Refined(HERE, 0.9, np.array([0.9]), np.diag([1.0, 4.0]), 20e-6, 20.0, 1.0, 1e-9)
+SHARED = _Shared(variance=1e-6, freedom=100.0, scale=1.0, of_turn=1e-6)
+
+
+def lying(fit=FITS, own_turn=0.0, with_turn=0.0):
+    """A scan at one place, which turns by itself, and moves along y with the turn."""
+    place = HERE._replace(rotation_deg=HERE.rotation_deg + own_turn)
+    shape = np.diag([1.0, 4.0, 1.0])
+    shape[0, 2] = shape[2, 0] = with_turn
+    return _Lying([fit], fit._replace(place=place, shape=shape))
+
+
+@pytest.mark.parametrize(
+    ("there", "is_clear", "is_found"),
+    [
+        (lying(), True, True),
+        (lying(), False, False),  # another way to lay all scans is as good
+        (lying(FITS._replace(correlation=0.79)), True, False),
+        (lying(FITS._replace(squares=60e-6)), True, False),  # three times the variance
+        (lying(FITS._replace(scale=1.41)), True, False),
+        (lying(FITS._replace(scale=1 / 1.41)), True, False),
+        (lying(own_turn=9.9), True, True),
+        (lying(own_turn=-10.1), True, False),
+    ],
+)
+def test_each_reason_alone_leaves_a_scan_where_it_was_put(there, is_clear, is_found):
+    match = SHARED.match(there, LIKELY, is_clear)
+    assert (match.is_found, match.is_uncertain) == (is_found, False)
+
+
+def test_errors_near_places_by_hand_are_of_the_fit_and_of_the_common_turn():
+    """The place follows the turn by 0.3 mm a radian along y; four scans scatter by 2° each."""
+    turns = [-2.0, 2.0, -2.0, 2.0]
+    shared = _Shared.among([lying(own_turn=turn) for turn in turns])
+    of_turn = np.radians(turns).std(ddof=1) ** 2 / 4
+    assert shared.of_turn == pytest.approx(of_turn)
+    shared = SHARED._replace(of_turn=of_turn)
+    covariance = shared.match(lying(with_turn=0.3), LIKELY, True).covariance
+    expected = [1e-6 + 0.3**2 * of_turn, 4e-6, of_turn]
+    np.testing.assert_allclose(
+        covariance.diagonal(), np.multiply(expected, widened(100.0) ** 2)
+    )
+
+
 def test_a_scan_that_fits_at_two_places_is_not_certain():
     """Waves that repeat each 0.6 mm along x leave its place open, and it has alternatives."""
     columns = stone(3)[:, [100, 300]]
@@ -202,6 +248,38 @@ def test_the_errors_of_a_place_and_of_the_lever_are_as_large_as_is_said():
             off = np.subtract(moved.place[:2], (3.0, 3.0 + lever))
             scores.append(off / np.sqrt(moved.covariance.diagonal()[:2]))
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
+
+
+def test_the_covariance_is_carried_along_the_lever():
+    """A pose that is known to turn about a point leaves this point where it is."""
+    pivot = LIKELY.place_of(0.4, -0.7)
+    lever = np.array(
+        [LIKELY.place.x_mm - pivot.x_mm, pivot.y_mm - LIKELY.place.y_mm, 1.0]
+    )
+    turned = replace(LIKELY, covariance=1e-4 * np.outer(lever, lever))
+    assert turned.error_mm == pytest.approx(0.007)
+    assert turned.at(0.4, -0.7).error_mm == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_stage_places_what_heights_do_not(monkeypatch):
+    places = [PatchPosition(1.0, 1.0), PatchPosition(2.0, 2.0)]
+    alone = {
+        scan: replace(LIKELY, place=place, is_found=scan == "a")
+        for scan, place in zip("ab", places, strict=True)
+    }
+    together = replace(LIKELY, place=PatchPosition(5.0, 5.0), own=(0.9, 0.9))
+    offsets = np.array([[[-1.0, 0.0], [1.0, 0.0]]])
+    monkeypatch.setattr("gst.setup.finding.match_map", lambda _, scan: alone[scan])
+    monkeypatch.setattr("gst.setup.finding.match_together", lambda *_: (together, 0))
+    both = find_on_map(None, {"a": "a", "b": "b"}, offsets)
+    assert both["a"] is alone["a"]
+    assert both["b"].place == PatchPosition(6.0, 5.0)
+    assert find_on_map(None, {"a": "a", "b": "b"}, None) == alone
+
+
+def test_a_scan_that_lies_otherwise_than_most_is_not_found():
+    matches = {name: LIKELY for name in "abc"} | {"d": replace(LIKELY, mirrored=True)}
+    assert are_found(_laid_alike(matches).values()) == [True, True, True, False]
 
 
 AROUND = np.array([(4.1, 4.0), (4.2, 5.1), (4.85, 4.5), (4.6, 5.2)])

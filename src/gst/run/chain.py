@@ -101,9 +101,8 @@ def write_record(
     `read` is what it was given, as `given_to` has it, and `messages` are its own by level.
     """
     record = record_of(results, step.name)
-    record.unlink(
-        missing_ok=True
-    )  # or a folder would stand for the files that it names
+    # or a folder would stand for the files that the old record names
+    record.unlink(missing_ok=True)
     made = _Contents(results).digests(step.outputs)
     whole = read | {"outputs": made, "messages": messages}
     text = json.dumps(whole, indent=1, sort_keys=True, ensure_ascii=False)

@@ -288,6 +288,18 @@ def test_repeats_hand_on_how_their_errors_correlate_and_spread():
     assert change["level_of_detection"].values.min() == pytest.approx(limit, rel=0.05)
 
 
+def test_a_repeat_that_errs_as_much_up_as_down_is_used(caplog):
+    once, again = scanned_twice(5e-3, seed=2)
+    far = smooth(np.random.default_rng(1), 160, 3)
+    far -= far[::-1, ::-1]
+    again["height"] += 2e-3 * (abs(far) > 2) * np.sign(far)
+    _, change = measured_change(once, again, **SEARCH)
+    summary = wear_summary(change)
+    assert min(summary["loss_fraction"], summary["gain_fraction"]) > 0.005
+    assert detection_of({"a": (once, again)}) is not None
+    assert caplog.messages == []
+
+
 def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
     good = scanned_twice(5e-3, seed=1)
     once, again = scanned_twice(5e-3, seed=2)

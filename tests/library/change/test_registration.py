@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gstlib.change.registration import Registration, apply_registration, register
+from gstlib.change.search import Details
 from gstlib.surfaces.grid import make_surface
 
 SPACING = 1.66e-3
@@ -98,7 +99,9 @@ def test_a_turn_is_one_in_mm_on_points_that_are_not_square():
     assert float(abs(on_t0 - t0).median()) < 3e-5
 
 
-@pytest.mark.parametrize(("relief", "lean_deg"), [(0.1, 30.0), (0.0, 0.0), (0.0, 30.0)])
+@pytest.mark.parametrize(
+    ("relief", "lean_deg"), [(0.05, 30.0), (0.0, 0.0), (0.0, 30.0)]
+)
 def test_striae_are_registered_along_both_axes_or_not_at_all(relief, lean_deg):
     striae, rough = waves(2, across_only=True), waves(3)
     lean = np.radians(lean_deg)
@@ -117,6 +120,20 @@ def test_striae_are_registered_along_both_axes_or_not_at_all(relief, lean_deg):
         errors = registration.shift_y_error_mm, registration.shift_x_error_mm
         error_mm = SPACING * error_in_elements(registration, np.divide(shift, SPACING))
         assert error_mm < min(0.2e-3, 3 * np.hypot(*errors))
+
+
+def test_slopes_are_turned_with_the_surface():
+    """By two degrees, the steep slopes across striae would hide the flat ones along them."""
+    striae, rough = waves(2, across_only=True), waves(3)
+
+    def ground(y, x):
+        return striae(y, x) + 0.05 * rough(y, x)
+
+    scans = [scan(ground, (2e-3, 1e-3), turn_deg=turn) for turn in (0.0, 2.0)]
+    heights = [each.values for each in scans]
+    details = Details.between(*heights, aspect=2.0, factor=1)
+    correlation, _ = details.compare_slopes(np.array([0.0, 0.0, np.radians(2.0)]))
+    assert correlation > 0.99
 
 
 def test_standard_errors_are_those_of_the_shift():

@@ -126,6 +126,29 @@ def test_grades_tell_where_the_tool_was_pressed(face, patches, pressure):
     assert "wear_coefficient" not in set(use_table(use, STATED).parameter)
 
 
+def test_patches_that_tile_the_face_bear_the_force(face):
+    """None that is beyond its middle is pressed by a strike that tips the stone over."""
+    along = np.arange(0.3, COUNT * ELEMENT, 0.6) - (COUNT * ELEMENT - SIZE) / 2
+    y, x = (each.ravel() for each in np.meshgrid(along, along, indexing="ij"))
+    tiles = pd.DataFrame({"patch": range(y.size), "x_mm": x, "y_mm": y})
+    points = np.array([[*MIDDLE, np.log(RADIUS)], [9.0, 9.0, np.log(RADIUS)]])
+    middle, beyond = use_pressures(
+        points, face, tiles.assign(rotation_deg=0.0), STATED, modulus=1e4, patch_mm=0.6
+    )
+    assert middle.sum() * 0.6**2 == pytest.approx(STATED.force_N, rel=1e-6)
+    assert not beyond.any()
+
+
+def test_uses_that_mostly_touch_no_patch_tell_nothing(
+    face, patches, losses, monkeypatch, caplog
+):
+    monkeypatch.setattr("gstlib.use.infer._FEWEST", 10**6)
+    use = infer(face, patches, losses, STATED._replace(load_point_mm=1.5))
+    assert use.answer.startswith(UNKNOWN)
+    assert "touch a patch" in use.answer
+    assert "load.at_mm" in caplog.text
+
+
 def test_its_own_loss_weighs_no_use_that_predicts_it():
     """By hand: of two uses, its own loss would speak for the first, and the others' do not."""
     by_draw = {
@@ -316,7 +339,7 @@ def test_wear_that_nothing_pressed_is_no_use(face, patches, name, monkeypatch, c
         depth = 100 * (means @ above.values.ravel())
     use = infer(face, patches, Losses(depth))
     totals = use.competitor_log_score.sum("patch")
-    assert totals.competitor[totals.argmax()] == name
+    assert totals.competitor[totals.values.argmax()] == name
     assert use.answer == NOT_PRESSED
     # the predictions of all patches rest on too few draws
     assert "use.particles" in caplog.text

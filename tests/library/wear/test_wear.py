@@ -15,7 +15,7 @@ from gstlib.coupling.pressures import covered_pressures, patch_pressures
 from gstlib.errors import InputError
 from gstlib.macroscale.gesture import Gesture, stroke_poses
 from gstlib.surfaces.footprints import PatchPosition
-from gstlib.wear.archard import wear_patch, wear_square
+from gstlib.wear.archard import _bounded, wear_patch, wear_square
 from gstlib.wear.fit import PatchMaps, fit_wear, predict_wear, wear_map
 from gstlib.wear.interlayer import fit_interlayer
 
@@ -274,13 +274,29 @@ def test_summits_that_yield_spread_the_same_loss_wider(worn, pressures):
         assert np.array_equal(capped, elastic) == (pressure_cap > 481)
 
 
+def test_a_patch_that_bears_more_than_the_cap_loses_less():
+    """Of 20 and 60 MPa in two steps, with a cap of 50 MPa, of which nine tenths are borne."""
+    options = {"mean_pressure": np.array([20.0, 60.0]), "mean_loss": 1e-3}
+    bounded = _bounded(options, 0.0, 50.0, Law(exponent=2.0))
+    np.testing.assert_allclose(bounded["mean_pressure"], [20.0, 45.0])
+    expected = 1e-3 * (20**2 + 45**2) / (20**2 + 60**2)
+    assert bounded["mean_loss"] == pytest.approx(expected)
+    assert bounded["pressure_cap"] == 50.0
+
+
+def test_summits_yield_in_the_last_of_the_models_alone(worn_by_both):
+    worn, contacts, _ = worn_by_both
+    depth = wear_map(contacts["a"], worn, "a", pressure_cap=1e4).depth
+    assert list(depth.model) == ["archard", "interlayer", "archard_capped"]
+    interlayer, capped = depth.values[1:]
+    np.testing.assert_array_equal(capped, interlayer)  # nothing reaches this cap
+
+
 def test_without_two_worn_patches_nothing_is_fitted(square, pressures, caplog):
-    registration = pd.DataFrame({"patch": list("abc"), "above_noise": True})
-    registration["mean_wear_depth_um"] = [
-        0.4,
-        np.nan,
-        0.4,
-    ]  # the change of b is not known
+    registration = pd.DataFrame({"patch": list("abcd"), "above_noise": True})
+    # the change of b is not known, and that of d is noise
+    registration["mean_wear_depth_um"] = [0.4, np.nan, 0.4, 0.1]
+    registration.loc[3, "above_noise"] = False
     pressures, options = pressures.assign(in_study=True), {"patch_mm": 1.0, "steps": 2}
     worn = fit_wear(square, pressures, registration, **options)
     assert worn.fitted_to == ["a", "c"]
