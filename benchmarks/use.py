@@ -193,7 +193,7 @@ def pressures_of(stone, strikes, force=1.0, losses=None):
     )
     losses = losses or Losses(np.full(len(stone.patches), MADE_UM))
     return np.asarray(
-        pressed(springs=losses.springs(pressed().mean(axis=0))).mean(axis=0)
+        pressed(springs=losses.springs(pressed().mean(axis=0)[None])).mean(axis=0)
     )
 
 

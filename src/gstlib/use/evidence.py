@@ -75,8 +75,8 @@ class Evidence(Protocol):
     ) -> Mapping[str, np.ndarray]:
         """What is not asked for, by name: (draws,)."""
 
-    def springs(self, pressure: np.ndarray) -> float:
-        """How far an element wears under these pressures (patches,), mm/MPa."""
+    def springs(self, pressure: np.ndarray) -> np.ndarray:
+        """How far an element wears (draws,), mm/MPa, under pressures (draws, patches), MPa."""
 
     def permuted(self, order: Sequence[int] | np.ndarray) -> "Evidence":
         """The same, seen on other patches, or on some of them."""
@@ -111,13 +111,14 @@ class Losses:
             )  # so is the loss of a patch that lost nothing
         return bool(worn.sum() >= FEWEST_WORN)
 
-    def springs(self, pressure: np.ndarray) -> float:
-        """Wear coefficient with the sliding, mm/MPa, under these pressures (patches,), MPa.
+    def springs(self, pressure: np.ndarray) -> np.ndarray:
+        """Wear coefficient with the sliding (draws,), mm/MPa, under pressures (draws, patches).
 
         An element that gives way by it under pressure has worn (`gstlib.bem.wear_path`).
         """
-        borne = float(self.law.equivalent(pressure[np.newaxis]).sum())
-        return 1e-3 * max(float(self.depth_um.sum()), 0.0) / borne if borne > 0 else 0.0
+        borne = self.law.equivalent(pressure).sum(axis=1)
+        lost = 1e-3 * max(float(self.depth_um.sum()), 0.0)
+        return np.where(borne > 0, lost / np.where(borne > 0, borne, 1.0), 0.0)
 
     def permuted(self, order: Sequence[int] | np.ndarray) -> "Losses":
         """The same losses on other patches, or those of some patches."""
@@ -169,9 +170,9 @@ class Grades:
     grade: np.ndarray
     variables = 1
 
-    def springs(self, pressure: np.ndarray) -> float:
+    def springs(self, pressure: np.ndarray) -> np.ndarray:
         """0: how deep the wear is, grades do not say."""
-        return 0.0
+        return np.zeros(len(pressure))
 
     @property
     def tells(self) -> bool:

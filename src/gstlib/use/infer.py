@@ -16,7 +16,8 @@ than each of them.
 # known but for a lognormal error, and the centre but for a normal one, alike along both axes.
 # ASSUME: of two radii, the ratio and the direction are known.
 # ASSUME: a loss goes with the pressure after it, as in one implicit step of Archard's law: each
-# element gives way by κ p. The κ is that of the losses under the use as stated.
+# element gives way by κ p. The κ of a use gives the losses in sum under this use, in the first
+# round under the use as stated.
 
 import logging
 from collections import deque
@@ -214,15 +215,21 @@ def infer_use(
     height = coarser(face.height, _COARSER)
 
     settings: dict[str, float] = {"modulus": modulus, "patch_mm": patch_mm}
-    (before,) = use_pressures(
+    before = use_pressures(
         stated.prior.mean[np.newaxis], face, patches, stated, **settings
     )
-    settings["springs"] = evidence.springs(before)
 
-    def pressures(points: np.ndarray) -> np.ndarray:
-        return use_pressures(points, face, patches, stated, **settings)
+    def pressures(points: np.ndarray, springs: np.ndarray) -> np.ndarray:
+        return use_pressures(points, face, patches, stated, springs=springs, **settings)
 
-    draws = sample(stated.prior, pressures, evidence, sampling, generator)
+    draws = sample(
+        stated.prior,
+        pressures,
+        evidence,
+        sampling,
+        generator,
+        springs=evidence.springs(before),
+    )
     contacts, touching = (
         (draws.contacts, draws.touching) if draws else (sampling.draws, 0)
     )
@@ -309,7 +316,7 @@ def use_pressures(
     *,
     modulus: float,
     patch_mm: float,
-    springs: float = 0.0,
+    springs: float | np.ndarray = 0.0,
 ) -> np.ndarray:
     """Pressure (uses, patches), MPa, under some uses; 0 of one that tips the stone over.
 
@@ -323,6 +330,7 @@ def use_pressures(
     pressures = np.zeros((len(points), len(patches)))
     scaled = points / np.where(stated.prior.error > 0, stated.prior.error, 1.0)
     solved: deque[tuple[int, np.ndarray]] = deque(maxlen=_KEPT)
+    each = np.broadcast_to(springs, len(points))
     for number, (y, x, *log_radius) in enumerate(points):
         over = over_stated
         if log_radius and stated.radius_mm is not None:
@@ -331,7 +339,7 @@ def use_pressures(
         apart = [np.square(scaled[number] - scaled[other]).sum() for other, _ in solved]
         start = solved[int(np.argmin(apart))][1] if solved else None
         load = Load.of_force(stated.force_N, height, (y, x))
-        case = Case(Interface(height, over), load, modulus, start, springs)
+        case = Case(Interface(height, over), load, modulus, start, float(each[number]))
         (contact,) = press_each([case], tolerance=_TOLERANCE, source="use")
         if contact is None:
             continue

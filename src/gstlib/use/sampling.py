@@ -116,15 +116,17 @@ class Draws(NamedTuple):
 
 def sample(
     prior: Prior,
-    pressures: Callable[[np.ndarray], np.ndarray],
+    pressures: Callable[[np.ndarray, np.ndarray], np.ndarray],
     evidence: Evidence,
     sampling: Sampling,
     generator: np.random.Generator,
+    springs: np.ndarray,
 ) -> Draws | None:
     """Uses that are likely, from contacts in rounds, until these are predicted well.
 
-    `pressures` gives those (strikes, patches), MPa, of single strikes. There are no draws if no
-    strike of the first round presses a patch.
+    `pressures` gives those (strikes, patches), MPa, of single strikes, whose elements give way by
+    so much each, mm/MPa: by `springs` (1,) in the first round, and then by the wear of the use
+    that the strike is of. There are no draws if no strike of the first round presses a patch.
     """
 
     def particles(
@@ -141,7 +143,7 @@ def sample(
 
     possible = generator.standard_normal((sampling.draws, prior.variables))
     strikes = prior.uses(possible).strikes(generator)
-    pressed, error = pressures(strikes), np.nan
+    pressed, error = pressures(strikes, springs), np.nan
     if not pressed.any():
         return None
     for number in range(1, sampling.rounds):
@@ -151,8 +153,9 @@ def sample(
         if likely is None:
             return None
         chosen = generator.choice(_USES_OF_ROUND, sampling.draws)
-        new = prior.uses(likely.standard[chosen, : prior.variables]).strikes(generator)
-        solved = pressures(new)
+        uses = prior.uses(likely.standard[chosen, : prior.variables])
+        new = uses.strikes(generator)
+        solved = pressures(new, evidence.springs(process.mean_pressures(uses)))
         error = _relative_error(process, new, solved)
         strikes, pressed = (
             np.concatenate([strikes, new]),

@@ -25,7 +25,8 @@ _RADIUS_LENGTHS = 0.5, 1.0, 2.0, 4.0
 _NUGGETS = 1e-4, 1e-2
 # Strikes from which these are chosen: more of them change nothing.
 _MOST_FITTED = 200
-# Pressures of a use that are less than this share of the mean are errors of the process.
+# Pressures of a use that are less than this share of those of the latest strikes that press a
+# patch are errors of the process.
 _LEAST = 0.1
 # Variance along a stroke of this length that is passed evenly.
 _OF_STROKE = 1 / 12
@@ -114,9 +115,9 @@ class StrikePressures(NamedTuple):
         lengths, nugget = _best_lengths(strikes[latest], pressure[latest])
         covariance = scipy.linalg.cho_factor(_covariance(strikes, lengths, nugget))
         factors = scipy.linalg.cho_solve(covariance, pressure)
-        return cls(
-            strikes, lengths, factors, _LEAST * float(pressure.sum(axis=1).mean())
-        )
+        borne = pressure[latest].sum(axis=1)
+        least = _LEAST * float(borne[borne > 0].mean()) if borne.any() else 0.0
+        return cls(strikes, lengths, factors, least)
 
     def mean_pressures(self, uses: Uses) -> np.ndarray:
         """Mean pressures (uses, patches), MPa, over the strikes of each use; 0 far from all."""

@@ -31,7 +31,7 @@ from gstlib.use.outcome import (
     pressures_of_use,
     use_table,
 )
-from gstlib.use.sampling import Sampling
+from gstlib.use.sampling import Prior, Sampling, sample
 from gstlib.use.spread import StrikePressures, Uses
 from gstlib.use.tempering import tempered
 
@@ -196,12 +196,42 @@ def test_pressures_after_wear_are_those_of_a_step_of_the_law(face, patches):
     pressed = partial(
         use_pressures, STATED.prior.mean[None], face, patches, STATED, **SETTINGS
     )
-    (before,), springs = pressed(), 2e-5
+    before, springs = pressed(), 2e-5
     (after,) = pressed(springs=springs)
     assert after.max() < before.max()
-    assert Losses(1e3 * springs * after).springs(before) == pytest.approx(
-        springs, rel=0.05
-    )
+    told = Losses(1e3 * springs * after).springs(before)
+    assert told == pytest.approx(springs, rel=0.05)
+
+
+def test_a_strike_wears_by_the_coefficient_that_its_use_needs():
+    """In the first round by that of the use as stated: less pressure takes more wear."""
+    places, rounds = np.linspace(-2, 2, 8), []
+
+    def pressures(strikes, springs):
+        near = np.exp(-0.5 * (strikes[:, 1:] - places) ** 2)
+        pressed = (5 + 2 * strikes[:, :1]) * near
+        rounds.append(springs * pressed.sum(axis=1))
+        return pressed
+
+    prior = Prior(np.zeros(2), np.array([1.0, 0.3]), scatter_mm=0.0, stroke_mm=0.0)
+    losses = Losses(np.exp(-0.5 * places**2))
+    settings = Sampling(draws=60, rounds=4, particles=100, seed=1)
+    generator = np.random.default_rng(1)
+    sample(prior, pressures, losses, settings, generator, springs=np.ones(1))
+    first, *_, last = rounds
+    assert np.ptp(first) > 5
+    np.testing.assert_allclose(last, 1e-3 * losses.depth_um.sum(), rtol=0.05)
+
+
+def test_pressures_that_vanish_beside_those_of_the_latest_strikes_are_none():
+    """Strikes that tip the stone over do not count, nor do many that are far from the use."""
+    strikes = np.random.default_rng(1).uniform(-3, 3, (400, 2))
+    pressed = np.exp(-0.5 * np.square(strikes).sum(axis=1))[:, None]
+    pressed[:200] *= 100
+    pressed[200:300] = 0.0
+    process = StrikePressures.through(strikes, pressed)
+    assert process.least == pytest.approx(0.1 * pressed[300:].mean())
+    assert StrikePressures.through(strikes, 0 * pressed).least == 0
 
 
 def test_strikes_that_scatter_are_not_taken_for_a_rounder_tool(face, patches, use):
