@@ -306,7 +306,7 @@ def diff(before, after, tolerance) -> None:
 @_RESULTS
 @click.option("--to", type=_PATH, help="The folder; by default `export` in RESULTS.")
 def export(results, to) -> None:
-    """Write surfaces (x3p) and tool (PLY) for other programs."""
+    """Write maps and tool for other programs: x3p, grids, GLB."""
     from gst.share.export import export_study
 
     to = to or results / "export"

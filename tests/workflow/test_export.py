@@ -7,6 +7,7 @@ import meshio
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from SurfaceTopography.IO import open_topography
 from surfalize import Surface
 
@@ -18,6 +19,7 @@ from gstlib.surfaces.frames import FRAME, stored_frame
 from gstlib.surfaces.grid import spacing_of
 
 PATCH = "7"
+STONE = 185, 178, 166
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +47,7 @@ def stored(results):
         "T0": before.height.where(~before.filled),
         "T1": change.t1,
         "loss": -change.change,
+        "detection_limit": change.level_of_detection,
         "predicted_archard_capped": wear.sel(model="archard_capped"),
     }
 
@@ -64,6 +67,57 @@ def test_two_libraries_read_the_lengths(finished_tiny, exported, name):
     np.testing.assert_allclose(one.data, values * 1e3, atol=1e-12)
     np.testing.assert_allclose(heights, values * 1e-3, atol=1e-12)
     np.testing.assert_allclose(read_scan(path).values, values, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "name", ["loss", "detection_limit", "predicted_archard_capped"]
+)
+def test_the_grids_are_read_back(finished_tiny, exported, name):
+    expected = stored(finished_tiny.results)[name]
+    again = read_scan(exported / f"{PATCH}_{name}.asc", unit="um")
+    np.testing.assert_allclose(again.values, expected.values, rtol=1e-5, atol=1e-9)
+    assert spacing_of(again) == pytest.approx(spacing_of(expected))
+
+
+def test_a_gis_lays_the_grids_where_the_patches_lie(finished_tiny, exported):
+    """In µm from the square's corner; the rows run from north to south."""
+    rasterio = pytest.importorskip("rasterio")
+    expected = stored(finished_tiny.results)["loss"]
+    table = read_table(finished_tiny.results / "tables/patch_pressures.csv")
+    place = table.set_index("patch").loc[PATCH]
+    half = 0.5 * spacing_of(expected)[0] * len(expected)
+    corners = [
+        1e3 * (middle + side)
+        for side in (-half, half)
+        for middle in (place.x_mm, place.y_mm)
+    ]
+    with rasterio.open(exported / f"{PATCH}_loss.asc") as grid:
+        assert list(grid.bounds) == pytest.approx(corners)
+        cells = np.ma.filled(grid.read(1, masked=True).astype(float), np.nan)
+    np.testing.assert_allclose(cells[::-1], 1e3 * expected.values, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["pressure", "loss"])
+def test_the_tool_shows_its_colours_elsewhere(exported, name):
+    """In m and linear colours, as GLB has them; beside them lies the scale."""
+    (shown,) = trimesh.load(exported / f"tool_{name}.glb").geometry.values()
+    tool = meshio.read(exported / "tool.ply")
+    assert shown.extents == pytest.approx(np.ptp(tool.points, axis=0) / 1e3, rel=1e-5)
+    assert shown.visual.material.metallicFactor == 0
+    linear = shown.visual.vertex_attributes["color"][:, :3] / 255
+    colours = 255 * trimesh.visual.color.linear_to_srgb(linear)
+    step = 7  # half of one between the darkest linear colours
+    fields = tool.point_data
+    unit = {"pressure": "pressure_MPa", "loss": "loss_um"}[name]
+    highest = colours[fields[f"scalar_{unit}"].argmax()]
+    bar = np.asarray(Image.open(exported / f"tool_{name}.png").convert("RGB"))
+    assert np.abs(bar - highest).max(axis=-1).min() < step
+    is_stone = np.abs(colours - STONE).max(axis=1) < step
+    assert is_stone[fields["scalar_patch"] == 0].all() == (name == "loss")
+    assert not is_stone.all()
+    if name == "pressure":
+        own = trimesh.load(exported / "tool.ply", process=False).visual.vertex_colors
+        assert np.abs(colours - own[:, :3]).max() < step
 
 
 def test_the_tool_keeps_its_coordinates_and_shows_pressure_and_patches(

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gst.run.logs import run_script
-from gst.share.export import tool_with
+from gst.share.tool import tool_with
 from gstlib.io.files import write_whole
 from gstlib.io.store import read_dataset
 
@@ -15,7 +15,7 @@ def main(
         "pressure_MPa": read_dataset(contact, only=["pressure"]).pressure,
         "exposure_N_per_mm": read_dataset(exposure, only=["exposure"]).exposure,
     }
-    write_whole(tool, tool_with(fields, mesh, mesh_unit, face))
+    write_whole(tool, tool_with(fields, mesh, mesh_unit, face).ply())
 
 
 if "snakemake" in globals():

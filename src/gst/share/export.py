@@ -1,8 +1,9 @@
 """A finished study for other programs: `gst export`.
 
-Surfaces for MountainsMap and Gwyddion, the tool for CloudCompare, MeshLab and Blender. Lengths go
-into x3p (ISO 25178-72), as doubles in m, NaN where unmeasured. x3p knows no other quantity: of a
-pressure the tool has the macroscale's, and the patches' own are in their HDF5 files.
+Surfaces for MountainsMap and Gwyddion, grids for a GIS, and the tool for programs that show meshes
+(`gst.share.tool`). Lengths go into x3p (ISO 25178-72), as doubles in m, NaN where unmeasured. x3p
+knows no other quantity: of a pressure the tool has the macroscale's, and the patches' own are in
+their HDF5 files.
 """
 
 import io
@@ -10,21 +11,21 @@ from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
-from gst.page.figures.tool import cut_tool
 from gst.run.chain import PAGE, check_chain, made_in, read_record
 from gst.run.received import read_provenance
+from gst.share.tool import colour_bar, tool_with
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
-from gstlib.io.meshes import is_mesh, ply_with, read_mesh
+from gstlib.io.meshes import is_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
-from gstlib.surfaces.footprints import places_of
-from gstlib.surfaces.frames import FRAME, on_mesh, stored_frame
-from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.footprints import PatchPosition, places_of
+from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
-__all__ = ["export_study", "tool_with", "x3p_of"]
+__all__ = ["asc_of", "export_study", "x3p_of"]
 
 # The files of each patch, in the folders of their batches.
 _BY_PATCH = {
@@ -32,7 +33,10 @@ _BY_PATCH = {
     "change": "change/*/*.h5",
     "wear": "wear/*/*.h5",
 }
-_TOOL = "tool.ply"
+# An export is made of such files.
+_WRITTEN = {".asc", ".glb", ".ply", ".png", ".x3p"}
+_UNMEASURED = -9999  # in a grid
+_LIMIT = "level_of_detection"
 # The format asks for a date; that of the export says nothing about a result.
 _NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -47,7 +51,7 @@ def export_study(results: Path, to: Path) -> list[Path]:
     is elsewhere, or the folder to write into has such files already.
     """
     check_chain(results)
-    if there := [*to.glob("*.x3p"), *to.glob(_TOOL)]:
+    if there := [file for file in to.glob("*") if file.suffix in _WRITTEN]:
         remedy = (
             "Remove the files of an earlier export, or give another folder with --to."
         )
@@ -69,16 +73,23 @@ def export_study(results: Path, to: Path) -> list[Path]:
 def _files(results: Path) -> Iterator[tuple[str, bytes]]:
     """Name and content of each file."""
     made = {*made_in(results)}  # other files may be left of other configs
-    yield _TOOL, _tool(results, made)  # first, because its mesh may be elsewhere
     by_patch: dict[str, dict[str, Path]] = {}
     for stage, pattern in _BY_PATCH.items():
         for file in made & set(results.glob(pattern)):
             patch = file.stem.partition("_")[0]
             by_patch.setdefault(patch, {})[stage] = file
+    table, places = results / "tables/patch_pressures.csv", {}
+    if table in made:
+        columns = ["patch", "x_mm", "y_mm", "rotation_deg"]
+        places = places_of(read_table(table, columns))
+    # first, because its mesh may be elsewhere
+    yield from _tool(results, made, places, by_patch)
     for patch, stages in sorted(by_patch.items()):
         for name, field in _maps(stages):
             title = f"patch {patch}: {field.attrs['long_name']}"
             yield f"{patch}_{name}.x3p", x3p_of(field, title)
+            if name not in ("T0", "T1") and patch in places:
+                yield f"{patch}_{name}.asc", asc_of(field, places[patch])
 
 
 def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
@@ -87,7 +98,7 @@ def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
     # what was filled from around it was not measured
     yield "T0", before.height.where(~before.filled)
     if change := files.get("change"):
-        registered = read_dataset(change, only=["t1", "change"])
+        registered = read_dataset(change, only=["t1", "change", _LIMIT])
         if registered.attrs["registration_found"]:
             yield "T1", registered.t1
             loss = -registered.change
@@ -95,6 +106,7 @@ def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
                 "loss",
                 loss.assign_attrs(units="mm", long_name="measured height loss"),
             )
+            yield "detection_limit", registered[_LIMIT]
     if wear := files.get("wear"):
         for depth in read_dataset(wear, only=["depth"]).depth:
             yield f"predicted_{depth.model.item()}", depth
@@ -112,12 +124,41 @@ def x3p_of(heights: xr.DataArray, title: str) -> bytes:
     return content.getvalue()
 
 
-def _tool(results: Path, made: set[Path]) -> bytes:
-    """The tool as PLY, with pressure, patches and, of a gesture, exposure at its vertices."""
+def asc_of(field: xr.DataArray, place: PatchPosition) -> bytes:
+    """An ESRI ASCII grid of a map of lengths (y, x) in mm, all of whose numbers are µm.
+
+    The grid lies on the square where the patch does. It cannot be turned: that of a turned patch
+    lies about the middle of the patch.
+    """
+    ny, nx = field.shape
+    dy, dx = (MM_TO_UM * step for step in spacing_of(field))
+    head = {
+        "ncols": nx,
+        "nrows": ny,
+        "xllcorner": MM_TO_UM * place.x_mm - nx * dx / 2,
+        "yllcorner": MM_TO_UM * place.y_mm - ny * dy / 2,
+        **({"cellsize": dx} if np.isclose(dx, dy) else {"dx": dx, "dy": dy}),
+        "NODATA_value": _UNMEASURED,
+    }
+    rows = np.nan_to_num(MM_TO_UM * field.values[::-1], nan=_UNMEASURED)
+    content = io.BytesIO()
+    header = "\n".join(f"{name} {number:.9g}" for name, number in head.items())
+    np.savetxt(content, rows, "%.6g", header=header, comments="")
+    return content.getvalue()
+
+
+def _tool(
+    results: Path,
+    made: set[Path],
+    places: Mapping[str, PatchPosition],
+    by_patch: Mapping[str, Mapping[str, Path]],
+) -> Iterator[tuple[str, bytes]]:
+    """The tool with pressure, patches, measured loss and, of a gesture, exposure on it."""
     config = read_provenance(results, "inputs", "scans")["config"]
-    inputs = config["inputs"]
+    inputs, note = config["inputs"], ""
     if inputs is None:
         mesh, unit = _recorded(results / "specimen/mesh.stl", made), "mm"
+        note = ", synthetic specimen"
     else:
         mesh, unit = (
             _measured(results, Path(inputs["mesh"])),
@@ -129,22 +170,49 @@ def _tool(results: Path, made: set[Path]) -> bytes:
     exposure = results / "gesture/exposure.h5"
     if exposure in made:
         fields["exposure_N_per_mm"] = read_dataset(exposure, only=["exposure"]).exposure
-    patches = results / "tables/patch_pressures.csv"
-    if patches in made:
-        fields["patch"] = _row_of_patch(patches, grid, config["scans"]["size_mm"])
+    if places:
+        rows = _row_of_patch(places, grid, config["scans"]["size_mm"])
+        loss = _loss_on(rows, places, by_patch)
+        fields |= {"patch": rows} | ({"loss_um": loss} if loss.notnull().any() else {})
     face = _recorded(results / "macroscale/surface.h5", made)
-    return tool_with(fields, mesh, unit, face)
+    tool = tool_with(fields, mesh, unit, face)
+    yield "tool.ply", tool.ply()
+    for name in tool.colours:
+        stem = f"tool_{name.partition('_')[0]}"
+        yield f"{stem}.glb", tool.glb(name)
+        yield f"{stem}.png", colour_bar(name, fields[name], note)
 
 
-def _row_of_patch(table: Path, grid: xr.DataArray, size_mm: float) -> xr.DataArray:
+def _row_of_patch(
+    places: Mapping[str, PatchPosition], grid: xr.DataArray, size_mm: float
+) -> xr.DataArray:
     """The row of the table whose patch lies over each point, from 1; 0 beside the patches."""
     rows = xr.zeros_like(grid)
-    places = places_of(read_table(table, ["patch", "x_mm", "y_mm", "rotation_deg"]))
     for number, place in enumerate(places.values(), start=1):
         v, u = place.seen(grid.y, grid.x)
         is_inside = (abs(v) <= size_mm / 2) & (abs(u) <= size_mm / 2)
         rows = rows.where(~is_inside.transpose(*rows.dims), number)
     return rows
+
+
+def _loss_on(
+    rows: xr.DataArray,
+    places: Mapping[str, PatchPosition],
+    by_patch: Mapping[str, Mapping[str, Path]],
+) -> xr.DataArray:
+    """The mean loss (µm) that was detected on each element; NaN where no change is known."""
+    losses = rows.where(False)
+    for number, (patch, place) in enumerate(places.items(), start=1):
+        if file := by_patch[patch].get("change"):
+            change = read_dataset(file, only=["change", "loss"])
+            is_none = change.change.notnull() & ~change.loss
+            lost = (-MM_TO_UM * change.change.where(~is_none, 0)).rename(y="v", x="u")
+            step = max(1, round(spacing_of(rows)[0] / float(lost.v[1] - lost.v[0])))
+            means = lost.coarsen(v=step, u=step, boundary="pad").mean()
+            v, u = place.seen(rows.y, rows.x)
+            middle = {"v": v + lost.v.mean(), "u": u + lost.u.mean()}
+            losses = losses.where(rows != number, means.sel(middle, method="nearest"))
+    return losses
 
 
 def _recorded(file: Path, made: set[Path]) -> Path:
@@ -167,19 +235,3 @@ def _measured(results: Path, mesh: Path) -> Path:
         return mesh
     problem = "is not there, or is not the mesh that the page was made from"
     raise InputError(mesh, problem, "Export the study in the folder where it ran.")
-
-
-def tool_with(
-    fields: Mapping[str, xr.DataArray], mesh: Path, mesh_unit: str, face: Path
-) -> bytes:
-    """A mesh as PLY in its own coordinates, cut as fine as the fields (y, x) of its use-face.
-
-    `face` is the file with the frame of its square; the fields are 0 beyond the face.
-    """
-    stone = read_mesh(mesh, unit=mesh_unit)
-    frame = stored_frame(read_dataset(face, only=FRAME))
-    first = next(iter(fields.values()))
-    edge_mm = 1.5 * max(spacing_of(first))
-    cut = cut_tool(stone, frame, first, edge_mm=edge_mm, faces=len(stone.faces))
-    values = {name: on_mesh(field, cut, frame) for name, field in fields.items()}
-    return ply_with(cut, values, unit=mesh_unit)
