@@ -304,6 +304,15 @@ def diff(before, after, tolerance) -> None:
 
 @main.command()
 @_RESULTS
+def jobs(results) -> None:
+    """Show time and memory of the jobs of each rule."""
+    from gst.run.logs import used_by_jobs
+
+    click.echo(used_by_jobs(results).to_string(float_format="{:.4g}".format))
+
+
+@main.command()
+@_RESULTS
 @click.option("--to", type=_PATH, help="The folder; by default `export` in RESULTS.")
 def export(results, to) -> None:
     """Write maps and tool for other programs: x3p, grids, GLB."""
