@@ -20,6 +20,7 @@ import click
 import gst
 import gstlib
 from gstlib.errors import GstError
+from gstlib.io.files import write_whole
 
 __all__ = ["main"]
 
@@ -91,7 +92,11 @@ class _Commands(click.Group):
         try:
             super().invoke(ctx)
         except (GstError, OSError) as error:  # such as a name that is too long
-            click.echo(f"ERROR: {error}", err=True)
+            from gst.share.options import in_options
+
+            is_alone = ctx.invoked_subcommand in ("press", "change")
+            message = in_options(str(error)) if is_alone else error
+            click.echo(f"ERROR: {message}", err=True)
         except (EOFError, KeyboardInterrupt):
             click.echo("Broken off.", err=True)
         else:
@@ -244,18 +249,25 @@ def inspect(files, unit, spacing_um, pictures) -> None:
 @_SPACING
 @_OUTPUT
 def press(scan, output, **options) -> None:
-    """Press one SCAN on a flat: its curve and its picture."""
+    """Press one SCAN on a flat: its curve and its maps."""
     from gst.page.figures.inspected import pressed_figure
     from gst.page.figures.style import save_figure
-    from gst.share.press import press_scan
+    from gst.share.options import in_options
+    from gst.share.press import describe_press, press_scan
 
-    height, contact, doubts = press_scan(scan, **options)
+    prepared, contact, doubts = press_scan(scan, **options)
     for doubt in doubts:
-        click.echo(f"WARNING: {scan}: {doubt}", err=True)
-    click.echo(contact.table().to_string(index=False, float_format="{:.5g}".format))
+        click.echo(f"WARNING: {scan}: {in_options(doubt)}", err=True)
+    curve = contact.table()
+    click.echo(curve.to_string(index=False, float_format="{:.5g}".format))
+    click.echo()
+    for line in describe_press(prepared, contact.final, options["modulus"]):
+        click.echo(line)
     picture = output or Path(f"{scan.name}.png")
-    save_figure(pressed_figure(height, contact, scan.name), picture)
-    click.echo(f"\npicture: {picture}")
+    save_figure(pressed_figure(prepared["height"], contact, scan.name), picture)
+    table = picture.with_name(f"{picture.stem}_curve.csv")
+    write_whole(table, curve.to_csv(index=False, float_format="%.5g").encode())
+    click.echo(f"picture     {picture}\ncurve       {table}")
 
 
 @main.command()

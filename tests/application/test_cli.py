@@ -1,9 +1,11 @@
 """A command that cannot do what it is asked for says so in a line, with exit code 2."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -55,7 +57,7 @@ def test_a_command_that_cannot_be_done_says_why(tmp_path, monkeypatch, command, 
 
 
 def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
-    """A sphere's cap: the area of Hertz; pressed so that it touches the border: a warning."""
+    """A sphere's cap: the area of Hertz; of a bowl that bears on its border: a warning."""
     monkeypatch.chdir(tmp_path)
     spacing, n, radius = 0.008, 50, 20.0
     x = (np.arange(n) - (n - 1) / 2) * spacing
@@ -67,5 +69,28 @@ def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
     exact = Sphere(22.0 * (n * spacing) ** 2, radius, 1e4)
     area = math.pi * (exact.contact_radius / n / spacing) ** 2
     assert [float(value) for value in last[1:3]] == pytest.approx([22, area], rel=0.03)
-    result = run("press", "cap.plu", "--pressure", "200", "--modulus", "1e4")
-    assert result.stderr.startswith("WARNING: cap.plu: ")
+    curve = pd.read_csv("cap.plu_curve.csv")
+    assert curve.mean_pressure_MPa.iloc[-1] == pytest.approx(22)
+    peak = float(re.search(r"peak pressure (\S+) MPa", result.stdout)[1])
+    assert peak == pytest.approx(exact.peak_pressure, rel=0.03)
+    assert "E* 10000 MPa" in result.stdout
+    write_plu("bowl.plu", (x**2 + x[:, None] ** 2) / (2 * radius), spacing)
+    result = run("press", "bowl.plu", "--pressure", "5")
+    assert result.stderr.startswith("WARNING: bowl.plu: ")
+    assert "give --periodic if it repeats itself" in result.stderr
+    assert "periodic=" not in result.stderr
+
+
+@pytest.mark.parametrize("command", ["press a.txt --pressure 5", "change a.txt a.txt"])
+@pytest.mark.parametrize("option", ["--unit", "--spacing-um"])
+def test_a_scan_alone_is_told_of_options_and_not_of_a_config(
+    tmp_path, monkeypatch, command, option
+):
+    monkeypatch.chdir(tmp_path)
+    np.savetxt("a.txt", np.random.default_rng(1).normal(size=(30, 30)))
+    other = {"--unit": ("--spacing-um", "4"), "--spacing-um": ("--unit", "um")}[option]
+    result = run(*command.split(), *other)
+    assert result.exit_code == 2
+    assert f"Set {option} to " in result.stderr
+    for word in ("config", "scans.", "patch"):
+        assert word not in result.stderr

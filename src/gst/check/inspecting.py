@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from gst.share.options import in_options
 from gstlib.errors import GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.scans import is_scan, read_scan
@@ -18,13 +19,6 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = ["describe_files", "inspect_file", "scan_facts"]
-
-# A message names keys of a config, in whose place `gst inspect` has options.
-_OPTIONS = {
-    "scans.unit in the config": "--unit",
-    "mesh_unit:": "--unit",
-    "scans.spacing_um in the config": "--spacing-um",
-}
 
 
 def describe_files(
@@ -49,10 +43,8 @@ def describe_files(
                 facts["picture"] = pictures / f"{file.name}.png"
                 save_figure(inspected_figure(content, file.name), facts["picture"])
         except GstError as error:
-            all_read, message = False, str(error)
-            for key, option in _OPTIONS.items():
-                message = message.replace(key, option)
-            print(f"ERROR: {message}", file=sys.stderr)
+            all_read = False
+            print(f"ERROR: {in_options(str(error))}", file=sys.stderr)
             continue
         width = max(map(len, facts))
         print(file)

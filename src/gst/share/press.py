@@ -1,17 +1,19 @@
 """One scan pressed on a flat, without a study."""
 
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import xarray as xr
 
+from gstlib.bem import ContactState
 from gstlib.bem.errors import ContactError, ContactWarning
 from gstlib.bem.loading import LoadPath, load_path
 from gstlib.errors import InputError
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
 
-__all__ = ["press_scan"]
+__all__ = ["describe_press", "press_scan"]
 
 _STEPS = 20
 
@@ -24,19 +26,19 @@ def press_scan(
     periodic: bool = False,
     unit: str | None = None,
     spacing_um: float | None = None,
-) -> tuple[xr.DataArray, LoadPath, list[str]]:
+) -> tuple[xr.Dataset, LoadPath, list[str]]:
     """Clean, level and press a scan up to a mean pressure.
 
     `pressure` and `modulus` are in MPa; a `periodic` surface repeats itself; `unit` and
-    `spacing_um` are as in `gstlib.io.scans.read_scan`. The result is what was pressed (y, x), mm,
-    its contact, and what was hardly meant.
+    `spacing_um` are as in `gstlib.io.scans.read_scan`. The result is the prepared scan, whose
+    ``height`` was pressed, its contact, and what was hardly meant.
     """
-    height = prepare_scan(read_scan(path, unit=unit, spacing_um=spacing_um))["height"]
+    prepared = prepare_scan(read_scan(path, unit=unit, spacing_um=spacing_um))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ContactWarning)
         try:
             contact = load_path(
-                height,
+                prepared["height"],
                 contact_modulus=modulus,
                 target_pressure=pressure,
                 steps=_STEPS,
@@ -46,4 +48,23 @@ def press_scan(
             raise InputError(
                 path, str(error), "Look at its picture: gst inspect."
             ) from error
-    return height, contact, [str(warning.message) for warning in caught]
+    return prepared, contact, [str(warning.message) for warning in caught]
+
+
+def describe_press(
+    prepared: xr.Dataset, final: ContactState, modulus: float
+) -> Iterator[str]:
+    """What was done to a scan, and how it touches at last, in lines of text."""
+    facts = prepared.attrs
+    yield (
+        f"cleaned     {facts['unmeasured']} unmeasured points and {facts['outliers']} outliers "
+        f"of {prepared['height'].size} points filled from around them"
+    )
+    yield (
+        f"levelled    by {facts['tilt_x_mrad']:.2f} mrad along x "
+        f"and {facts['tilt_y_mrad']:.2f} mrad along y"
+    )
+    yield (
+        f"contact     {final.contact_fraction:.3%} of the area at {final.mean_pressure:.4g} MPa, "
+        f"peak pressure {final.pressure.values.max():.4g} MPa, modulus E* {modulus:g} MPa"
+    )

@@ -6,7 +6,15 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from gst.page.figures.maps import HEIGHTS, PALE, draw_map, height_norm, scale_bar
+from gst.page.figures.maps import (
+    FORCE_MAP,
+    HEIGHTS,
+    PALE,
+    draw_map,
+    force_norm,
+    height_norm,
+    scale_bar,
+)
 from gst.page.figures.microscale import change_colours, detected_change
 from gst.page.figures.style import BLUE, VERMILION, panels, styled
 from gst.page.figures.tool import FACES, draw_stone
@@ -46,8 +54,8 @@ def inspected_figure(content: "xr.DataArray | trimesh.Trimesh", name: str) -> Fi
 
 @styled
 def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure:
-    """The heights with the contact over them, and area and displacement along the path."""
-    figure, (left, area, depth) = panels(3, 2)
+    """The contact over the heights, its pressure, and area and displacement along the path."""
+    figure, (left, right, area, depth) = panels(4, 2)
     final, table = contact.final, contact.table()
     draw_map(
         left, height, marks={VERMILION: final.contact.values}, ticks=True, **HEIGHTS
@@ -55,6 +63,10 @@ def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure
     left.set_title(
         f"{plain_text(name)}: contact {final.contact_fraction:.2%} at {final.mean_pressure:.4g} MPa"
     )
+    pressure = final.pressure.values
+    look = {"cmap": FORCE_MAP, "norm": force_norm(pressure), "ticks": True}
+    draw_map(right, height, pressure, bar="pressure (MPa)", **look)
+    right.set_title(f"Pressure, at most {pressure.max():.4g} MPa")
     area.plot(table.mean_pressure_MPa, 100 * table.contact_fraction, ".-", color=BLUE)
     area.set(ylabel="real contact area A / Aₙ (%)", title="Area in contact")
     depth.plot(table.mean_pressure_MPa, table.displacement_um, ".-", color=BLUE)

@@ -1,0 +1,26 @@
+"""Messages of the library in the words of a command that has options, and no config."""
+
+import re
+
+__all__ = ["in_options"]
+
+# What a message says, and what it means to a user of `gst inspect`, `press` or `change`.
+_MEANT = {
+    r"scans\.unit( in the config)?|mesh_unit:": "--unit",
+    r"scans\.spacing_um( in the config)?": "--spacing-um",
+    r"say periodic=True (.*?), or lower the heights.*? around them": (
+        r"give --periodic \1; otherwise it is pressed as if it ended there"
+    ),
+    r", leave it out of the patch table, or raise \S+ in the config": "",
+    r" in the patch table, or the folder": "",
+    r", or leave repeat empty in the patch table": ", or leave --repeat out",
+    r"are heights and spacing in mm": "are the units of heights and spacing right",
+    r"\bpatch (?=\S+\.\w)": "",
+}
+
+
+def in_options(message: str) -> str:
+    """A message with options in place of keys of a config, and of columns of a patch table."""
+    for said, meant in _MEANT.items():
+        message = re.sub(said, meant, message)
+    return message
