@@ -64,6 +64,21 @@ def test_moulds_are_turned_over(folder):
     assert "NOTE" not in turned
 
 
+@pytest.mark.parametrize(
+    ("scale", "step", "remedy"),
+    [(1000, 1, "Export both in one unit"), (1, 2, "Resample one of the two surfaces")],
+)
+def test_two_scans_that_cannot_be_subtracted_are_refused(folder, scale, step, remedy):
+    """Of another unit, and of another distance of the points."""
+    heights = gstlib.read_scan(folder / "T1.plu").values[::step, ::step]
+    gstlib.write_plu(folder / "odd.plu", scale * heights, step * SPACING)
+    for pair in (("T0.plu", "odd.plu"), ("odd.plu", "T0.plu")):
+        result = run(folder, *pair)
+        assert result.exit_code == 2
+        assert remedy in result.stderr
+        assert "patch" not in result.stderr
+
+
 @pytest.mark.parametrize("files", [("other.plu",), ("T1.plu", "--repeat", "other.plu")])
 def test_a_scan_of_another_surface_is_refused(folder, files):
     result = run(folder, "T0.plu", *files)

@@ -20,6 +20,8 @@ __all__ = ["compare_scans", "describe_change"]
 _MOST_UNMEASURED = 0.9
 # T1 is looked for as far as it covers a quarter of T0, however large the scans are.
 _LARGEST_SHIFT = 0.75
+# Wear changes the r.m.s. height less than that, and another unit more.
+_OTHER_UNIT = 30.0
 
 
 def compare_scans(
@@ -43,6 +45,14 @@ def compare_scans(
     """
     settings = Settings()
     before, after = (_prepared(path, unit, spacing_um, mould) for path in (t0, t1))
+    low, high = sorted(scan.attrs["Sq_after_um"] for scan in (before, after))
+    if high > _OTHER_UNIT * low:
+        problem = (
+            f"has another unit than {t0}: one has heights of {low:.3g} µm (r.m.s.), "
+            f"and one of {high:.3g} µm"
+        )
+        remedy = "Export both in one unit; --unit is that of files that state none."
+        raise InputError(t1, problem, remedy)
     sides = np.multiply(spacing_of(before.height), before.height.shape)
     search: dict[str, Any] = {
         "maximum_shift_mm": _LARGEST_SHIFT * float(max(sides)),
