@@ -140,6 +140,7 @@ REFUSED = [
     (f"{HEAD}\nloc 1_a,1,1,a\n", "write loc-1-a"),
     (f"{HEAD},t1\n1,1,1,,a\n", "t0 is empty"),
     (f"{HEAD},wear_grade\n1,1,1,a,2\n", "wear_grade stands beside scans"),
+    (f"{HEAD},wear_grade\n1,1,1,,0.5\n", "wear_grade is 0.5, not a whole number"),
     (f"# mine\n{HEAD}, X_MM\n1,1,1,a,2\n", "line 2: a column is given twice"),
     (f"{HEAD},\ufeffｘ_mm\n1,1,1,a,2\n", "a column is given twice"),
     (f"{HEAD},t1\n1,1,1,a\n", "line 2 (patch 1): 4 cells in 5 columns"),

@@ -368,7 +368,8 @@ def _explain(error: ValidationError) -> str:
         return f"{name} is empty" + (f", but {asking[0]} is given" if asking else "")
     name, cell, why = error.absolute_path[-1], error.instance, f": {error.message}"
     if error.validator == "type":
-        return f"{name} is {cell!r}, not a number"
+        whole = "whole " if error.validator_value == "integer" else ""
+        return f"{name} is {cell!r}, not a {whole}number"
     if error.validator == "pattern":  # which is for the machine
         why = ""
         if name == "patch":
