@@ -260,9 +260,8 @@ def press(scan, output, **options) -> None:
         click.echo(f"WARNING: {scan}: {in_options(doubt)}", err=True)
     curve = contact.table()
     click.echo(curve.to_string(index=False, float_format="{:.5g}".format))
-    click.echo()
-    for line in describe_press(prepared, contact.final, options["modulus"]):
-        click.echo(line)
+    said = describe_press(prepared, contact.final, options["modulus"])
+    click.echo(f"\n{said}")
     picture = output or Path(f"{scan.name}.png")
     save_figure(pressed_figure(prepared["height"], contact, scan.name), picture)
     table = picture.with_name(f"{picture.stem}_curve.csv")
@@ -326,12 +325,16 @@ def jobs(results) -> None:
 @main.command()
 @_RESULTS
 @click.option("--to", type=_PATH, help="The folder; by default `export` in RESULTS.")
-def export(results, to) -> None:
+@click.option(
+    "--zip", "archive", type=_PATH, help="Instead: figures, tables, methods in a zip."
+)
+def export(results, to, archive) -> None:
     """Write maps and tool for other programs: x3p, grids, GLB."""
-    from gst.share.export import export_study
+    from gst.share.export import export_study, zip_study
 
-    to = to or results / "export"
-    click.echo(f"{to}: {len(export_study(results, to))} files")
+    write = zip_study if archive else export_study
+    to = archive or to or results / "export"
+    click.echo(f"{to}: {len(write(results, to))} files")
 
 
 @main.command()

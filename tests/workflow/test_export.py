@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import zipfile
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -20,6 +22,12 @@ from gstlib.surfaces.grid import spacing_of
 
 PATCH = "7"
 STONE = 185, 178, 166
+FIGURES_AND_TABLES = [
+    "figures/*.png",
+    "figures/*.svg",
+    "figures/patch/*.png",
+    "tables/*",
+]
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +128,29 @@ def test_the_tool_shows_its_colours_elsewhere(exported, name):
         assert np.abs(colours - own[:, :3]).max() < step
 
 
+def test_a_zip_has_figures_tables_and_methods_for_a_paper(
+    finished_tiny, exported, tmp_path
+):
+    results, target = finished_tiny.results, tmp_path / "paper.zip"
+    command = "export", str(results), "--zip", str(target)
+    assert finished_tiny.gst(*command).returncode == 0
+    with zipfile.ZipFile(target) as archive:
+        names = set(archive.namelist())
+        for pattern in FIGURES_AND_TABLES:
+            for file in results.glob(pattern):
+                name = file.relative_to(results).as_posix()
+                assert archive.read(name) == file.read_bytes()
+                names.discard(name)
+        methods = archive.read("methods.txt").decode()
+    assert {Path(name).parts[0] for name in names} <= {"methods.txt", "figures"}
+    assert methods == (exported / "methods.txt").read_text("utf-8")
+    assert "with 550 N" in methods
+    assert "by Archard's law" in methods
+    content = target.read_bytes()
+    again = finished_tiny.gst(*command)
+    assert (again.returncode, target.read_bytes()) == (2, content)
+
+
 def test_the_tool_keeps_its_coordinates_and_shows_pressure_and_patches(
     finished_tiny, exported
 ):
@@ -187,11 +218,18 @@ def _unrecorded(study):
     _edit(record, lambda content: content["outputs"].pop("macroscale/contact.h5"))
 
 
+def _without_a_section(study):
+    provenance = study.results / "provenance.json"
+    _edit(provenance, lambda record: record["config"].pop("material"))
+    _reseal(study, "provenance.json")
+
+
 # What is done to a study, or to the folder to export into, and what is then refused by name.
 HOSTILE = {
     "private.stl": _foreign_mesh,
     "outside the export": _name_elsewhere,
     "contact.h5": _unrecorded,
+    "have a config that no study writes so": _without_a_section,
     "tool.ply": lambda study: (study.folder / "to/tool.ply").touch(),
     "a.x3p": lambda study: (study.folder / "to/a.x3p").symlink_to("../private"),
 }

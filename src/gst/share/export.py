@@ -1,4 +1,4 @@
-"""A finished study for other programs: `gst export`.
+"""A finished study for other programs, and for a paper: `gst export`.
 
 Surfaces for MountainsMap and Gwyddion, grids for a GIS, and the tool for programs that show meshes
 (`gst.share.tool`). Lengths go into x3p (ISO 25178-72), as doubles in m, NaN where unmeasured. x3p
@@ -7,15 +7,18 @@ their HDF5 files.
 """
 
 import io
+import zipfile
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
+import jinja2
 import numpy as np
 import xarray as xr
 
+from gst.page.methods import methods_text
 from gst.run.chain import PAGE, check_chain, made_in, read_record
-from gst.run.received import read_provenance
+from gst.run.received import read_provenance, regular_file
 from gst.share.tool import colour_bar, tool_with
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
@@ -25,7 +28,7 @@ from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
-__all__ = ["asc_of", "export_study", "x3p_of"]
+__all__ = ["export_study", "x3p_of", "zip_study"]
 
 # The files of each patch, in the folders of their batches.
 _BY_PATCH = {
@@ -34,15 +37,18 @@ _BY_PATCH = {
     "wear": "wear/*/*.h5",
 }
 # An export is made of such files.
-_WRITTEN = {".asc", ".glb", ".ply", ".png", ".x3p"}
+_WRITTEN = {".asc", ".glb", ".ply", ".png", ".txt", ".x3p"}
+_METHODS = "methods.txt"
 _UNMEASURED = -9999  # in a grid
 _LIMIT = "level_of_detection"
+_Places = Mapping[str, PatchPosition]
+_Files = dict[str, dict[str, Path]]  # by patch and stage
 # The format asks for a date; that of the export says nothing about a result.
 _NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def export_study(results: Path, to: Path) -> list[Path]:
-    """Write the maps of every patch, and the tool, into a folder; the files written.
+def export_study(results: Path, to: Path) -> list[str]:
+    """Write the maps of every patch, and the tool, into a folder; the names of the files.
 
     The results may come from somebody else. Only files with the digests in the records of the steps
     are read, and no file is replaced.
@@ -62,8 +68,8 @@ def export_study(results: Path, to: Path) -> list[Path]:
             if Path(name).name != name:
                 problem = f"holds the name of a file outside the export: {name!r}"
                 raise InputError(results, problem, "Run the study again.")
-            written.append(to / name)
-            write_whole(written[-1], content)
+            write_whole(to / name, content)
+            written.append(name)
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         problem = f"have a field that no study writes so ({error!s:.200})"
         raise InputError(results, problem, "Run the study again.") from error
@@ -73,23 +79,51 @@ def export_study(results: Path, to: Path) -> list[Path]:
 def _files(results: Path) -> Iterator[tuple[str, bytes]]:
     """Name and content of each file."""
     made = {*made_in(results)}  # other files may be left of other configs
-    by_patch: dict[str, dict[str, Path]] = {}
+    by_patch: _Files = {}
     for stage, pattern in _BY_PATCH.items():
         for file in made & set(results.glob(pattern)):
             patch = file.stem.partition("_")[0]
             by_patch.setdefault(patch, {})[stage] = file
-    table, places = results / "tables/patch_pressures.csv", {}
-    if table in made:
-        columns = ["patch", "x_mm", "y_mm", "rotation_deg"]
-        places = places_of(read_table(table, columns))
+    table = results / "tables/patch_pressures.csv"
+    places = places_of(read_table(table)) if table in made else {}
     # first, because its mesh may be elsewhere
     yield from _tool(results, made, places, by_patch)
+    yield _METHODS, _methods(results, made)
     for patch, stages in sorted(by_patch.items()):
         for name, field in _maps(stages):
             title = f"patch {patch}: {field.attrs['long_name']}"
             yield f"{patch}_{name}.x3p", x3p_of(field, title)
             if name not in ("T0", "T1") and patch in places:
-                yield f"{patch}_{name}.asc", asc_of(field, places[patch])
+                yield f"{patch}_{name}.asc", _asc_of(field, places[patch])
+
+
+def zip_study(results: Path, target: Path) -> list[str]:
+    """Zip figures, tables and the methods paragraph of a study; the names in the zip.
+
+    Raises an `InputError` as `export_study` does, or if the `target` exists.
+    """
+    check_chain(results)
+    if target.exists():
+        raise InputError(target, "exists", "Remove it, or give another name.")
+    made, content = {*made_in(results)}, io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(_METHODS, _methods(results, made))
+        for file in sorted(made):
+            name = file.relative_to(results)
+            if name.parts[0] in ("figures", "tables"):
+                archive.write(regular_file(file, results), name)
+    write_whole(target, content.getvalue())
+    return archive.namelist()
+
+
+def _methods(results: Path, made: set[Path]) -> bytes:
+    """The methods paragraph."""
+    tables = {file.stem for file in made if file.parent.name == "tables"}
+    try:
+        return methods_text(read_provenance(results), tables).encode()
+    except (LookupError, TypeError, jinja2.TemplateError) as error:
+        problem = f"have a config that no study writes so ({error!s:.200})"
+        raise InputError(results, problem, "Run the study again.") from error
 
 
 def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
@@ -124,7 +158,7 @@ def x3p_of(heights: xr.DataArray, title: str) -> bytes:
     return content.getvalue()
 
 
-def asc_of(field: xr.DataArray, place: PatchPosition) -> bytes:
+def _asc_of(field: xr.DataArray, place: PatchPosition) -> bytes:
     """An ESRI ASCII grid of a map of lengths (y, x) in mm, all of whose numbers are µm.
 
     The grid lies on the square where the patch does. It cannot be turned: that of a turned patch
@@ -132,38 +166,31 @@ def asc_of(field: xr.DataArray, place: PatchPosition) -> bytes:
     """
     ny, nx = field.shape
     dy, dx = (MM_TO_UM * step for step in spacing_of(field))
-    head = {
-        "ncols": nx,
-        "nrows": ny,
-        "xllcorner": MM_TO_UM * place.x_mm - nx * dx / 2,
-        "yllcorner": MM_TO_UM * place.y_mm - ny * dy / 2,
-        **({"cellsize": dx} if np.isclose(dx, dy) else {"dx": dx, "dy": dy}),
-        "NODATA_value": _UNMEASURED,
-    }
+    cells = f"cellsize {dx:.9g}" if np.isclose(dx, dy) else f"dx {dx:.9g}\ndy {dy:.9g}"
+    left, bottom = (
+        MM_TO_UM * place.x_mm - nx * dx / 2,
+        MM_TO_UM * place.y_mm - ny * dy / 2,
+    )
+    corner = f"xllcorner {left:.9g}\nyllcorner {bottom:.9g}"
+    header = f"ncols {nx}\nnrows {ny}\n{corner}\n{cells}\nNODATA_value {_UNMEASURED}"
     rows = np.nan_to_num(MM_TO_UM * field.values[::-1], nan=_UNMEASURED)
     content = io.BytesIO()
-    header = "\n".join(f"{name} {number:.9g}" for name, number in head.items())
     np.savetxt(content, rows, "%.6g", header=header, comments="")
     return content.getvalue()
 
 
 def _tool(
-    results: Path,
-    made: set[Path],
-    places: Mapping[str, PatchPosition],
-    by_patch: Mapping[str, Mapping[str, Path]],
+    results: Path, made: set[Path], places: _Places, by_patch: _Files
 ) -> Iterator[tuple[str, bytes]]:
     """The tool with pressure, patches, measured loss and, of a gesture, exposure on it."""
     config = read_provenance(results, "inputs", "scans")["config"]
     inputs, note = config["inputs"], ""
+    unit = (inputs or {}).get("mesh_unit", "mm")
     if inputs is None:
-        mesh, unit = _recorded(results / "specimen/mesh.stl", made), "mm"
+        mesh = _recorded(results / "specimen/mesh.stl", made)
         note = ", synthetic specimen"
     else:
-        mesh, unit = (
-            _measured(results, Path(inputs["mesh"])),
-            inputs.get("mesh_unit", "mm"),
-        )
+        mesh = _measured(results, Path(inputs["mesh"]))
     contact = _recorded(results / "macroscale/contact.h5", made)
     grid = read_dataset(contact, only=["pressure"]).pressure
     fields = {"pressure_MPa": grid}
@@ -183,9 +210,7 @@ def _tool(
         yield f"{stem}.png", colour_bar(name, fields[name], note)
 
 
-def _row_of_patch(
-    places: Mapping[str, PatchPosition], grid: xr.DataArray, size_mm: float
-) -> xr.DataArray:
+def _row_of_patch(places: _Places, grid: xr.DataArray, size_mm: float) -> xr.DataArray:
     """The row of the table whose patch lies over each point, from 1; 0 beside the patches."""
     rows = xr.zeros_like(grid)
     for number, place in enumerate(places.values(), start=1):
@@ -195,18 +220,14 @@ def _row_of_patch(
     return rows
 
 
-def _loss_on(
-    rows: xr.DataArray,
-    places: Mapping[str, PatchPosition],
-    by_patch: Mapping[str, Mapping[str, Path]],
-) -> xr.DataArray:
+def _loss_on(rows: xr.DataArray, places: _Places, by_patch: _Files) -> xr.DataArray:
     """The mean loss (µm) that was detected on each element; NaN where no change is known."""
     losses = rows.where(False)
     for number, (patch, place) in enumerate(places.items(), start=1):
         if file := by_patch[patch].get("change"):
             change = read_dataset(file, only=["change", "loss"])
-            is_none = change.change.notnull() & ~change.loss
-            lost = (-MM_TO_UM * change.change.where(~is_none, 0)).rename(y="v", x="u")
+            is_worn = change.loss | change.change.isnull()
+            lost = -MM_TO_UM * change.change.where(is_worn, 0).rename(y="v", x="u")
             step = max(1, round(spacing_of(rows)[0] / float(lost.v[1] - lost.v[0])))
             means = lost.coarsen(v=step, u=step, boundary="pad").mean()
             v, u = place.seen(rows.y, rows.x)

@@ -1,7 +1,6 @@
 """One scan pressed on a flat, without a study."""
 
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 
 import xarray as xr
@@ -51,20 +50,14 @@ def press_scan(
     return prepared, contact, [str(warning.message) for warning in caught]
 
 
-def describe_press(
-    prepared: xr.Dataset, final: ContactState, modulus: float
-) -> Iterator[str]:
-    """What was done to a scan, and how it touches at last, in lines of text."""
+def describe_press(prepared: xr.Dataset, final: ContactState, modulus: float) -> str:
+    """What was done to a scan, and how it touches at last."""
     facts = prepared.attrs
-    yield (
+    return (
         f"cleaned     {facts['unmeasured']} unmeasured points and {facts['outliers']} outliers "
-        f"of {prepared['height'].size} points filled from around them"
-    )
-    yield (
+        f"of {prepared['height'].size} points filled from around them\n"
         f"levelled    by {facts['tilt_x_mrad']:.2f} mrad along x "
-        f"and {facts['tilt_y_mrad']:.2f} mrad along y"
-    )
-    yield (
+        f"and {facts['tilt_y_mrad']:.2f} mrad along y\n"
         f"contact     {final.contact_fraction:.3%} of the area at {final.mean_pressure:.4g} MPa, "
         f"peak pressure {final.pressure.values.max():.4g} MPa, modulus E* {modulus:g} MPa"
     )

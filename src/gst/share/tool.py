@@ -7,12 +7,12 @@ only, so a picture of their scale goes with it.
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import PowerNorm, to_rgba
+from matplotlib.colors import PowerNorm, to_rgba_array
 from matplotlib.figure import Figure
 
 from gst.page.figures.maps import FORCE_MAP, LOSS_MAP
@@ -26,10 +26,10 @@ from gstlib.surfaces.grid import spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["SCALES", "Tool", "colour_bar", "tool_with"]
+__all__ = ["Tool", "colour_bar", "tool_with"]
 
 # Of each number that is shown in colours: the colours, the power of their scale and its name.
-SCALES = {
+_SCALES = {
     "pressure_MPa": (FORCE_MAP, 0.5, "pressure (MPa)"),
     "exposure_N_per_mm": (FORCE_MAP, 0.5, "exposure (N/mm)"),
     "loss_um": (LOSS_MAP.reversed(), 1.0, "measured loss (µm)"),
@@ -41,20 +41,18 @@ class Tool(NamedTuple):
 
     mesh: "trimesh.Trimesh"
     unit: str
-    numbers: Mapping[str, np.ndarray]  # (n,)
+    numbers: dict[str, Any]  # (n,)
     colours: Mapping[str, np.ndarray]  # (n, 4), uint8
 
     def ply(self) -> bytes:
         """All numbers, and the colours of the first, in the unit of the mesh."""
         import trimesh
 
-        # the prefix is CloudCompare's
-        numbers = {f"scalar_{name}": each for name, each in self.numbers.items()}
-        whole = trimesh.Trimesh(
+        whole: Any = trimesh.Trimesh(
             self.mesh.vertices / UNITS[self.unit],
             self.mesh.faces,
             process=False,
-            vertex_attributes=numbers,
+            vertex_attributes=self.numbers,
             vertex_colors=next(iter(self.colours.values())),
         )
         return whole.export(file_type="ply", vertex_normal=False)
@@ -72,7 +70,7 @@ class Tool(NamedTuple):
         )
         visual = trimesh.visual.TextureVisuals(material=material)
         visual.vertex_attributes["color"] = np.round(255 * colours).astype(np.uint8)
-        whole = trimesh.Trimesh(
+        whole: Any = trimesh.Trimesh(
             self.mesh.vertices / 1e3, self.mesh.faces, visual=visual, process=False
         )
         return whole.export(file_type="glb", include_normals=True)
@@ -91,22 +89,20 @@ def tool_with(
     first = next(iter(fields.values()))
     edge_mm = 1.5 * max(spacing_of(first))
     cut = cut_tool(stone, frame, first, edge_mm=edge_mm, faces=len(stone.faces))
-    numbers = {
-        name: on_mesh(field, cut, frame).astype(np.float32)
-        for name, field in fields.items()
-    }
-    colours = {}
-    for name in filter(SCALES.__contains__, fields):
-        shades = _scale(name, fields[name]).to_rgba(numbers[name], bytes=True)
-        is_known = on_mesh(fields[name].notnull(), cut, frame) > 0
-        shades[~is_known] = np.round(255 * np.array(to_rgba(STONE)))
-        colours[name] = shades
+    numbers, colours = {}, {}
+    for name, field in fields.items():
+        values = on_mesh(field, cut, frame).astype(np.float32)
+        numbers[f"scalar_{name}"] = values  # the prefix is CloudCompare's
+        if name in _SCALES:
+            colours[name] = _scale(name, field).to_rgba(values, bytes=True)
+            is_known = on_mesh(field.notnull(), cut, frame) > 0
+            colours[name][~is_known] = np.round(to_rgba_array(STONE) * 255)
     return Tool(cut, mesh_unit, numbers, colours)
 
 
 def _scale(name: str, field: xr.DataArray) -> ScalarMappable:
     """From 0 to the largest number of a field."""
-    cmap, power, _ = SCALES[name]
+    cmap, power, _ = _SCALES[name]
     return ScalarMappable(PowerNorm(power, 0, float(field.max()) or 1.0), cmap)
 
 
@@ -114,8 +110,7 @@ def _scale(name: str, field: xr.DataArray) -> ScalarMappable:
 def colour_bar(name: str, field: xr.DataArray, note: str) -> bytes:
     """The scale of a field's colours, as PNG, with a note behind its name."""
     figure = Figure((WIDTH / 2, 0.6), layout="constrained")
-    label = SCALES[name][2] + note
-    look = {"orientation": "horizontal", "label": label}
+    look = {"orientation": "horizontal", "label": _SCALES[name][2] + note}
     figure.colorbar(_scale(name, field), cax=figure.add_subplot(), **look)
     content = io.BytesIO()
     figure.savefig(content, format="png", metadata={"Software": None})

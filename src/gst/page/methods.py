@@ -1,0 +1,36 @@
+"""What a study did, with its settings and versions, as a paragraph for a paper with its citations.
+
+The sentences are in ``methods.jinja`` beside this module.
+"""
+
+import re
+from collections.abc import Container, Mapping
+from pathlib import Path
+from typing import Any
+
+from gstlib.conditions import load_force, study_modulus
+
+__all__ = ["methods_text"]
+
+
+def methods_text(provenance: Mapping[str, Any], tables: Container[str]) -> str:
+    """The methods of a study, and the references.
+
+    `provenance` is as from `gst.run.provenance.study_provenance`, and `tables` are the names of the
+    tables that the study has. Raises a `jinja2.TemplateError` or a `LookupError` if a part of the
+    provenance is missing.
+    """
+    import jinja2
+
+    config = provenance["config"]
+    source = Path(__file__).with_suffix(".jinja").read_text("utf-8")
+    template = jinja2.Template(source, undefined=jinja2.StrictUndefined)
+    text = template.render(
+        provenance,
+        tables=tables,
+        force_N=load_force(config["load"], config["square"]["size_mm"]),
+        modulus_MPa=study_modulus(config["material"]),
+    )
+    whole = (" ".join(paragraph.split()) for paragraph in text.split("¶"))
+    # no space before the mark that ends a sentence
+    return re.sub(" (?=[.,])", "", "\n\n".join(filter(None, whole)) + "\n")
