@@ -109,7 +109,7 @@ def _scale(name: str, field: xr.DataArray) -> ScalarMappable:
 @styled
 def colour_bar(name: str, field: xr.DataArray, note: str) -> bytes:
     """The scale of a field's colours, as PNG, with a note behind its name."""
-    figure = Figure((WIDTH / 2, 0.6), layout="constrained")
+    figure = Figure((WIDTH, 0.6), layout="constrained")
     look = {"orientation": "horizontal", "label": _SCALES[name][2] + note}
     figure.colorbar(_scale(name, field), cax=figure.add_subplot(), **look)
     content = io.BytesIO()
