@@ -1,6 +1,7 @@
 """Figures: faithful to their data, and the same bytes each time."""
 
 import io
+import itertools
 import re
 
 import matplotlib
@@ -10,6 +11,7 @@ import pytest
 import trimesh
 import xarray as xr
 from contacts import contact_of
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from gst.page.figures import macroscale, maps, microscale, style, tables, use
@@ -355,3 +357,19 @@ def test_only_the_nearest_is_seen_lit_from_the_upper_left(view, seen):
         middle[..., 2 - seen].max() < 60
     )  # seams between triangles are not quite shut
     assert picture[50, 50].mean() > picture[100, 100].mean() + 10
+
+
+# Linear RGB as seen without red, green or blue cones (Machado, Oliveira & Fernandes 2009).
+COLOUR_BLIND = [
+    [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+]
+
+
+@pytest.mark.parametrize("seen", [np.eye(3), *COLOUR_BLIND])
+def test_everybody_can_tell_the_classes_of_agreement_apart(seen):
+    linear = [np.array(to_rgb(one)) ** 2.2 for one in style.AGREEMENT.values()]
+    colours = [np.clip(seen @ one, 0, 1) ** (1 / 2.2) for one in [*linear, np.ones(3)]]
+    for one, other in itertools.combinations(colours, 2):
+        assert np.linalg.norm(one - other) > 0.3

@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from gst.page.figures.style import AGREEMENT
+
 
 @pytest.fixture(scope="module")
 def page(results):
@@ -85,3 +87,13 @@ def test_every_table_is_there_as_stored_but_for_the_path_of_many_steps(results, 
     for file, rows in tables.items():
         stored = pd.read_csv(file, dtype=str, keep_default_na=False)
         assert rows == [list(stored.columns), *stored.to_numpy().tolist()]
+
+
+def test_the_legend_of_the_agreement_has_the_colours_of_the_figures(page):
+    *named, unknown = page.find_class("key")
+    colours = {
+        text_of(key): key.find("i").get("style").removeprefix("background: ")
+        for key in named
+    }
+    assert colours == AGREEMENT
+    assert "not known" in text_of(unknown)

@@ -202,6 +202,8 @@ def render(template: str, **content: Any) -> str:
     """A template, filled in."""
     import jinja2
 
+    from gst.page.figures.style import AGREEMENT
+
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         undefined=jinja2.StrictUndefined,
@@ -215,7 +217,7 @@ def render(template: str, **content: Any) -> str:
         "capfirst": _capitalised,
     }
     environment.filters |= {"breakable": _breakable, "score": _score}
-    libraries = {"three_js": three_js, "shipped": shipped}
+    libraries = {"three_js": three_js, "shipped": shipped, "agreement": AGREEMENT}
     return environment.get_template(template).render(content | libraries) + "\n"
 
 

@@ -21,7 +21,15 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from gst.page.figures import maps, style
-from gst.page.figures.style import AMBER, BLACK, BLUE, PURPLE, VERMILION, styled
+from gst.page.figures.style import (
+    AGREEMENT,
+    AMBER,
+    BLACK,
+    BLUE,
+    PURPLE,
+    VERMILION,
+    styled,
+)
 from gst.page.figures.tool import draw_tool
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
@@ -40,7 +48,6 @@ __all__ += ["patch_figure", "patch_strip", "preparation_figure", "two_scales_fig
 
 _UNKNOWN = "#ffffff"
 _TILE = 280  # side (pixels) of one of the pictures that the page shows in turn
-_AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": PURPLE}
 _OF_PATH: dict[str, Any] = {"marker": ".", "markersize": 2, "lw": 1}
 
 
@@ -89,7 +96,7 @@ def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
 
 
 def _agreement(predicted: xr.DataArray, change: xr.Dataset) -> dict[str, np.ndarray]:
-    """Masks of hits, misses, false alarms and unknown change, by colour.
+    """Masks of the three kinds of `AGREEMENT` and of unknown change, by colour.
 
     A loss is predicted where the scans would show one beyond the level of detection.
     """
@@ -99,12 +106,8 @@ def _agreement(predicted: xr.DataArray, change: xr.Dataset) -> dict[str, np.ndar
         depth = seen_depth(predicted.values[is_measured])
         marked[is_measured] = depth > change["level_of_detection"].values[is_measured]
     loss = change["loss"].values.astype(bool) & is_measured
-    return {
-        BLUE: loss & marked,
-        AMBER: loss & ~marked,
-        PURPLE: marked & ~loss,
-        _UNKNOWN: ~is_measured,
-    }
+    masks = loss & marked, loss & ~marked, marked & ~loss, ~is_measured
+    return dict(zip([*AGREEMENT.values(), _UNKNOWN], masks, strict=True))
 
 
 @styled
@@ -195,7 +198,7 @@ def patch_figure(result: PatchResult) -> Figure:
         percent = {
             colour: 100 * mask.sum() / count for colour, mask in agreement.items()
         }
-        names = {f"{name} {percent[c]:.1f} %": c for name, c in _AGREEMENT.items()}
+        names = {f"{name} {percent[c]:.1f} %": c for name, c in AGREEMENT.items()}
         style.colour_legend(figure, names)
     return figure
 
@@ -277,7 +280,7 @@ def overview_figure(
         if agreement is not None:
             maps.draw_map(axes[1], result.contact["height"], marks=agreement)
             axes[1].set_title("4  measured loss\nagainst the predicted one")
-            style.colour_legend(figure, _AGREEMENT)
+            style.colour_legend(figure, AGREEMENT)
     return figure
 
 

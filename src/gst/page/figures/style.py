@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 
 from gstlib.io.files import write_whole
 
-__all__ = ["AMBER", "BLACK", "BLUE", "CLASSES", "DPI", "GREY", "LEGIBLE"]
+__all__ = ["AGREEMENT", "AMBER", "BLACK", "BLUE", "CLASSES", "DPI", "GREY", "LEGIBLE"]
 __all__ += [
     "PALE",
     "PURPLE",
@@ -42,9 +42,15 @@ LEGIBLE = 26  # so many patches can be named side by side
 
 BLACK, GREY, PALE = "#000000", "#7a7a7a", "#e4e4e4"
 BLUE, VERMILION, AMBER, GREEN = "#0072B2", "#D55E00", "#E69F00", "#009E73"
-PURPLE = "#CC79A7"
+PURPLE = "#882255"  # of Tol: theirs looks like blue to some readers
 CLASSES = BLUE, VERMILION, AMBER, GREEN, PURPLE, BLACK  # whose names legends give
 STONE = "#b9b2a6"
+# How a predicted loss and the measured one agree, in the figures and on the page.
+AGREEMENT = {
+    "predicted and worn": BLUE,
+    "worn but not predicted": AMBER,
+    "predicted but not worn": PURPLE,
+}
 
 # Inches, of every figure: text has one size wherever figures are shown side by side.
 WIDTH = 7.2
