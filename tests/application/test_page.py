@@ -96,8 +96,8 @@ def test_the_caption_of_a_table_explains_its_columns_with_any_config(study):
 
 def answer_html(short, detail, **content):
     answer = Answer([("Why?", short, ": a < b, 5 %")], [detail])
-    content = {"generated": False, "faults": []} | content
-    return page.render("page.answer.html", answer=answer, **content)
+    nothing = {"generated": False, "faults": [], "load": {"held": {}}, "truth": {}}
+    return page.render("page.answer.html", answer=answer, **nothing | content)
 
 
 def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
@@ -113,3 +113,23 @@ def test_an_accepted_fault_is_shown_and_the_answer_withheld():
     html = answer_html("because", "in detail", faults=[{"text": fault}])
     assert fault in html
     assert "because" not in html
+
+
+def test_the_answer_says_if_the_wear_and_the_given_load_disagree():
+    disagree = "outside the 95\xa0% region"
+    for held, is_told in (
+        ({}, False),
+        ({"given": True}, False),
+        ({"given": False}, True),
+    ):
+        html = answer_html("Pressed", "", load={"held": held})
+        assert (disagree in html.replace(" %", "\xa0%")) == is_told
+
+
+def test_the_truth_is_one_line():
+    html = answer_html("Pressed", "", truth={"radius": (0, 1), "pressure": (24, 25)})
+    (line,) = re.findall("<dt>Is the truth met.*", html)
+    assert re.findall("<strong>(.*?)</strong>", line) == [
+        "radius no",
+        "pressures 24 of 25",
+    ]

@@ -144,6 +144,21 @@ def test_which_patches_wore(losses, patches, counts):
 
 
 @pytest.mark.parametrize(
+    ("pressed", "counts"), [("bc", None), ("a", [4, 1]), ("", [4])]
+)
+def test_the_first_line_says_that_the_given_load_does_not_explain_the_wear(
+    pressed, counts
+):
+    tables = compared()
+    forces = [float(name in pressed) for name in "abcd"]
+    answer = verdict(tables | loaded(*forces))
+    explained = "Does the given load explain the wear?"
+    assert (answer.lines[0].question == explained) == (counts is not None)
+    if counts:
+        assert numbers(sentences(answer)[explained]) == counts
+
+
+@pytest.mark.parametrize(
     ("gain", "shown"),
     [
         ({}, 1),

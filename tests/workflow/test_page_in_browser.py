@@ -6,9 +6,16 @@ import itertools
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 from PIL import Image, ImageChops, ImageStat
 
+from gst.config.tables import TABLES
+from gst.page.page import Shown
+from gst.page.results import Results
+from gst.page.study_page import write_study_page
+from gstlib.io.store import write_dataset
 from gstlib.io.tables import read_table
 
 from .conftest import middle_of, opened
@@ -22,6 +29,89 @@ PHONE = {"width": 390, "height": 844}
 def page(browser, finished_tiny):
     with opened(browser, finished_tiny.results / "index.html") as page:
         yield page
+
+
+@pytest.fixture(scope="module")
+def draws(finished_tiny):
+    """Uses of the tiny study's tool, made up: its own scans are too few to infer one."""
+    generator = np.random.default_rng(1)
+    patches = list(read_table(finished_tiny.results / "tables/registration.csv").patch)
+    x, y = generator.normal([[2.2], [3.1]], 0.2, (2, 500))
+    pressure = generator.uniform(0, 90, (500, len(patches))) * x[:, np.newaxis]
+    weight = generator.uniform(0, 1, 500)
+    about = {"units": "1", "long_name": "made up"}
+    columns = {"x_mm": x, "y_mm": y, "weight": weight / weight.sum()}
+    columns["wear_coefficient"] = generator.uniform(0.005, 0.01, 500)
+    variables = {name: ("draw", each, about) for name, each in columns.items()}
+    variables["pressure"] = ("draw", "patch"), pressure, about
+    return xr.Dataset(
+        variables, {"patch": patches}, {"adopted": 1, "answer": "pressed"}
+    )
+
+
+@pytest.fixture(scope="module")
+def used(finished_tiny, draws, config, tmp_path_factory):
+    """The page of the tiny study as if it had inferred that use."""
+    folder, results = tmp_path_factory.mktemp("used"), finished_tiny.results
+    write_dataset(folder / "use.h5", draws)
+    rows = ("load_point_x", 2.5, 2.2), ("load_point_y", 2.5, 3.1), ("spread", None, 0.3)
+    use = pd.DataFrame(rows, columns=["parameter", "prior", "posterior_mean"])
+    use = use.assign(low=0.1, high=3.4, answer="pressed", competitor="", adopted="yes")
+    use.to_csv(folder / "use.csv", index=False)
+    measured = read_table(results / "tables/registration.csv").mean_wear_depth_um
+    losses = pd.DataFrame({"patch": draws.patch.values, "loss_um": measured})
+    losses.to_csv(folder / "predicted_losses.csv", index=False)
+    tables = [*results.glob("tables/*.csv"), *folder.glob("*.csv")]
+    files = {file.name: file for file in tables if file.stem in TABLES}
+    files |= {"mesh": results / "specimen/mesh.stl", "use": folder / "use.h5"}
+    macroscale = results / "macroscale"
+    files |= {name: macroscale / f"{name}.h5" for name in ("surface", "contact")}
+    files |= {
+        "by_patch": results / "figures/patch",
+        "strips": results / "figures/strip",
+    }
+    names = ["patch", "x_mm", "y_mm", "rotation_deg"]
+    patches = read_table(results / "tables/patch_pressures.csv")[names]
+    study = Results(
+        files,
+        places=patches.assign(t0="a.plu", t1="b.plu").to_dict("list"),
+        size_mm=5.0,
+        patch_mm=0.85,
+        force_N=550.0,
+    )
+    figures = [
+        Shown(file, "5 Validation", file.stem, "made before")
+        for file in sorted(results.glob("figures/*.png"))
+    ]
+    none = {"steps": [], "config_faults": [], "active_tool": None}
+    write_study_page(folder / "index.html", study, config, figures, **none)
+    return folder / "index.html"
+
+
+@pytest.mark.parametrize("size", [(1366, 768), (390, 844)], ids=["screen", "phone"])
+def test_the_map_and_its_load_points_are_on_the_first_screen(
+    browser, used, draws, size
+):
+    with opened(browser, used, size) as page:
+        box = page.locator("#map").bounding_box()
+        assert box["y"] + box["height"] < size[1]
+        answer = page.locator(".lead").bounding_box()
+        beside = answer["x"] > box["x"] + box["width"]
+        assert beside if size[0] > 1000 else answer["y"] < box["y"]
+        left, top, side = (
+            page.locator("#map .frame").first.bounding_box()[of]
+            for of in ("x", "y", "width")
+        )
+        mean = [float(draws.weight @ draws[name]) for name in ("x_mm", "y_mm")]
+        for kind, (x, y) in {"given": (2.5, 2.5), "inferred": mean}.items():
+            at = middle_of(page.locator(f"#map use[data-kind={kind}]"))
+            there = left + x / 5 * side, top + (1 - y / 5) * side
+            assert at == pytest.approx(there, abs=2)
+        region = middle_of(page.locator("#map ellipse.region"))
+        assert region == pytest.approx(
+            middle_of(page.locator("#map use[data-kind=inferred]")), abs=2
+        )
+        assert "outside" in page.locator(".legend").inner_text()
 
 
 def test_turning_the_tool_and_its_light_change_the_picture(page):

@@ -33,7 +33,7 @@ def score(value):
 def test_the_answer_stands_first_with_the_numbers_of_the_tables(page, table):
     assert "Synthetic specimen" in text_of(page.find_class("mark")[0])
     (answer,) = page.find_class("verdict")
-    (detail,) = map(text_of, answer.findall("details"))
+    (detail,) = map(text_of, answer.iter("details"))
     pressures = table("patch_pressures")
     highest = pressures.patch[pressures.pressure_MPa.idxmax()]
     assert f"patch {highest} bears the highest pressure" in text_of(answer)

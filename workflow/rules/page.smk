@@ -204,6 +204,7 @@ rule write_page:
     input:
         mesh=MESH,
         counterface=COUNTERFACE_MESH,
+        use=rules.infer_use.output.use if INFERRED else [],
         surface=rules.grid_macroscale.output.face,
         contact=rules.solve_macroscale.output.contact,
         shown=list(SHOWN),

@@ -11,14 +11,18 @@ import pandas as pd
 import xarray as xr
 
 from gst.config.poses import poses_of
+from gst.page.load_points import load_points
 from gst.page.page import Shown, by_category, data_url, embedded, render, tool_scene
 from gst.page.results import Results
+from gst.page.truth import truth_met
 from gst.page.verdict import MODELS, Answer, verdict, where_to_scan
 from gst.run.chain import messages_of
+from gstlib import __version__
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
 from gstlib.macroscale.active_tool import ActiveTool, posed_mesh
 from gstlib.macroscale.sampling_sites import concentration
+from gstlib.settings import Settings
 from gstlib.surfaces.footprints import footprint_weights, places_of, square_of
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.scoring import own_model
@@ -74,9 +78,9 @@ def write_study_page(
     ----------
     page : Path
     study : Results
-        With the files ``mesh, surface, contact``, ``counterface`` and ``exposure`` if there are,
-        ``by_patch`` and ``strips``, the folders of pictures of single patches, and tables by
-        the names of their files. Its places have ``t0`` and ``t1``, the names of scans, too.
+        With the files ``mesh, surface, contact``, ``counterface``, ``exposure`` and ``use`` if
+        there are, ``by_patch`` and ``strips``, the folders of pictures of single patches, and
+        tables by the names of their files. Its places have ``t0`` and ``t1``, too: names of scans.
     config : mapping
     shown : sequence of Shown
         Figures and tables.
@@ -89,7 +93,13 @@ def write_study_page(
     """
     results = page.parent
     proposed = study.table("places.csv") if study.has("places.csv") else None
+    asked = Settings(**config).by_stage()["infer_use"]
+    load = load_points(study, asked["stated"]["load_point"])
     content = {
+        "version": __version__,
+        "given": asked["stated"] | {"modulus": asked["modulus"]},
+        "load": load,
+        "truth": truth_met(study, load["held"]),
         "answer": _answer(study, config, proposed),
         "generated": config["specimen"] is not None,
         "faults": [*config_faults, *reported(results, steps, "ERROR")],

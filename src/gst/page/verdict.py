@@ -191,13 +191,14 @@ def _highest(table: pd.DataFrame, column: str) -> dict[str, Any]:
 
 
 def _wore(losses: pd.DataFrame) -> dict[str, Any]:
-    """Which patches lost height, the most first; and how many of the others did not or may have."""
+    """Which patches lost height, the most first; how many the given load touches; the others."""
     measured = losses.dropna(subset="mean_wear_depth_um")
     is_lost = measured.loss_fraction > 0
     is_certain = measured.above_noise.eq(True)
     worn = measured[is_lost & is_certain]
     return {
         "worn": worn.sort_values("mean_wear_depth_um", ascending=False),
+        "touched": int((worn.stated_MPa > 0).sum()),
         "matched": losses.found.eq(True).any(),
         "measured": len(measured),
         "unknown": len(losses) - len(measured),
