@@ -1,5 +1,7 @@
 """Before anything is scanned: a tiny study of a mesh alone, and one of the proposed places."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -69,6 +71,11 @@ def test_grades_of_wear_tell_how_a_tool_was_used_as_expected(where, tmp_path_fac
     study.change(patches="config/grades.csv", gesture=GESTURE, load=load, use=use)
     study.succeed()
     assert_as_expected(study.results, "grades", "use")
+    page = (study.results / "index.html").read_text(encoding="utf-8")
+    on_map = re.findall(r"<title>Patch (\d+): grade (\d)</title>", page)
+    assert [tuple(map(int, one)) for one in on_map] == list(
+        enumerate(places.wear_grade)
+    )
     table = read_table(study.results / "tables/use.csv").set_index("parameter")
     axes = ["load_point_x", "load_point_y"]
     assert list(table.prior[axes]) == load["at_mm"]

@@ -158,6 +158,16 @@ def test_a_click_or_a_key_opens_the_card_of_the_patch(page):
         assert opened_card(page) == "Patch 5"
 
 
+def test_a_card_leads_to_the_next_and_the_previous_one(page):
+    names = [row.inner_text() for row in page.locator("#patch-table tbody th").all()]
+    page.click(f"#patch-table a[href='#patch-{names[0]}']")
+    for name in [*names[1:], *names[-2::-1]]:
+        page.locator("dialog[open] .turn a", has_text=f"Patch {name}").click()
+        assert page.locator("dialog[open] h2").inner_text().startswith(f"Patch {name} ")
+        assert page.url.endswith(f"#patch-{name}")
+    assert page.locator("dialog[open] .turn a").count() == 1
+
+
 def test_a_card_has_its_pictures_and_they_open_large(page):
     page.click("#patch-table a[href='#patch-13']")
     page.locator("#patch-13 .enlarge").click()
@@ -215,6 +225,10 @@ def test_thumbnails_lead_to_cards_where_t0_and_t1_are_compared(page):
         assert np.sum(off, axis=1).argmin() == number
         assert epoch in picture.get_attribute("aria-label")
         page.click("#blink-now")
+    bar = page.locator("#blink-picture .length")
+    share = bar.bounding_box()["width"] / picture.bounding_box()["width"]
+    assert bar.inner_text() == "0.2 mm"
+    assert share == pytest.approx(0.2 / 0.85, rel=0.02)
     page.click("#blink-now")
     page.check("#blink-on")
     page.wait_for_function("document.getElementById('blink-now').dataset.epoch === '0'")

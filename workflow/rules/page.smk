@@ -232,7 +232,11 @@ rule write_page:
         # The study's own, whose records and warnings the page takes, each as this config asks for it;
         # none that other configs left in the folder, or of other studies in the same run.
         steps=hashes_of(steps_of(workflow, Path(RESULTS)), Path(RESULTS)),
-        places=columns("patch", "x_mm", "y_mm", "rotation_deg", "t0", "t1"),
+        places=(
+            columns("patch", "x_mm", "y_mm", "rotation_deg", "t0", "t1")
+            if SCANNED
+            else GRADED.to_dict("list")
+        ),
         mesh_unit=MESH_UNIT,
         active_tool=ACTIVE_TOOL,
         config=config,

@@ -6,13 +6,16 @@ document.documentElement.classList.add("scripted");
 
 function openCard(name) {
   const card = name.startsWith("#patch-") && document.getElementById(decodeURI(name.slice(1)));
+  for (const other of card ? document.querySelectorAll("dialog.card[open]") : []) if (other !== card) other.close();
   if (card && !card.open) card.showModal();
   if (card) history.replaceState(null, "", name); // the address of the card, to be passed on
   return Boolean(card);
 }
 
 for (const card of document.querySelectorAll("dialog.card"))
-  card.addEventListener("close", () => history.replaceState(null, "", location.pathname + location.search));
+  card.addEventListener("close", () => {
+    if (!document.querySelector("dialog.card[open]")) history.replaceState(null, "", location.pathname + location.search);
+  });
 window.addEventListener("hashchange", () => openCard(location.hash));
 
 document.addEventListener("click", (event) => {

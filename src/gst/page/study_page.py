@@ -108,6 +108,7 @@ def write_study_page(
         "title": config["title"],
         "force": study.force_N,
         "size": study.size_mm,
+        "patch_mm": study.patch_mm,
         "scene": _scene(study, proposed, active_tool),
         "proposed": [] if proposed is None else proposed.to_dict("records"),
         "records": patch_records(study) if proposed is None else {},
@@ -164,7 +165,9 @@ def _scene(
             ActiveTool.read(**active_tool), frame, size_mm=study.size_mm
         )
     sizes = study.size_mm, study.patch_mm
-    return tool_scene(tool, frame, fields, places, sizes, active)
+    scene = tool_scene(tool, frame, fields, places, sizes, active)
+    graded = pd.DataFrame(study.places if proposed is not None else {})
+    return scene | {"grades": graded.to_dict("records")}
 
 
 def _loss_on(square: xr.DataArray, study: Results) -> xr.DataArray:
