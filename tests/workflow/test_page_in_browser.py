@@ -1,17 +1,20 @@
 """The page of the tiny study in a real browser, opened from its file."""
 
 import base64
+import contextlib
 import io
 import itertools
 import re
+import zlib
 
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from PIL import Image, ImageChops, ImageStat
+from PIL import Image, ImageChops, ImageColor, ImageStat
 
 from gst.config.tables import TABLES
+from gst.page.figures.style import AGREEMENT
 from gst.page.page import Shown
 from gst.page.results import Results
 from gst.page.study_page import write_study_page
@@ -265,6 +268,26 @@ def test_text_stands_out_in_both_colour_schemes(browser, finished_tiny, scheme):
     ):
         assert page.locator(place).first.evaluate(contrast) >= 4.5, place
     page.close()
+
+
+def test_a_print_is_short_and_keeps_its_colours(page):
+    """Six cards and two or more figures on a sheet, with the colours of grounds and the tool."""
+    pdf = page.pdf(prefer_css_page_size=True)
+    sheets = len(re.findall(rb"/Type */Page\b", pdf))
+    figures = page.locator("main section > figure > .enlarge").count()
+    assert figures / 4 < sheets <= 3 + figures / 2
+    drawn = b""
+    for stream in re.findall(rb"stream\r?\n(.*?)endstream", pdf, re.DOTALL):
+        with contextlib.suppress(zlib.error):
+            drawn += zlib.decompressobj().decompress(stream)
+    filled = {
+        tuple(round(255 * float(part)) for part in colour)
+        for colour in re.findall(rb"([\d.]+) ([\d.]+) ([\d.]+) rg", drawn)
+    }
+    assert {ImageColor.getrgb(colour) for colour in AGREEMENT.values()} <= filled
+    still = page.locator("#still").evaluate("one => one.toDataURL()")
+    still = np.array(picture_in(base64.b64decode(still.partition("base64,")[2])))
+    assert np.ptp(still.reshape(-1, 3), axis=0).min() > 100
 
 
 def test_a_print_has_the_cards_and_the_whole_table(page):

@@ -136,6 +136,17 @@ function showTool(scene) {
   document.getElementById("see-square").onclick = square;
   whole();
 
+  // What is printed in place of the view, which a browser may have thrown away.
+  const still = document.getElementById("still");
+  const keepStill = () => {
+    viewer.snapshot();
+    const view = element.querySelector("canvas");
+    [still.width, still.height] = [view.width, view.height];
+    still.getContext("2d").drawImage(view, 0, 0);
+  };
+  window.addEventListener("beforeprint", keepStill);
+  keepStill();
+
   const lights = ["azimuth", "altitude"].map((name) => document.getElementById(name));
   for (const light of lights)
     light.addEventListener("input", () => viewer.rake(...lights.map((one) => Number(one.value))));
