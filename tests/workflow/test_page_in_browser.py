@@ -117,6 +117,53 @@ def test_the_map_and_its_load_points_are_on_the_first_screen(
         assert "outside" in page.locator(".legend").inner_text()
 
 
+def cells(page):
+    """The table of the explorer: of each patch pressure, predicted and measured loss."""
+    rows = page.locator("#asked tbody tr").all()
+    texts = [row.locator("td").all_inner_texts() for row in rows]
+    return {name: [float(value) for value in values] for name, *values in texts}
+
+
+def test_a_click_on_the_map_shows_what_the_nearest_draws_did(browser, used, draws):
+    losses = pd.read_csv(used.parent / "predicted_losses.csv", dtype={"patch": str})
+    with opened(browser, used) as page:
+        box = page.locator("#map .frame").first.bounding_box()
+        at = box["x"] + 0.5 * box["width"], box["y"] + 0.3 * box["height"]
+        page.mouse.click(*at)  # beside the patches
+        x, y = (
+            float(page.locator(f"#explorer [name={axis}]").input_value())
+            for axis in "xy"
+        )
+        assert (x, y) == pytest.approx((2.5, 3.5), abs=0.03)
+        away = np.hypot(draws.x_mm - x, draws.y_mm - y).values
+        nearest = draws.isel(draw=np.argsort(away)[:50])
+        worth = nearest.weight / nearest.weight.sum()
+        pressure = (worth * nearest.pressure).sum("draw")
+        loss = (worth * nearest.wear_coefficient * nearest.pressure).sum("draw")
+        wanted = np.stack([pressure, loss, losses.loss_um], axis=1)
+        shown = cells(page)
+        assert list(shown) == list(losses.patch)
+        np.testing.assert_allclose(list(shown.values()), wanted, rtol=6e-3, atol=1e-3)
+        told = page.locator("#asked-how").inner_text()
+        likely = 100 * float(draws.weight[away <= 0.425].sum())
+        assert float(re.search(r"([\d.]+) %", told)[1]) == pytest.approx(
+            likely, rel=6e-3
+        )
+        assert middle_of(page.locator("#asked-at")) == pytest.approx(at, abs=2)
+
+
+def test_a_load_far_from_all_draws_or_beyond_the_map(browser, used):
+    with opened(browser, used) as page:
+        page.fill("#explorer [name=x]", "4.9")
+        page.press("#explorer [name=x]", "Enter")
+        assert "No draw of the load point" in page.locator("#asked-how").inner_text()
+        before = cells(page)
+        page.fill("#explorer [name=x]", "99")
+        page.click("#explorer button")
+        assert cells(page) == before
+        assert not page.evaluate("document.getElementById('explorer').checkValidity()")
+
+
 def test_turning_the_tool_and_its_light_change_the_picture(page):
     canvas = page.locator("#viewer canvas")
     pictures = [canvas.screenshot()]

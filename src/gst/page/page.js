@@ -83,6 +83,62 @@ table.tHead.addEventListener("click", (event) => {
   table.tBodies[0].append(...rows);
 });
 
+// --- what a load elsewhere would have done, from the nearest draws of the inferred use
+
+const NEAREST = 50; // draws whose mean is shown
+
+function explore(draws) {
+  const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
+  const [xs, ys, weights] = ["x_mm", "y_mm", "weight"].map((name) => new Float32Array(bytes(draws[name])));
+  const fields = ["pressure", "loss"].filter((name) => draws[name]).map((name) => {
+    const { most, values } = draws[name];
+    return Float64Array.from(new Uint16Array(bytes(values)), (level) => (most * level) / 65535);
+  });
+  const form = document.getElementById("explorer");
+  const map = document.getElementById("map");
+  const { patches, measured, near_mm: near } = draws;
+  const short = (value) => String(Number(value.toPrecision(3)));
+  const total = weights.reduce((sum, weight) => sum + weight, 0);
+
+  function show(x, y) {
+    const away = Array.from(xs, (draw, k) => Math.hypot(draw - x, ys[k] - y));
+    const nearest = [...away.keys()].sort((a, b) => away[a] - away[b]).slice(0, NEAREST);
+    const sum = nearest.reduce((all, k) => all + weights[k], 0);
+    const mean = (field, patch) =>
+      nearest.reduce((all, k) => all + weights[k] * field[k * patches.length + patch], 0) / sum;
+    const within = weights.reduce((all, weight, k) => all + (away[k] <= near ? weight : 0), 0) / total;
+    const [first, last] = [away[nearest[0]], away[nearest.at(-1)]].map(short);
+    const likely = first > near ? `No draw of the load point lies within ${short(near)} mm of it.`
+      : `${short(100 * within)} % of the draws of the load point, by weight, lie within ${short(near)} mm of it.`;
+    document.getElementById("asked-how").textContent =
+      `Load at x ${short(x)}, y ${short(y)} mm. ${likely} Below are means of the ${nearest.length} nearest draws, ${first} to ${last} mm away.`;
+    const rows = patches.map((patch, number) => {
+      const row = document.createElement("tr");
+      for (const text of [patch, ...fields.map((field) => short(mean(field, number))), short(measured[number])])
+        row.insertCell().textContent = text;
+      return row;
+    });
+    form.querySelector("tbody").replaceChildren(...rows);
+    document.getElementById("asked").hidden = false;
+    const mark = document.getElementById("asked-at");
+    for (const [name, value] of Object.entries({ cx: x, cy: -y, display: "inline" })) mark.setAttribute(name, value);
+  }
+
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    show(Number(form.elements.x.value), Number(form.elements.y.value));
+  });
+  map.addEventListener("click", (event) => {
+    if (event.target.closest("a")) return;
+    const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(map.getScreenCTM().inverse());
+    [form.elements.x.value, form.elements.y.value] = [at.x.toFixed(2), (-at.y).toFixed(2)];
+    form.requestSubmit(); // a place beyond the map is refused, with a reason
+  });
+}
+
+const stored = JSON.parse(document.getElementById("draws").textContent);
+if (stored) explore(stored);
+
 // --- the tool
 
 function showTool(scene) {

@@ -11,6 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from gst.config.poses import poses_of
+from gst.page.explorer import draws_to_explore
 from gst.page.load_points import load_points
 from gst.page.page import Shown, by_category, data_url, embedded, render, tool_scene
 from gst.page.results import Results
@@ -99,6 +100,7 @@ def write_study_page(
         "version": __version__,
         "given": asked["stated"] | {"modulus": asked["modulus"]},
         "load": load,
+        "draws": draws_to_explore(study, config["wear_law"]),
         "truth": truth_met(study, load["held"]),
         "answer": _answer(study, config, proposed),
         "generated": config["specimen"] is not None,

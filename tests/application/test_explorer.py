@@ -1,0 +1,78 @@
+"""The draws that a page takes for its explorer."""
+
+import base64
+import json
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gst.page.explorer import draws_to_explore
+from gst.page.results import Results
+from gstlib.conditions import Law
+from gstlib.io.store import write_dataset
+
+ABOUT = {"units": "1", "long_name": "of a test"}
+
+
+def study_of(folder, *, draws=2000, patches=3, adopted=1, graded=False):
+    """A study with made-up draws; and the draws."""
+    generator = np.random.default_rng(0)
+    columns = {name: generator.uniform(0, 5, draws) for name in ("x_mm", "y_mm")}
+    columns["weight"] = np.full(draws, 1 / draws)
+    if not graded:
+        columns["wear_coefficient"] = generator.uniform(0.005, 0.01, draws)
+    variables = {name: ("draw", each, ABOUT) for name, each in columns.items()}
+    pressure = generator.uniform(0, 90, (patches, draws))
+    variables["pressure"] = ("patch", "draw"), pressure, ABOUT
+    names = [f"P{number}" for number in range(patches)]
+    use = xr.Dataset(variables, {"patch": names}, {"adopted": adopted})
+    write_dataset(folder / "use.h5", use)
+    losses = pd.DataFrame({"patch": names, "loss_um": np.arange(patches) / 10})
+    losses.to_csv(folder / "losses.csv", index=False)
+    files = {"use": folder / "use.h5", "predicted_losses.csv": folder / "losses.csv"}
+    places = {"patch": names, "wear_grade": list(range(patches))}
+    return Results(files, places=places, patch_mm=0.8), use
+
+
+def numbers(text, kind):
+    return np.frombuffer(base64.b64decode(text), kind)
+
+
+def test_the_numbers_are_those_of_the_draws(tmp_path):
+    study, use = study_of(tmp_path)
+    law = Law(exponent=2.0)
+    taken = draws_to_explore(study, {"threshold_MPa": 0.0, "exponent": 2.0})
+    assert taken["measured"] == [0.0, 0.1, 0.2]
+    assert taken["near_mm"] == 0.4
+    np.testing.assert_allclose(numbers(taken["x_mm"], "<f4"), use.x_mm, rtol=1e-6)
+    pressure = use.pressure.values.T
+    loss = use.wear_coefficient.values[:, np.newaxis] * law.equivalent(pressure)
+    for name, wanted in {"pressure": pressure, "loss": loss}.items():
+        shares = numbers(taken[name]["values"], "<u2").reshape(-1, 3) / 65535
+        stored = taken[name]["most"] * shares
+        np.testing.assert_allclose(stored, wanted, atol=wanted.max() / 1e5)
+
+
+def test_many_patches_take_fewer_draws_evenly(tmp_path):
+    study, use = study_of(tmp_path, patches=60)
+    taken = draws_to_explore(study, None)
+    assert len(json.dumps(taken)) < 300_000
+    x = numbers(taken["x_mm"], "<f4")
+    kept = np.flatnonzero(np.isin(use.x_mm.values.astype("<f4"), x))
+    assert len(kept) == len(x) > 500
+    assert set(np.diff(kept)) <= {2, 3}
+    assert draws_to_explore(study_of(tmp_path, patches=2000)[0], None) is None
+
+
+def test_grades_stand_in_place_of_losses(tmp_path):
+    study, _ = study_of(tmp_path, graded=True)
+    taken = draws_to_explore(study, None)
+    assert taken["measured"] == [0, 1, 2]
+    assert "loss" not in taken
+
+
+def test_a_use_that_the_study_does_not_adopt_is_not_explored(tmp_path):
+    study, _ = study_of(tmp_path, adopted=0)
+    assert draws_to_explore(study, None) is None
+    assert draws_to_explore(Results({}), None) is None
