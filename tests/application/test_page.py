@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 import trimesh
+import xarray as xr
 from PIL import Image
 
 from gst import ROOT
@@ -16,9 +17,11 @@ from gst.page import page
 from gst.page.captions import caption_html, table_caption
 from gst.page.figures.style import STONE
 from gst.page.figures.tool import coloured_tool
-from gst.page.study_page import reported
+from gst.page.results import Results
+from gst.page.study_page import reported, scan_dates
 from gst.page.verdict import Answer
 from gst.run.chain import given_to, step_of, write_record
+from gstlib.io.store import write_dataset
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
 
@@ -133,3 +136,22 @@ def test_the_truth_is_one_line():
         "radius no",
         "pressures 24 of 25",
     ]
+
+
+def test_the_days_of_the_scans_are_those_in_their_files(tmp_path):
+    times = {
+        "a_T0": "2021-03-04 10:00:00",
+        "b_T0": "Tue Mar 2",
+        "c_T0": "",
+        "a_T1": "2021-02-03T09:00",
+        "b_T1": "2021-03-05",
+    }
+    for name, when in times.items():
+        folder = tmp_path / name[-2:] / "1"
+        folder.mkdir(parents=True, exist_ok=True)
+        scan = xr.Dataset(attrs={"acquired": when} if when else {})
+        write_dataset(folder / f"{name}.h5", scan)
+    folders = {epoch: [tmp_path / epoch.upper() / "1"] for epoch in ("t0", "t1")}
+    study = Results(folders, places={"patch": ["a", "b", "c"]})
+    assert scan_dates(study) == ["2021-02-03", "2021-03-05"]
+    assert scan_dates(Results({}, places={"patch": []})) == []

@@ -208,6 +208,8 @@ rule write_page:
         surface=rules.grid_macroscale.output.face,
         contact=rules.solve_macroscale.output.contact,
         shown=list(SHOWN),
+        t0=surfaces("T0") if SCANNED else [],
+        t1=surfaces("T1") if WORN_PATCHES else [],
         exposure=EXPOSURE,
         behind=LOAD_PATHS,
         by_patch=rules.draw_validation.output.patch_png if WORN_PATCHES else [],

@@ -97,7 +97,7 @@ function explore(draws) {
   const form = document.getElementById("explorer");
   const map = document.getElementById("map");
   const { patches, measured, near_mm: near } = draws;
-  const short = (value) => String(Number(value.toPrecision(3)));
+  const short = (value) => (Math.abs(value) < 0.005 ? "0" : String(Number(value.toPrecision(3))));
   const total = weights.reduce((sum, weight) => sum + weight, 0);
 
   function show(x, y) {

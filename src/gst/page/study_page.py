@@ -79,8 +79,8 @@ def write_study_page(
     ----------
     page : Path
     study : Results
-        With the files ``mesh, surface, contact``, ``counterface``, ``exposure`` and ``use`` if
-        there are, ``by_patch`` and ``strips``, the folders of pictures of single patches, and
+        With the files ``mesh, surface, contact`` and, if there are, ``counterface, exposure, use,
+        t0, t1`` (folders of prepared scans), ``by_patch`` and ``strips`` (folders of pictures), and
         tables by the names of their files. Its places have ``t0`` and ``t1``, too: names of scans.
     config : mapping
     shown : sequence of Shown
@@ -98,6 +98,7 @@ def write_study_page(
     load = load_points(study, asked["stated"]["load_point"])
     content = {
         "version": __version__,
+        "dates": [] if config["specimen"] else scan_dates(study),
         "given": asked["stated"] | {"modulus": asked["modulus"]},
         "load": load,
         "draws": draws_to_explore(study, config["wear_law"]),
@@ -118,6 +119,17 @@ def write_study_page(
         "compared": study.has("validation_summary.csv"),
     }
     write_whole(page, render("page.html", **content).encode())
+
+
+def scan_dates(study: Results) -> list[str]:
+    """The first and the last day on which scans were taken, if their files say when."""
+    when = [
+        str(scan.attrs.get("acquired", ""))[:10]
+        for epoch in ("t0", "t1")
+        for scan in study.by_patch(epoch, study.places["patch"]).values()
+    ]
+    known = sorted(filter(re.compile(r"\d{4}-\d\d-\d\d").fullmatch, when))
+    return sorted({*known[:1], *known[-1:]})
 
 
 def _answer(
