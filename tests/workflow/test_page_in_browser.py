@@ -54,7 +54,7 @@ def draws(finished_tiny):
 
 @pytest.fixture(scope="module")
 def used(finished_tiny, draws, config, tmp_path_factory):
-    """The page of the tiny study as if it had inferred that use."""
+    """The page of the tiny study as if it had inferred that use; with a fault, fault.html."""
     folder, results = tmp_path_factory.mktemp("used"), finished_tiny.results
     write_dataset(folder / "use.h5", draws)
     rows = ("load_point_x", 2.5, 2.2), ("load_point_y", 2.5, 3.1), ("spread", None, 0.3)
@@ -86,8 +86,10 @@ def used(finished_tiny, draws, config, tmp_path_factory):
         Shown(file, "5 Validation", file.stem, "made before")
         for file in sorted(results.glob("figures/*.png"))
     ]
-    none = {"steps": [], "config_faults": [], "active_tool": None}
-    write_study_page(folder / "index.html", study, config, figures, **none)
+    none = {"steps": [], "active_tool": None}
+    for name, faults in {"index": [], "fault": [{"text": "a fault"}]}.items():
+        about = none | {"config_faults": faults}
+        write_study_page(folder / f"{name}.html", study, config, figures, **about)
     return folder / "index.html"
 
 
@@ -115,6 +117,15 @@ def test_the_map_and_its_load_points_are_on_the_first_screen(
             middle_of(page.locator("#map use[data-kind=inferred]")), abs=2
         )
         assert "outside" in page.locator(".legend").inner_text()
+
+
+def test_a_fault_withholds_the_inferred_load_point_too(browser, used):
+    with opened(browser, used.with_name("fault.html")) as page:
+        assert page.locator("#map use[data-kind=given]").count() == 1
+        assert (
+            page.locator("#map ellipse, [data-kind=inferred], #explorer").count() == 0
+        )
+        assert "region" not in page.locator(".legend").inner_text()
 
 
 def cells(page):

@@ -95,12 +95,14 @@ def write_study_page(
     results = page.parent
     proposed = study.table("places.csv") if study.has("places.csv") else None
     asked = Settings(**config).by_stage()["infer_use"]
+    graded = pd.DataFrame({} if proposed is None else study.places)
     load = load_points(study, asked["stated"]["load_point"])
     content = {
         "version": __version__,
         "dates": [] if config["specimen"] else scan_dates(study),
         "given": asked["stated"] | {"modulus": asked["modulus"]},
         "load": load,
+        "grades": graded.to_dict("records"),
         "draws": draws_to_explore(study, config["wear_law"]),
         "truth": truth_met(study, load["held"]),
         "answer": _answer(study, config, proposed),
@@ -179,9 +181,7 @@ def _scene(
             ActiveTool.read(**active_tool), frame, size_mm=study.size_mm
         )
     sizes = study.size_mm, study.patch_mm
-    scene = tool_scene(tool, frame, fields, places, sizes, active)
-    graded = pd.DataFrame(study.places if proposed is not None else {})
-    return scene | {"grades": graded.to_dict("records")}
+    return tool_scene(tool, frame, fields, places, sizes, active)
 
 
 def _loss_on(square: xr.DataArray, study: Results) -> xr.DataArray:
