@@ -10,17 +10,17 @@ from gst.page.truth import truth_met
 from gstlib.io.store import write_dataset
 
 MIDDLE, SPREAD = np.array([2.0, 3.0]), np.array([[0.09, 0.03], [0.03, 0.04]])
-CORNERED = "stage,quantity,patch,unit,true,recovered,error\n"
+WIDE = 0.3  # variance of the draws before they are weighed
+HEADINGS = "stage,quantity,patch,unit,true,recovered,error\n"
 
 
-def drawn(folder, *, adopted=1, count=4000):
+def drawn(folder, *, adopted=1, count=20_000):
     """A use whose draws are spread wide, and whose weights make them the wanted ones."""
     generator = np.random.default_rng(0)
-    wide = 4 * SPREAD
-    x, y = generator.multivariate_normal(MIDDLE, wide, count).T
+    x, y = generator.multivariate_normal(MIDDLE, WIDE * np.eye(2), count).T
     off = np.stack([x, y], axis=1) - MIDDLE
-    squares = np.einsum("ki,ij,kj->k", off, np.linalg.inv(SPREAD), off)
-    weight = np.exp(-0.375 * squares)  # exp(-s/2) over exp(-s/8)
+    away = np.linalg.inv(SPREAD) - np.eye(2) / WIDE
+    weight = np.exp(-np.einsum("ki,ij,kj->k", off, away, off) / 2)
     columns = {"x_mm": x, "y_mm": y, "weight": weight / weight.sum()}
     about = {"units": "mm", "long_name": "of a test"}
     use = xr.Dataset({name: ("draw", each, about) for name, each in columns.items()})
@@ -45,7 +45,7 @@ def test_the_region_holds_95_percent_of_the_draws_by_weight(tmp_path):
 def test_points_inside_and_outside_the_region(tmp_path):
     truth = tmp_path / "truth.csv"
     rows = "use,load_point_x,,mm,2.1,2,0\nuse,load_point_y,,mm,3.1,3,0\n"
-    truth.write_text(CORNERED + rows)
+    truth.write_text(HEADINGS + rows)
     study = Results({"use": drawn(tmp_path), "truth.csv": truth})
     found = load_points(study, (2.0, 3.0))  # y, x
     assert found["points"]["given"] == [3.0, 2.0]
@@ -64,7 +64,7 @@ def test_true_values_are_counted_that_lie_within_their_intervals(tmp_path):
     rows = ["use,radius,,mm,170,150,-20", "coupling,pressure,a,MPa,5,6,1"]
     rows += ["coupling,pressure,b,MPa,5,9,4", "wear,mean_depth,a,um,5,9,4"]
     files = {
-        "truth.csv": CORNERED + "\n".join(rows),
+        "truth.csv": HEADINGS + "\n".join(rows),
         "patch_intervals.csv": "patch,pressure_MPa,low_MPa,high_MPa\na,6,4,7\nb,9,8,11\n",
         "use.csv": "parameter,low,high\nload_point_x,1,2\nradius,120,180\n",
     }
