@@ -125,10 +125,11 @@ def write_study_page(
 
 def scan_dates(study: Results) -> list[str]:
     """The first and the last day on which scans were taken, if their files say when."""
+    patches = (study.places or {}).get("patch", [])
     when = [
         str(scan.attrs.get("acquired", ""))[:10]
         for epoch in ("t0", "t1")
-        for scan in study.by_patch(epoch, study.places["patch"]).values()
+        for scan in study.by_patch(epoch, patches).values()
     ]
     known = sorted(filter(re.compile(r"\d{4}-\d\d-\d\d").fullmatch, when))
     return sorted({*known[:1], *known[-1:]})
