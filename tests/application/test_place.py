@@ -3,6 +3,7 @@
 import http.client
 import io
 import json
+import logging
 import os
 import platform
 import signal
@@ -24,12 +25,14 @@ from matplotlib.image import imread
 from scipy.ndimage import gaussian_filter
 from stones import TURN, rough_stone, taken
 
+from gst.check.fixing import Cure
 from gst.check.matching import Match
 from gst.setup.place import PlaceServer
+from gst.setup.place_check import _Causes
 from gst.setup.place_matching import Matches, _laid_alike, seen_in
 from gst.setup.place_scans import picture_of
 from gst.setup.place_state import digest_of
-from gstlib.errors import InputError
+from gstlib.errors import FaultError, InputError
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.footprints import PatchPosition, outline
 from gstlib.surfaces.frames import Frame
@@ -262,7 +265,7 @@ SAVES = {
     "answers": {"load.force_N": 100},
     "places": places(*BOTH),
     "file": {"patch": "B", "column": "t0", "name": "a.plu"},
-    "start/fix": {},
+    "cure": 0,
 }
 
 
@@ -313,7 +316,7 @@ def test_a_new_table_does_not_take_the_place_of_a_link(server, study):
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"), [("check", "symlink_to"), ("fix", "hardlink_to")]
+    ("name", "kind"), [("check", "symlink_to"), ("study", "hardlink_to")]
 )
 def test_what_a_command_says_is_written_through_no_link(server, study, name, kind):
     target = study.parent / "secret"
@@ -322,7 +325,77 @@ def test_what_a_command_says_is_written_through_no_link(server, study, name, kin
     saved(server, f"start/{name}", {})
     server.commands[name]._own.wait()
     assert target.read_text() == "secret"
-    assert "ERROR" in (study / f".snakemake/place_{name}.log").read_text()
+    assert "points_mm" in (study / f".snakemake/place_{name}.log").read_text()
+
+
+def test_a_cause_is_told_once_with_its_consent_and_its_cure(study):
+    found = _Causes()
+    log = logging.Logger("of the test")
+    log.addHandler(found)
+    for pair in (("A", "B"), ("B", "C")):
+        log.warning("patches %s and %s overlap", *pair)
+    log.warning("set macroscale.face_mm to 14.4")
+    for patch in "AB":
+        remedy = "Turn it."
+        found.add_fault(
+            FaultError("placement", f"patch {patch}", "is turned", remedy, [patch])
+        )
+    turn = {"rotation_deg": "90"}
+    Path("patches.csv").write_text("patch;x_mm\nA;1\nB;2\n")
+    of_b = Cure(
+        "B is turned",
+        {},
+        lambda row: turn if row["patch"] == "B" else {},
+        "Turn",
+        "placement",
+    )
+    for cure in (
+        of_b,
+        Cure("it is thin", {"macroscale.face_mm": 14.4}),
+        Cure("x", {"a": 1}),
+    ):
+        found.add_cure(cure, "patches.csv")
+    overlaps, face, turned, alone = found.causes.values()
+    assert [len(each["more"]) for each in (overlaps, turned)] == [1, 1]
+    assert turned["accept"] == ["placement:A", "placement:B"]
+    assert turned["cure"] == {"values": {}, "cells": {"B": turn}, "button": "Turn"}
+    assert face["cure"]["values"] == {"macroscale.face_mm": 14.4}
+    assert (alone["level"], alone["cure"]["values"]) == ("warning", {"a": 1})
+    assert "cure" not in overlaps
+
+
+def test_what_cures_a_cause_is_written_while_the_check_holds(server, study):
+    """Other cures and consent leave it valid, another answer does not."""
+    cures = [
+        {"values": {"macroscale.face_mm": 14.4}, "cells": {}, "button": "Use 14.4"},
+        {"values": {}, "cells": {"B": {"x_mm": "2.5"}}, "button": "Move"},
+    ]
+    causes = [{"level": "warning", "text": "", "cure": cure} for cure in cures]
+    said = {"causes": causes, "digest": digest_of(server.config), "summary": ""}
+    Path(".snakemake/place_check.log").write_text(json.dumps(said))
+    assert ask(server, "said/check")[1]["changed"] is False
+    assert saved(server, "cure", 0)["kept"] == "study.yaml.bak"
+    assert written()["macroscale"] == {"face_mm": 14.4}
+    saved(server, "answers", {"accept": ["overlap:B"]})
+    assert written()["accept"] == ["overlap:B"]
+    assert saved(server, "cure", 1)["kept"] == "patches.tsv.bak"
+    assert "B\t\t2,5\t2" in (study / "patches.tsv").read_text()
+    assert ask(server, "said/check")[1]["changed"] is True
+    assert save(server, "cure", 2)[0] == 422
+    saved(server, "answers", {"load.force_N": 100})
+    assert save(server, "cure", 0)[0] == 422
+
+
+@pytest.mark.parametrize("name", ["check", "study"])
+def test_nothing_changes_while_the_files_are_read(server, study, name, monkeypatch):
+    monkeypatch.setattr(server.commands[name], "is_running", lambda: True)
+    before = files_in(study)
+    for path, sent in SAVES.items():
+        assert save(server, path, sent)[0] == 423
+    other = {"check": "study", "study": "check"}[name]
+    assert ask(server, f"start/{other}", {})[0] == 423
+    assert files_in(study) == before
+    assert not any(Path(".snakemake").glob("place_*"))
 
 
 def test_a_copy_is_kept_before_a_value_of_the_config_goes(server, study):

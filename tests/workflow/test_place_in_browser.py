@@ -1,5 +1,6 @@
 """`gst place` in a browser: from files to a result, left and taken up again on the way."""
 
+import json
 import os
 import signal
 import subprocess
@@ -330,6 +331,7 @@ def test_the_five_steps(browser, folder, finished_tiny, stone):
         wait_for(page, "check")
         assert page.locator("#check .error").count() == 0
         assert page.locator("#check .note").count() > 0
+        page.wait_for_selector("nav a.done[href='#check']")
         page.wait_for_selector("#check-picture")
         assert (
             page.evaluate("document.getElementById('check-picture').naturalWidth") > 500
@@ -340,6 +342,8 @@ def test_the_five_steps(browser, folder, finished_tiny, stone):
         page.click("text=4 Run")
         page.click("[data-start=study]")
         page.wait_for_selector("#progress:not([hidden])", timeout=0)
+        assert page.locator("[inert]").count() == 2  # nothing is edited meanwhile
+        assert page.is_disabled("[data-start=check]")
     with opened(browser, folder) as (page, _):  # the study went on
         page.click("text=4 Run")
         wait_for(page, "study")
@@ -390,6 +394,45 @@ def test_a_stale_tab_saves_nothing_and_shows_what_was_not_saved(browser, unscann
         saved(stale)
         assert "patches.csv.bak" in stale.inner_text("#status")
         assert (unscanned / "patches.csv.bak").read_bytes() == before[1]
+
+
+def test_each_cause_has_its_own_button(browser, unscanned):
+    """The check's words are given here, as it takes a while."""
+    points = [[-2.5, -2.5, 10.0], [2.5, -2.5, 10.0], [-2.5, 2.5, 10.0]]
+    config = unscanned / "study.yaml"
+    values = {"square.points_mm": points, "patches": "patches.csv"}
+    config.write_text(with_values(config.read_text(), values))
+    table = unscanned / "patches.csv"
+    table.write_text("patch;x_mm;y_mm;wear_grade\n1;1;1;0\n2;1.2;1;\n")
+    causes = [
+        {"level": "error", "text": "half of patch 2 is that of patch 1", "more": []},
+        {"level": "warning", "text": "the stone is thin", "more": ["as patch 7 says"]},
+    ]
+    causes[0]["accept"], causes[1]["accept"] = ["overlap:2"], []
+    cure = {"values": {"macroscale.face_mm": 14.4}, "cells": {}}
+    causes[1]["cure"] = cure | {"button": "Use 14.4 mm"}
+    with opened(browser, unscanned) as (page, _):
+        digest = page.evaluate("state.digest")
+        said = {"causes": causes, "digest": digest, "summary": "as it is"}
+        (unscanned / ".snakemake/place_check.log").write_text(json.dumps(said))
+        page.reload()
+        page.click("text=3 Check")
+        page.wait_for_selector("nav a.wrong")
+        assert "1 fault" in page.inner_text("nav a[href='#check']")
+        assert page.locator("#causes li").count() == 2
+        page.click("#causes .error >> text=Show")
+        assert page.locator("#plan .pointed").count() == 2
+        page.click("text=3 Check")
+        page.click("text=Use 14.4 mm")
+        page.click("text=Accept")
+        page.click("text=Take back")
+        page.wait_for_selector("text=Take back", state="detached")
+        assert config_of(unscanned)["macroscale"]["face_mm"] == 14.4
+        assert config_of(unscanned)["accept"] == []
+        assert (unscanned / "study.yaml.bak").is_file()
+        assert page.locator("nav a.wrong").count() == 0
+        page.click("#next")
+        assert page.inner_text("nav [aria-current]").startswith("○ 4 Run")
 
 
 ATTACK = """<!DOCTYPE html><title>working</title><script>

@@ -38,7 +38,7 @@ from gstlib.study import Study
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.grid import coarser
 
-__all__ = ["check_study"]
+__all__ = ["Walk", "check_study"]
 
 _log = logging.getLogger(__name__)
 
@@ -57,10 +57,7 @@ def check_study(path: Path, cures: list[Cure] | None = None) -> None:
     remarks = BufferingHandler(1 << 20)
     remarks.setLevel(NOTE)
     logging.getLogger().addHandler(remarks)
-    walk = _Walk(path, cures)
-    for station in (walk.settings, walk.tables, walk.files, walk.contact):
-        walk.faults += station()
-    walk.answer()
+    Walk(path, cures).run()
     count = Counter(record.levelno for record in remarks.buffer)
     logged = ", ".join(
         f"{count[level]} {name}{'s' * (count[level] > 1)}"
@@ -81,8 +78,11 @@ def _noted() -> Iterator[list[GstError]]:
 
 
 @dataclass
-class _Walk:
-    """A check, with everything that its stations have read so far."""
+class Walk:
+    """A check, with everything that its stations have read so far.
+
+    `cures` is that of `check_study`.
+    """
 
     path: Path
     cures: list[Cure] | None
@@ -98,6 +98,12 @@ class _Walk:
     lines: dict[str, str] = field(
         default_factory=dict
     )  # of the answer, about the contact
+
+    def run(self) -> None:
+        """Go through all stations, and print what a run would do; an error lists all faults."""
+        for station in (self.settings, self.tables, self.files, self.contact):
+            self.faults += station()
+        self.answer()
 
     def settings(self) -> list[GstError]:
         """The config, and the folder of its results; a config that cannot be used ends the walk."""

@@ -41,11 +41,16 @@ _LEAST_MOVED, _LEAST_TURNED = 0.05, 3.0
 
 
 class Cure(NamedTuple):
-    """What takes a fault away, and why: values of the config by key, cells of the patch table."""
+    """What takes a fault away, and why: values of the config by key, cells of the patch table.
+
+    `button` says it in a word or two; `fault` is the name of the fault, if a config can accept it.
+    """
 
     why: str
     values: Mapping[str, Any]
     cells: Cells | None = None
+    button: str = "Mend"
+    fault: str = ""
 
 
 def cures_of(study: Study) -> list[Cure]:
@@ -94,6 +99,8 @@ def _of_places(study: Study) -> Iterator[Cure]:
             lambda row: (
                 {"t0": row["t1"], "t1": row["t0"]} if row["t0"] and row["t1"] else {}
             ),
+            "Exchange",
+            "epochs",
         )
     elif together.status == SHIFTED:
         x, y = (round(float(together[f"shift_{axis}_um"])) / 1e3 for axis in "xy")
@@ -101,6 +108,8 @@ def _of_places(study: Study) -> Iterator[Cure]:
             f"all patches lie {x:+g} mm along x and {y:+g} mm along y from where the table says",
             {},
             lambda row: {"x_mm": _plus(row, "x_mm", x), "y_mm": _plus(row, "y_mm", y)},
+            "Move",
+            PLACEMENT,
         )
 
 
@@ -126,7 +135,7 @@ def _by_hand(study: Study, scans: Mapping[str, "xr.Dataset"]) -> Iterator[Cure]:
                 cells[patch]["rotation_deg"] = f"{turn:.1f}"
     if cells:
         why = f"patches {', '.join(cells)} fit the mesh up to {REACH} mm from where the table says"
-        yield Cure(why, {}, lambda row: cells.get(row["patch"], {}))
+        yield Cure(why, {}, lambda row: cells.get(row["patch"], {}), "Move", PLACEMENT)
 
 
 def _laid_right(orientation: str, mould: Mould, size_mm: float) -> Cure:
@@ -149,6 +158,8 @@ def _laid_right(orientation: str, mould: Mould, size_mm: float) -> Cure:
         f"the patches fit the mesh {orientation}",
         {key: value for key, value in values.items() if value != former[key]},
         cells if turn or mistake else None,
+        "Turn" if turn else "Move" if mistake else "Mirror",
+        PLACEMENT,
     )
 
 
@@ -161,6 +172,8 @@ def _alone_laid_right(patch: str, orientation: str, own: Mould) -> Iterator[Cure
             f"patch {patch} fits the mesh {orientation}",
             {},
             lambda row: _turned(row, turn) | flip if row["patch"] == patch else {},
+            "Turn" if turn else "Mirror",
+            PLACEMENT,
         )
 
 
@@ -197,7 +210,7 @@ def _of_face(study: Study) -> Iterator[Cure]:
     config, side = study.config, largest_face(study.face.height.attrs["thickness_mm"])
     if config["square"]["size_mm"] <= side < config["macroscale"]["face_mm"]:
         why = f"the stone is {side:g} mm thick under the square, less than its face"
-        yield Cure(why, {"macroscale.face_mm": side})
+        yield Cure(why, {"macroscale.face_mm": side}, button=f"Use {side:g} mm")
 
 
 def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) -> bool:

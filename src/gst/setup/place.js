@@ -20,6 +20,7 @@ let axes; // of the stone
 let clicks = []; // of corners
 let marks = []; // drawn on the stone
 const earlier = []; // for undo: square and patches as they were
+let pointed = []; // patches that the check is about
 let fits = {}; // what was said of each patch when their places were sought
 
 // --- the server
@@ -57,16 +58,43 @@ function say(text, isWrong = false) {
 /** Say what went wrong, where the browser would not. */
 const told = (work) => work.catch((error) => say(error.message, true));
 
+/** Lock what must not change meanwhile, until some work is done. */
+const locks = [];
+async function locked(text, work) {
+  locks.push(text);
+  lock();
+  try {
+    return await work();
+  } finally {
+    locks.splice(locks.indexOf(text), 1);
+    lock();
+  }
+}
+
+/** While a check or a study reads the files, nothing is edited; one thing is done at a time. */
+function lock() {
+  const isRead = isRunning("check") || isRunning("study");
+  const text = isRunning("check") ? "Checking …" : isRunning("study") ? "The study runs …" : locks.at(-1);
+  $("busy").textContent = text || "";
+  $("busy").hidden = !text;
+  for (const id of ["where", "how"]) $(id).inert = isRead;
+  for (const button of all("[data-start], #causes button")) button.disabled = Boolean(text);
+  for (const button of all("[data-stop]")) button.disabled = !isRunning(button.dataset.stop);
+}
+
 let dragged = false; // since the pointer went down
 let last = Promise.resolve();
 /** Save one thing after the other. Each save names the files that the last one left. */
 function save(route, sent) {
   const text = JSON.parse(JSON.stringify(sent)); // as it is now
   const origin = state;
-  last = last.then(() => told(ask(route, text, origin.digest).then(({ digest, kept }) => {
-    origin.digest = digest;
-    say(kept ? `Saved. The former file is kept as ${kept}.` : "Saved.");
-  })));
+  last = last.then(() => locked("Saving …", () => told(
+    ask(route, text, origin.digest).then(({ digest, kept }) => {
+      origin.digest = digest;
+      if (said.check) said.check.changed = true;
+      showSteps();
+      say(kept ? `Saved. What was there is kept as ${kept}.` : "Saved.");
+    }))));
   return last;
 }
 
@@ -139,6 +167,7 @@ const svg = (name, attributes, ...inside) => {
   made.append(...inside);
   return made;
 };
+const isGraded = (patch) => patch.wear_grade !== null;
 const isSet = (patch) => patch.x_mm !== null && patch.y_mm !== null;
 const turned = (degrees) => ((((degrees + 180) % 360) + 360) % 360) - 180;
 const hasPictures = () => state.has_scans && !lacksUnit() && !lacks("mould.invert")
@@ -231,7 +260,7 @@ function drawOnPlan(patch, number) {
   const box = { x: -half, y: -half, width: side(), height: side() };
   const handle = svg("circle", { class: "handle", cx: 0, cy: -half, r: size() / 70 });
   const made = svg("g", {
-    class: `patch${sticksOut(patch) ? " out" : ""}`,
+    class: `patch${sticksOut(patch) ? " out" : ""}${pointed.includes(patch.patch) ? " pointed" : ""}`,
     tabindex: 0,
     role: "button",
     "aria-label": `Patch ${word}`,
@@ -466,8 +495,7 @@ $("turn-all").onchange = () => {
   savePlaces();
 };
 $("exact").onclick = () => told(last.then(async () => {
-  say("Comparing heights: this takes up to a minute …");
-  const found = await ask("find", {});
+  const found = await locked("Comparing heights: this takes up to a minute …", () => ask("find", {}));
   fits = found.said;
   keep();
   state.square = found.square;
@@ -559,10 +587,7 @@ $("as-likely").onclick = async () => {
 
 $("own-modulus").lastElementChild.onclick = () => answer({ "material.contact_modulus_MPa": null });
 
-async function answer(values) {
-  await save("answers", values);
-  await load();
-}
+const answer = (values) => locked("Saving …", () => save("answers", values).then(load));
 
 for (const choice of all("#how [type=radio]")) {
   choice.onchange = () => {
@@ -589,32 +614,98 @@ document.querySelector("form").onsubmit = (event) => event.preventDefault();
 // --- steps 3 and 4: commands, and what they say
 
 const SECTIONS = { check: "check", study: "run" };
+const said = {}; // by command, as the server says it
 const shown = {};
+const handled = new Set(); // numbers of causes, since the check
+const isRunning = (name) => Boolean(said[name]?.running);
+const count = (number, word) => (number ? `${number} ${word}${number > 1 ? "s" : ""}` : "");
+const found = (level) => (said.check?.causes || []).filter((cause) => cause.level === level).length;
+const warnings = () => [count(found("accepted"), "accepted fault"), count(found("warning"), "warning")]
+  .filter(Boolean).join(" · ");
 
-function howItIs(name, { running, code, changed }) {
+function howItIs(name, { running, code, changed, causes }) {
   if (running) return "Running …";
   if (changed) return "Something was changed since this was said.";
+  if (causes) return found("error") ? `It cannot run yet: ${count(found("error"), "fault")}.`
+    : `It can run. ${warnings()}`;
   if (code === null) return ""; // of another server
-  if (code === 0) return name === "check" ? "Done: go on to 4, Run." : "Done: go on to 5, Result.";
+  if (code === 0) return "Done: go on to 5, Result.";
   if (code < 0) return "Stopped.";
-  return name === "check" ? "Not yet: see below." : "It ended before it was done: see below.";
+  return "It ended before it was done: see below.";
 }
 
-function showSaid(name, said) {
+function showSaid(name) {
   const section = $(SECTIONS[name]);
-  const text = JSON.stringify(said);
-  section.querySelector("[data-start]").disabled = said.running;
-  section.querySelector("[data-stop]").disabled = !said.running;
+  const text = JSON.stringify([said[name], state.answers.accept, [...handled]]);
+  lock();
   if (shown[name] === text) return;
   shown[name] = text;
-  section.querySelector("[role=status]").textContent = howItIs(name, said);
+  section.querySelector("[role=status]").textContent = howItIs(name, said[name]);
   const box = section.querySelector(".said");
-  box.replaceChildren(...said.records.map(
+  box.replaceChildren(...said[name].records.map(
     ({ level, text: line }) => make("p", { className: level }, line)));
-  if (name === "study") showProgress(said, box);
-  else if (!said.running && box.textContent.includes("check.png")) showPicture();
-  if (name === "check")
-    $("apply-asked").hidden = said.running || said.changed || !/^\+\+\+ .*, mended$/m.test(box.textContent);
+  if (name === "study") showProgress(said.study, box);
+  else showCauses(said.check);
+}
+
+// --- step 3: each cause once, with what can be done about it
+
+const MARKS = { error: "✖ ", accepted: "✔ ", warning: "▲ ", note: "" };
+
+function showCauses({ causes, summary, running }) {
+  const accepted = (state.answers.accept || []).map((name) => make("li", { className: "accepted" },
+    make("span", {}, `✔ ${name} is accepted in the config.`),
+    does("Take back", () => answer({ accept: state.answers.accept.filter((each) => each !== name) }))));
+  $("causes").replaceChildren(...(running ? [] : [...(causes || []).map(lineOf), ...accepted]));
+  $("summary").hidden = running || !summary;
+  $("summary").lastElementChild.textContent = summary || "";
+  if (!running && summary?.includes("check.png")) showPicture();
+  lock();
+}
+
+const does = (text, work) => make("button", { type: "button", onclick: () => told((async () => work())()) }, text);
+
+/** Do away with a cause, whose line then says so. */
+async function handle(number, route, sent) {
+  handled.add(number);
+  await locked("Saving …", () => save(route, sent).then(load));
+}
+
+function lineOf(cause, number) {
+  const { level, text, more, accept, cure } = cause;
+  if (handled.has(number)) return make("li", {}, make("span", {}, `✓ Done, check it again: ${text}`));
+  const [, line, meaning] = text.match(/^(.*?)(?: \[(.*)\]\.?)?$/s);
+  const further = meaning ? [meaning, ...more] : more;
+  const [patches, step] = [namedIn(cause), level === "error" && stepOf(text)];
+  return make("li", { className: level }, make("span", {}, MARKS[level], line),
+    cure ? does(cure.button, () => handle(number, "cure", number)) : "",
+    level === "error" && accept.length ? does("Accept", () => handle(number, "answers",
+      { accept: [...new Set([...(state.answers.accept || []), ...accept])] })) : "",
+    patches.length ? does("Show", () => point(patches)) : step ? does("Show", () => go(step)) : "",
+    further.length ? make("details", {},
+      make("summary", {}, more.length ? `${more.length} more` : "What it means"),
+      ...further.map((each) => make("p", {}, each))) : "");
+}
+
+/** The patches that a cause is about. */
+function namedIn({ text, more }) {
+  const lists = [text, ...more].join("\n").matchAll(/patch(?:es)? ((?:[A-Za-z0-9-]+(?:, | and )?)+)/g);
+  const names = [...lists].flatMap(([, list]) => list.split(/, | and /));
+  return state.patches.filter((patch) => isSet(patch) && names.includes(patch.patch));
+}
+
+/** The step where a value is given. */
+function stepOf(text) {
+  if (/square\.points_mm|x_mm|y_mm|grade|mesh_unit/.test(text)) return "where";
+  return /'?(load|counterface|material|scans)\./.test(text) ? "how" : null;
+}
+
+/** Show patches at their places. */
+function point(patches) {
+  pointed = patches.map(({ patch }) => patch);
+  go("where");
+  setMode("places");
+  drawPlan(pointed[0]);
 }
 
 function showPicture() {
@@ -624,51 +715,113 @@ function showPicture() {
 }
 
 /** How far it is, and how long it still takes, as it says itself. */
-function showProgress(said, box) {
+function showProgress({ running }, box) {
   const last = [...box.textContent.matchAll(/(\d+) of (\d+) steps done.*/g)].at(-1);
   $("progress").hidden = !last;
   if (!last) return;
   const [text, done, whole] = last;
   $("progress").value = done / whole;
-  if (said.running) $("run").querySelector("[role=status]").textContent = `${text}.`;
+  if (running) $("run").querySelector("[role=status]").textContent = `${text}.`;
   box.scrollTop = box.scrollHeight;
 }
 
+const timers = {};
 async function follow(name) {
-  const said = await ask(`said/${name}`);
-  showSaid(name, said);
-  if (said.running) setTimeout(() => told(follow(name)), 1000);
+  const wasRunning = isRunning(name);
+  said[name] = await ask(`said/${name}`);
+  showSaid(name);
+  clearTimeout(timers[name]);
+  if (isRunning(name)) timers[name] = setTimeout(() => told(follow(name)), 1000);
+  else if (wasRunning) await showResult();
+  showSteps();
 }
 
 for (const button of all("[data-start]")) {
   const name = button.dataset.start;
-  button.onclick = () => told(last.then(() => ask(`start/${name}`, {})).then(() => follow(name)));
+  button.onclick = () => told(locked("Starting …", async () => {
+    await last;
+    handled.clear();
+    await ask(`start/${name}`, {});
+    await follow(name);
+  }));
 }
-$("apply").onclick = () => told(last.then(async () => {
-  $("apply-asked").hidden = true;
-  await ask("start/fix", {}, state.digest);
-  while ((await ask("said/fix")).running) await new Promise((done) => { setTimeout(done, 1000); });
-  await load();
-  await ask("start/check", {});
-  await follow("check");
-}));
 for (const button of all("[data-stop]"))
   button.onclick = () => told(ask(`stop/${button.dataset.stop}`, {}));
 
 // --- step 5
 
+let result = {};
 async function showResult() {
-  const { page, problem } = await ask("result");
+  result = await ask("result");
+  const { page, problem } = result;
   $("found").hidden = page === null;
   if (page) $("open").href = page;
   $("no-result").textContent = problem ? `${page ? "Run it again: " : ""}${problem}.` : "";
 }
 
-// --- the steps
+// --- the steps, how far each is, and the next one
+
+const isGiven = (key) => !isToDo(state.answers[key]);
+
+/** The questions of step 2, and whether each is answered. */
+function questions() {
+  const rocks = ["young_1_MPa", "poisson_1", "young_2_MPa", "poisson_2"].map((key) => `material.${key}`);
+  return [
+    isGiven("load.force_N"),
+    state.own_tool || isGiven("counterface.radius_mm"),
+    state.answers["material.contact_modulus_MPa"] !== null || rocks.every(isGiven),
+    ...(state.has_scans ? [!lacks("mould.invert", "unit", "spacing_um", "size_mm")] : []),
+  ];
+}
+
+/** How each step is: done, wrong, or neither; and in a word or two. */
+function howFar() {
+  const [{ patches, has_scans, asked }, how] = [state, questions()];
+  const placed = patches.filter(has_scans ? isSet : isGraded).length;
+  const isEnough = has_scans ? placed === patches.length : !patches.length || placed >= state.fewest;
+  const answered = how.filter(Boolean).length;
+  const causes = !isRunning("check") && !said.check?.changed && said.check?.causes;
+  const faults = causes ? found("error") : 0;
+  const { page, problem } = result;
+  const isWhole = Boolean(page && !problem);
+  return {
+    where: { done: Boolean(frame()) && isEnough && !asked.length && isGiven("inputs.mesh_unit"),
+      text: patches.length ? `${placed} of ${patches.length}` : frame() ? "" : "no square" },
+    how: { done: answered === how.length, text: `${answered} of ${how.length}` },
+    check: { done: Boolean(causes) && !faults, wrong: faults,
+      text: isRunning("check") ? "…" : faults ? count(faults, "fault") : causes ? warnings() : "" },
+    run: { done: isWhole && !isRunning("study"), wrong: !isWhole && !isRunning("study") && said.study?.code > 0,
+      text: isRunning("study") ? `${Math.round(100 * $("progress").value)} %` : "" },
+    result: { done: isWhole, text: page && problem ? "outdated" : "" },
+  };
+}
+
+function showSteps() {
+  if (!state) return;
+  const steps = howFar();
+  const next = STEPS.find((step) => !steps[step].done);
+  for (const link of all("nav a")) {
+    const step = link.hash.slice(1);
+    const { done, wrong, text } = steps[step];
+    link.querySelector(".state").textContent = wrong ? "✖" : done ? "✓" : step === next ? "●" : "○";
+    link.querySelector("small").textContent = text;
+    link.className = wrong ? "wrong" : done ? "done" : "";
+    link.title = wrong ? "Something is wrong here" : done ? "Done" : "To do";
+  }
+  const behind = STEPS[STEPS.indexOf(now) + 1];
+  $("next").hidden = !behind;
+  $("next").className = steps[now].done ? "ready" : "";
+  if (behind) $("next").textContent = `Next: ${behind[0].toUpperCase()}${behind.slice(1)} ▸`;
+  $("next").onclick = () => go(behind);
+}
+
+const go = (step) => { location.hash = step; };
+let now; // the step that is shown
 
 function show() {
   const step = STEPS.includes(location.hash.slice(1)) ? location.hash.slice(1)
     : frame() && state.patches.every(isSet) && !state.asked.length ? "how" : "where";
+  now = step;
   for (const each of STEPS) $(each).hidden = each !== step;
   for (const link of all("nav a")) {
     if (link.hash === `#${step}`) link.setAttribute("aria-current", "step");
@@ -678,6 +831,7 @@ function show() {
   if (step === "check") told(follow("check"));
   if (step === "run") told(follow("study"));
   if (step === "result") told(showResult());
+  showSteps();
 }
 
 async function load() {
@@ -698,6 +852,7 @@ async function load() {
   showFiles();
   draw();
   if (!document.querySelector("nav [aria-current]")) show(); // the stone may take its time
+  await Promise.all([follow("check"), follow("study"), showResult()]);
   await showStone();
   if (isStaged !== null || !hasPictures()) return;
   isStaged = (await ask("stage")).all;

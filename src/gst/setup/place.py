@@ -47,6 +47,7 @@ from gst.setup.place_state import (
     check_files,
     digest_of,
     save_answers,
+    save_cure,
     save_file,
     save_places,
     state_of,
@@ -80,13 +81,12 @@ _POLICY_OF_RESULTS = (
 _LOGS = Path(".snakemake")
 _LOCK = _LOGS / "place.lock"
 # Requests that change the config or the patch table, and the header with the digest of both files.
-_CHANGES = {"answers", "file", "places", "start/fix"}
+_CHANGES = {"answers", "cure", "file", "places"}
 _DIGEST = "Study-Digest"
-# The check says what has one cure, and a click confirms it.
-_COMMANDS = {
-    "check": ("check", "--fix"),
-    "fix": ("check", "--fix", "--yes"),
-    "study": ("study",),
+_COMMANDS = {"check": ("gst.setup.place_check",), "study": ("gst", "study")}
+_BUSY = {
+    "check": "The check runs: wait for its end, or stop it.",
+    "study": "The study runs, and its files stay as they are: wait for its end, or stop it.",
 }
 # A line that begins what `gst` reports, with the lines behind it that are indented.
 _REPORT = re.compile(r"^(ERROR|WARNING|NOTE): ")
@@ -108,7 +108,7 @@ class _Command:
 
     def __init__(self, name: str, config: Path):
         self._config = config
-        self._words = ["-m", "gst", *_COMMANDS[name], str(config)]
+        self._words = ["-m", *_COMMANDS[name], str(config)]
         self._log, self._number = (
             _LOGS / f"place_{name}.{kind}" for kind in ("log", "pid")
         )
@@ -143,7 +143,7 @@ class _Command:
         """What it said so far, by level, and how it is.
 
         That is whether it is ``running``, its exit ``code`` if it is known, and whether the config
-        was ``changed`` since it said so.
+        was ``changed`` since it said so. A check that has ended says its ``causes``.
         """
         is_running = self.is_running()
         text, changed = "", False
@@ -152,6 +152,9 @@ class _Command:
             changed = self._config.stat().st_mtime > self._log.stat().st_mtime
         code = self._own.returncode if self._own is not None else None
         state = {"running": is_running, "code": code, "changed": changed}
+        if (found := _causes(text)) is not None:
+            changed = found["digest"] != digest_of(self._config)
+            return state | found | {"records": [], "changed": changed}
         return {"records": _records(text)} | state
 
     def is_running(self) -> bool:
@@ -168,6 +171,15 @@ class _Command:
             return process if is_it and process.cwd() == str(Path.cwd()) else None
         except (InputError, OSError, ValueError, psutil.Error):
             return None
+
+
+def _causes(text: str) -> dict[str, Any] | None:
+    """What `gst.setup.place_check` printed; None while it has not, or if it broke off."""
+    try:
+        found = json.loads(text)
+    except ValueError:
+        return None
+    return found if isinstance(found, dict) and "causes" in found else None
 
 
 def _records(text: str) -> list[dict[str, str]]:
@@ -260,6 +272,9 @@ class PlaceServer(ThreadingHTTPServer):
         self.host = f"127.0.0.1:{self.server_port}"
         self.url = f"http://{self.host}/{self.token}/"
         self.commands = {name: _Command(name, config) for name in _COMMANDS}
+        self.mended: set[str] = (
+            set()
+        )  # digests of files that only cures and consent changed
 
     def server_close(self) -> None:
         """Release the port and the folder."""
@@ -292,14 +307,47 @@ class PlaceServer(ThreadingHTTPServer):
             self._redirect.cleanup()
 
     def check_digest(self, digest: str | None) -> None:
-        """Refuse to change files that differ from those that a page shows."""
-        if digest != digest_of(self.config) or self.commands["fix"].is_running():
+        """Refuse to change files that differ from those that a page shows, or are being read."""
+        self.check_idle()
+        if digest != digest_of(self.config):
             why = (
                 f"Another tab or program has changed {self.config} or its patch table, so nothing "
                 "was saved: note what you entered here, then reload the page."
             )
             raise _RefusedError(HTTPStatus.CONFLICT, why)
         check_files(self.config)
+
+    def check_idle(self, but: str = "") -> None:
+        """Refuse what a command that runs would not expect; `but` is itself a command."""
+        for name, command in self.commands.items():
+            if name != but and command.is_running():
+                raise _RefusedError(HTTPStatus.LOCKED, _BUSY[name])
+
+    def start(self, name: str) -> None:
+        """Start a command, unless the other one runs."""
+        command = _command(self, name)
+        self.check_idle(but=name)
+        self.mended.clear()
+        command.start()
+
+    def cure(self, number: int) -> dict[str, str | None]:
+        """Write what cures a cause of the check into the files that were checked."""
+        said = self.commands["check"].report()
+        causes = said.get("causes", [])
+        is_other = said["changed"] and digest_of(self.config) not in self.mended
+        if is_other or not 0 <= number < len(causes) or "cure" not in causes[number]:
+            why = "The study is not as it was checked: check it again first."
+            raise _RefusedError(HTTPStatus.UNPROCESSABLE_ENTITY, why)
+        return self.noted(save_cure(self.config, **causes[number]["cure"]))
+
+    def answer(self, sent: Mapping[str, Any]) -> dict[str, str | None]:
+        """Save answers of the page; a fault that is accepted leaves the other cures valid."""
+        saved = save_answers(self.config, sent)
+        return self.noted(saved) if {*sent} == {"accept"} else saved
+
+    def noted(self, saved: dict[str, str | None]) -> dict[str, str | None]:
+        self.mended.add(saved["digest"] or "")
+        return saved
 
     def result(self) -> dict[str, Any]:
         """Where the page of the result is, if it is there, and what is wrong with it."""
@@ -321,7 +369,12 @@ class PlaceServer(ThreadingHTTPServer):
         return file
 
 
-_SENT = {"answers": SENT_ANSWERS, "file": SENT_FILE, "places": SENT_PLACES}
+_SENT = {
+    "answers": SENT_ANSWERS,
+    "cure": {"type": "integer"},
+    "file": SENT_FILE,
+    "places": SENT_PLACES,
+}
 # What is asked for by the first part of a path, and how it is answered: the server, and what was
 # sent or else the rest of the path. Bytes are a picture, a path is a file, all else is JSON.
 _Answers = dict[str, Callable[["PlaceServer", Any], Any]]
@@ -336,14 +389,15 @@ _GET: _Answers = {
 }
 _POST: _Answers = {
     "find": lambda server, _: find_places(server.config),
-    "answers": lambda server, sent: save_answers(server.config, sent),
+    "answers": lambda server, sent: server.answer(sent),
+    "cure": lambda server, sent: server.cure(sent),
     "file": lambda server, sent: save_file(
         server.config, sent["patch"], sent["column"], sent["name"]
     ),
     "places": lambda server, sent: save_places(
         server.config, sent["square"], sent["patches"]
     ),
-    "start": lambda server, rest: _command(server, rest).start(),
+    "start": lambda server, rest: server.start(rest),
     "stop": lambda server, rest: _command(server, rest).stop(),
     "end": lambda _server, _rest: None,
 }

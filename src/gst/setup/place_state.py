@@ -25,6 +25,7 @@ from gst.setup.scan_folder import scans_in
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.io.files import sha256, write_whole
 from gstlib.io.meshes import read_mesh
+from gstlib.use.evidence import FEWEST_PATCHES
 
 if TYPE_CHECKING:
     import trimesh
@@ -42,6 +43,7 @@ __all__ = [
 ]
 __all__ += [
     "save_answers",
+    "save_cure",
     "save_file",
     "save_places",
     "state_of",
@@ -52,6 +54,7 @@ __all__ += [
 # What the page may write into the config; `inputs.mesh`, for one, is not among it, for the page
 # shows files.
 _ANSWERS = (
+    "accept",
     "counterface.radius_mm",
     "inputs.mesh_unit",
     "load.at_mm",
@@ -82,7 +85,7 @@ SENT_ANSWERS: dict[str, Any] = {
     "propertyNames": {"enum": [*_ANSWERS]},
     "additionalProperties": {
         "type": ["number", "string", "boolean", "array", "null"],
-        "items": {"type": "number"},
+        "items": {"type": ["number", "string"]},
     },
 }
 SENT_FILE: dict[str, Any] = {
@@ -168,6 +171,7 @@ def state_of(path: Path) -> dict[str, Any]:
         },
         "patch_size_mm": unless_to_do(config["scans"]["size_mm"]),
         "has_scans": has_scans,
+        "fewest": FEWEST_PATCHES,
         "patches": rows[columns]
         .astype(object)
         .where(rows.notna(), None)
@@ -248,6 +252,23 @@ def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str |
         Path(config["patches"]), lambda row: cells if row["patch"] == patch else {}
     )
     return _saved(path, kept)
+
+
+def save_cure(
+    path: Path, values: Mapping[str, Any], cells: Mapping[str, Any], **_: Any
+) -> dict[str, str | None]:
+    """Write what cures a fault: values of the config by key, cells of the table by patch.
+
+    The files are kept as they were beside them.
+    """
+    table = read_unfinished(path)["patches"]
+    kept = [str(keep_copy(path))] if values else []
+    if cells:
+        kept.append(str(keep_copy(Path(table))))
+        _write_cells(Path(table), lambda row: cells.get(row["patch"], {}))
+    if values:
+        _save_config(path, values)
+    return _saved(path, " and ".join(kept))
 
 
 def save_places(
