@@ -1,5 +1,6 @@
 """The server of `gst place`: whom it answers, what it writes, and what it shows."""
 
+import base64
 import http.client
 import io
 import json
@@ -22,6 +23,7 @@ import pytest
 import trimesh
 import yaml
 from matplotlib.image import imread
+from PIL import Image
 from scipy.ndimage import gaussian_filter
 from stones import TURN, rough_stone, taken
 
@@ -31,7 +33,7 @@ from gst.setup.place import PlaceServer
 from gst.setup.place_check import _Causes
 from gst.setup.place_matching import Matches, _laid_alike, seen_in
 from gst.setup.place_scans import picture_of
-from gst.setup.place_state import digest_of
+from gst.setup.place_state import digest_of, stone_of
 from gstlib.errors import FaultError, InputError
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.footprints import PatchPosition, outline
@@ -465,6 +467,30 @@ def test_the_lock_of_a_killed_server_is_taken(study):
     with served() as server:
         assert ask(server, "state")[0] == 200
         assert lock.read_text() == f"{platform.node()} {os.getpid()}\n"
+
+
+@pytest.mark.parametrize("kind", ["vertices", "texture", "none", "one"])
+def test_the_stone_has_the_colours_of_its_mesh(study, kind):
+    stone = trimesh.creation.icosphere(subdivisions=2, radius=10.0)
+    red, blue = [255, 0, 0, 255], [0, 0, 255, 255]
+    is_up = stone.vertices[:, 2] > 0
+    if kind in ("vertices", "one"):
+        colours = np.where(is_up[:, np.newaxis], red, red if kind == "one" else blue)
+        stone.visual.vertex_colors = colours.astype(np.uint8)
+    if kind == "texture":
+        picture = Image.new("RGB", (2, 1), (0, 0, 255))
+        picture.putpixel((1, 0), (255, 0, 0))
+        uv = np.column_stack([np.where(is_up, 0.99, 0.01), 0.5 + 0 * is_up])
+        stone.visual = trimesh.visual.TextureVisuals(uv=uv, image=picture)
+    stone.export("stone.glb")
+    configure("stone.ply", "stone.glb")
+    data = stone_of(Path("study.yaml"))
+    if kind in ("none", "one"):
+        assert data["colours"] is None
+        return
+    rgb = np.frombuffer(base64.b64decode(data["colours"]), np.uint8).reshape(-1, 3)
+    z = np.frombuffer(base64.b64decode(data["vertices"]), "<f4").reshape(-1, 3)[:, 2]
+    np.testing.assert_array_equal(rgb[:, 0] > 128, z > 0)
 
 
 def test_scans_find_their_exact_places_near_those_by_hand(server, study):

@@ -493,9 +493,14 @@ def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
         click_stone(page)
         page.check("text=Grade places")
         page.mouse.click(*seen_on_plan(page, 3.5, 4.5))
+        saved(page)
+        table = pd.read_csv(folder / "patches.csv", sep=";")
+        assert table.wear_grade.isna().all()  # until somebody grades it
+        page.keyboard.press("0")
         page.click("#add")
         page.select_option("#grade-2", "3")
         saved(page)
+        assert "6 are needed" in page.inner_text("#hint")
         table = pd.read_csv(folder / "patches.csv", sep=";")
         assert table.wear_grade.tolist() == [0, 3]
         assert table[["x_mm", "y_mm"]].to_numpy() == pytest.approx(

@@ -256,11 +256,12 @@ const pressAt = (x, y) => answer({ "load.at_mm": [x, y].map((value) => +value.to
 
 function drawOnPlan(patch, number) {
   const half = side() / 2;
-  const word = patch.wear_grade === null ? patch.patch : `${patch.patch}: ${patch.wear_grade}`;
+  const word = state.has_scans ? patch.patch : `${patch.patch}: ${patch.wear_grade ?? "?"}`;
   const box = { x: -half, y: -half, width: side(), height: side() };
   const handle = svg("circle", { class: "handle", cx: 0, cy: -half, r: size() / 70 });
   const made = svg("g", {
-    class: `patch${sticksOut(patch) ? " out" : ""}${pointed.includes(patch.patch) ? " pointed" : ""}`,
+    class: `patch${sticksOut(patch) ? " out" : ""}${pointed.includes(patch.patch) ? " pointed" : ""}${
+      state.has_scans || isGraded(patch) ? "" : " ungraded"}`,
     tabindex: 0,
     role: "button",
     "aria-label": `Patch ${word}`,
@@ -285,6 +286,12 @@ function drawOnPlan(patch, number) {
 }
 
 function press(event, patch) {
+  if (!state.has_scans && "0123".includes(event.key)) {
+    keep();
+    patch.wear_grade = Number(event.key);
+    savePlaces();
+    return;
+  }
   const step = event.shiftKey ? 0.005 : 0.05;
   const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
   const turns = { "[": 1, "]": -1, "{": 0.1, "}": -0.1 };
@@ -360,11 +367,23 @@ function addPlace(x, y) {
   const name = String(Math.max(0, ...numbers) + 1);
   keep();
   const at = { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) };
-  state.patches.push({ patch: name, ...at, rotation_deg: 0, wear_grade: 0 });
+  state.patches.push({ patch: name, ...at, rotation_deg: 0, wear_grade: null });
   savePlaces();
+  drawPlan(name); // chosen, so that a key grades it
 }
 
 // --- step 1, drawn
+
+/** How many places are graded, and how many are needed. */
+function gradingHint() {
+  const graded = state.patches.filter(isGraded);
+  const left = state.patches.length - graded.length;
+  const said = `${count(state.patches.length, "place")}, ${left} ungraded and left out; ${state.fewest} are needed.`;
+  if (!state.patches.length) return "Click each place whose wear you can grade, then press 0 (unworn) to 3.";
+  if (graded.length < state.fewest) return said;
+  return new Set(graded.map((patch) => patch.wear_grade)).size > 1 ? `${said} Go on to 2, How.`
+    : `${said} All have one grade: grade places that are worn otherwise, too.`;
+}
 
 function hint() {
   if (!viewer) return "";
@@ -383,7 +402,7 @@ function hint() {
       : ". Turn it, or click elsewhere."}`;
   }
   if (isPressing()) return "Click where the force acted on average.";
-  if (!state.has_scans) return "Click each place whose wear you can grade: 0 is unworn.";
+  if (!state.has_scans) return gradingHint();
   const left = state.patches.filter((patch) => !isSet(patch)).length;
   if (left) return `Drag ${left} more to their places.`;
   const out = state.patches.filter(sticksOut).length;
@@ -413,6 +432,7 @@ function draw() {
   $("of-all").hidden ||= !$("together").checked;
   $("add-asked").hidden = state.has_scans;
   $("scan-keys").hidden = !state.has_scans;
+  $("grade-keys").hidden = state.has_scans;
   $("undo").disabled = !earlier.length && !clicks.length;
   $("straight").disabled = !found;
   $("whole").disabled = placing;
@@ -440,6 +460,10 @@ async function showStone() {
   viewer = stoneViewer($("view"), stone, { label: `The stone ${state.mesh}`, lift: size() / 4 });
   if (!viewer) return;
   viewer.onclick = picked;
+  $("painted-asked").hidden = !stone.colours;
+  const plain = btoa("\xaa\xa3\x97".repeat(atob(stone.vertices).length / 12));
+  $("painted").onchange = () => viewer.setColours($("painted").checked ? stone.colours : plain);
+  if (stone.colours) $("painted").onchange();
   say("");
   if (frame() && state.patches.length && state.patches.every(isSet)) setMode("places");
   else {
@@ -482,6 +506,8 @@ $("undo").onclick = () => {
 $("whole").onclick = () => viewer?.fit();
 $("straight").onclick = straighten;
 $("opacity").oninput = () => drawPlan();
+for (const id of ["azimuth", "altitude"])
+  $(id).oninput = () => viewer?.rake(Number($("azimuth").value), Number($("altitude").value));
 $("together").onchange = draw;
 $("mirror").onclick = () => {
   keep();
@@ -778,7 +804,8 @@ function questions() {
 function howFar() {
   const [{ patches, has_scans, asked }, how] = [state, questions()];
   const placed = patches.filter(has_scans ? isSet : isGraded).length;
-  const isEnough = has_scans ? placed === patches.length : !patches.length || placed >= state.fewest;
+  const isEnough = has_scans ? placed === patches.length : !patches.length || (placed >= state.fewest
+    && new Set(patches.filter(isGraded).map((patch) => patch.wear_grade)).size > 1);
   const answered = how.filter(Boolean).length;
   const causes = !isRunning("check") && !said.check?.changed && said.check?.causes;
   const faults = causes ? found("error") : 0;

@@ -4,12 +4,15 @@ Both are read anew for every answer, and only the values that the page asks for 
 of the table is kept beside it before rows or filled cells are removed.
 """
 
+import contextlib
 import functools
+import io
 import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
 from gst.check.fixing import keep_copy
@@ -20,11 +23,11 @@ from gst.config.strict_yaml import parse_yaml
 from gst.config.tables import columns_of
 from gst.config.todo import TODO, is_to_do
 from gst.config.user_tables import read_rows
-from gst.page.viewer import coarsen, stone_data
+from gst.page.viewer import coarsen, packed, stone_data
 from gst.setup.scan_folder import scans_in
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.io.files import sha256, write_whole
-from gstlib.io.meshes import read_mesh
+from gstlib.io.meshes import UNITS, read_mesh
 from gstlib.use.evidence import FEWEST_PATCHES
 
 if TYPE_CHECKING:
@@ -396,8 +399,33 @@ def _checked(path: Path, values: Mapping[str, Any]) -> str:
 
 
 def stone_of(path: Path) -> dict[str, Any]:
-    """The stone of a config, as `gst.page.viewer.stone_data` has it."""
-    return stone_data(coarsen(mesh_of(path)))
+    """The stone of a config, as `gst.page.viewer.stone_data` has it, and its ``colours``."""
+    mesh = mesh_of(path)
+    stone, colours = coarsen(mesh), None
+    with contextlib.suppress(Exception):  # without them, the stone is grey
+        file = Path(read_unfinished(path)["inputs"]["mesh"])
+        colours = _colours_of(file, UNITS[mesh.metadata["file_unit"]], stone.vertices)
+    return stone_data(stone) | {"colours": colours}
+
+
+def _colours_of(file: Path, unit_mm: float, vertices: np.ndarray) -> str | None:
+    """Red, green and blue (0 to 255) at vertices in mm, from the nearest ones of a file.
+
+    None if it has no colours, or one alone. Pictures beside the file are not opened.
+    """
+    import trimesh
+    from scipy.spatial import cKDTree
+
+    content = io.BytesIO(file.read_bytes())
+    scene: Any = trimesh.load_scene(content, file_type=file.suffix[1:], process=False)
+    parts = [part for part in scene.dump() if part.visual.defined]
+    looks = [part.visual for part in parts]
+    looks = [look.to_color() if look.kind == "texture" else look for look in looks]
+    rgb = np.concatenate([look.vertex_colors[:, :3] for look in looks])
+    if not np.ptp(rgb, axis=0).any():
+        return None
+    points = unit_mm * np.concatenate([part.vertices for part in parts])
+    return packed(rgb[cKDTree(points).query(vertices)[1]], "u1")
 
 
 def mesh_of(path: Path) -> "trimesh.Trimesh":
