@@ -238,8 +238,11 @@ def turn_and_move(page, folder, patch):
 
 def say_how(page, folder):
     page.click("text=2 How")
+    assert page.locator("#how [type=radio]:checked").count() == 1  # of the mould
+    assert page.input_value("#rock") == "?"
     page.check("text=with a hand: 100 N")
     page.check("text=not known: anything from 50 to 1500 mm")
+    page.select_option("#rock", "73 0.25")
     page.select_option("#rock-2", label="another")
     page.fill("[data-key='material.young_2_MPa']", "88300")
     page.fill("[data-key='material.poisson_2']", "0.11")
@@ -258,7 +261,7 @@ def say_how(page, folder):
     saved(page)
     assert config_of(folder)["load"]["at_mm"] is None
     page.click("text=2 How")
-    stones = {"young_1_MPa": 19500, "young_2_MPa": 88300, "poisson_2": 0.11}
+    stones = {"young_1_MPa": 73000, "poisson_1": 0.25, "young_2_MPa": 88300}
     assert stones.items() <= config["material"].items()
 
 
@@ -351,6 +354,15 @@ def test_the_five_steps(browser, folder, finished_tiny, stone):
         open_result(page)
 
 
+# What no file tells.
+USED = {
+    "load.force_N": 550,
+    "counterface.radius_mm": 200,
+    "material.young_1_MPa": 19500,
+    "material.young_2_MPa": 19500,
+}
+
+
 @pytest.fixture
 def unscanned(tmp_path):
     """The study of a tool without scans."""
@@ -359,6 +371,8 @@ def unscanned(tmp_path):
     stone.export(tmp_path / "stone.ply")
     folder = tmp_path / "study"
     assert run(GST, "new", folder, "--mesh", tmp_path / "stone.ply").returncode == 0
+    config = folder / "study.yaml"
+    config.write_text(with_values(config.read_text(), USED))
     return folder
 
 

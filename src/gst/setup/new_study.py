@@ -68,6 +68,13 @@ _SHOWN = 12
 _RAYS = 50
 # How the load point scatters where the study proposes places to scan, as in config/mesh_only.yaml.
 _GESTURE = {"load_point_scatter_mm": 1.0, "poses": 60}
+# What only the user knows.
+_USE = (
+    "load.force_N",
+    "counterface.radius_mm",
+    "material.young_1_MPa",
+    "material.young_2_MPa",
+)
 _HEAD = """\
 # Made by `gst new` from the files that it names. A value that begins with TODO is yours to give:
 # `gst check` lists what is left. Paths are relative to this folder. Keys not given here have their
@@ -111,7 +118,7 @@ def new_study(
         "inputs.mesh_unit": stone.unit,
         "square.points_mm": TODO,
         "square.size_mm": default_square_mm(),
-    }
+    } | dict.fromkeys(_USE, TODO)
     if scans:
         more, table, of_scans = _from_scans(folder, stone, scans, overview, names)
         lines += of_scans
@@ -122,8 +129,9 @@ def new_study(
         lines.append(Line("Scans", text, DOUBT))
     face_mm, of_face = _face(stone, values)
     values = {"macroscale.face_mm": face_mm} | values
+    use = "how hard, against what, and of which rocks: no file tells it"
+    lines += [of_face, Line("Use", use, TO_DO)]
     text = _template(values, [line.text for line in lines if line.state == TO_DO])
-    lines += [of_face, _of_use(text)]
     if table:
         write_whole(table_path, table.encode())
     write_whole(config_path, text.encode())
@@ -358,14 +366,6 @@ def _template(values: dict[str, Any], questions: Sequence[str]) -> str:
     if "uncertainty.placement_um" in values:  # comes last
         text = f"{text.rstrip()}  # of the places found by heights\n"
     return text
-
-
-def _of_use(text: str) -> Line:
-    """The load, which no file tells and which has a default."""
-    config = complete(parse_yaml(text, "study.yaml"))
-    force_N, radius_mm = config["load"]["force_N"], config["counterface"]["radius_mm"]
-    text = f"{force_N:g} N against a stone of {radius_mm:g} mm radius are the paper's"
-    return Line("Use", f"{text}: give yours", DOUBT)
 
 
 def _what_next(folder: Path, table: str, text: str) -> str:

@@ -560,7 +560,9 @@ function showAnswers() {
   for (const name of new Set(all("#how [type=radio]").map((choice) => choice.name))) {
     const group = all(`[name=${name}]`);
     const found = group.find((choice) => choice.dataset.values && isAnswer(valuesOf(choice)));
-    for (const choice of group) choice.checked = choice === (found || group.find((one) => "own" in one.dataset));
+    const own = group.find((one) => "own" in one.dataset);
+    const isOwn = own && isGiven(own.closest("fieldset").querySelector(".own input").dataset.key);
+    for (const choice of group) choice.checked = choice === (found || (isOwn ? own : null));
   }
   for (const input of all("[data-key]")) {
     if (input === document.activeElement) continue; // what is being typed there stays
@@ -572,6 +574,8 @@ function showAnswers() {
   }
   for (const choice of all("[data-stone]")) {
     const n = choice.dataset.stone;
+    if (!isGiven(`material.young_${n}_MPa`)) choice.value = "?";
+    if (!isGiven(`material.young_${n}_MPa`)) continue;
     const value = `${state.answers[`material.young_${n}_MPa`] / 1000} ${state.answers[`material.poisson_${n}`]}`;
     choice.value = [...choice.options].some((option) => option.value === value) ? value : "";
   }
@@ -580,6 +584,8 @@ function showAnswers() {
   // asked at the first step where there are no pictures without an answer
   if (lacks("mould.invert")) $("asked-first").append($("mould"));
   if (lacksUnit()) $("asked-first").append($("scan-unit"));
+  questions().forEach((isAnswered, k) =>
+    $(["hard", "against", "rocks", "mould"][k]).classList.toggle("open", !isAnswered));
   const modulus = state.answers["material.contact_modulus_MPa"];
   $("own-modulus").hidden = modulus === null;
   $("own-modulus").firstElementChild.textContent =
