@@ -26,6 +26,8 @@ __all__ = ["main"]
 
 # How a config begins that `gst new` wrote.
 _MADE_BY_NEW = "# Made by `gst new`"
+# Where the user stands, if that is not the folder of the study.
+_HERE = "gst.here"
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 
 
@@ -59,7 +61,7 @@ _RESULTS = click.argument("results", type=_PATH)
 
 
 def _in_its_folder(
-    _context: click.Context, _parameter: click.Parameter, config: Path
+    context: click.Context, _parameter: click.Parameter, config: Path
 ) -> Path:
     """A config; of a folder that `gst new` made, or of its ``study.yaml``, from in there."""
     folder = config if config.is_dir() else config.parent
@@ -73,6 +75,7 @@ def _in_its_folder(
         return config
     if folder.resolve() != Path.cwd():
         click.echo(f"In {folder}:")
+        context.meta[_HERE] = Path.cwd()
         os.chdir(folder)
     return Path("study.yaml")
 
@@ -200,15 +203,15 @@ def check(config, fix, yes) -> None:
     "--profile", default="default", help="default, slurm, or the path of your own."
 )
 @click.option("--plan", is_flag=True, help="Only show what would run.")
-def study(config, options, cores, profile, plan) -> None:
+@click.pass_context
+def study(context, config, options, cores, profile, plan) -> None:
     """Run CONFIG's study here, with options of Snakemake."""
     if str(config).startswith("-"):
         raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
     from gst.run.running import run_study
 
-    sys.exit(
-        run_study(config, cores=cores, profile=profile, plan=plan, options=options)
-    )
+    asked = {"cores": cores, "profile": profile, "plan": plan, "options": options}
+    sys.exit(run_study(config, here=context.meta.get(_HERE), **asked))
 
 
 @main.command()

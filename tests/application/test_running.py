@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 import gst
+from gst.cli import main
 from gst.run import running
 from gst.run.owned import LOCK, RESULTS, locked
 from gst.run.running import lay_out, run_study
@@ -144,6 +145,17 @@ def test_one_run_at_a_time_writes_into_a_folder(folder):
         with pytest.raises(InputError, match=f"kill {job.pid}"):
             run_study("mine.yaml", **USUAL)
         job.communicate()
+
+
+def test_the_page_is_named_from_where_the_user_stands(folder, monkeypatch, capsys):
+    monkeypatch.setattr(running, "_snakemake", lambda *_, **__: 0)
+    monkeypatch.setattr(running, "break_in", lambda *_: None)
+    (folder / "mine.yaml").rename(folder / "study.yaml")
+    for start, page in ((folder, "results"), (folder.parent, f"{folder.name}/results")):
+        monkeypatch.chdir(start)
+        with pytest.raises(SystemExit, match="0"):
+            main(["study", str(folder)])
+        assert f"Open {page}/index.html in" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", [".snakemake", ".snakemake/log"])

@@ -65,13 +65,20 @@ _REFUSED_SHORT = "-C", "-d", "-s"
 
 
 def run_study(
-    config: Path, *, cores: str | None, profile: str, plan: bool, options: Sequence[str]
+    config: Path,
+    *,
+    cores: str | None,
+    profile: str,
+    plan: bool,
+    options: Sequence[str],
+    here: Path | None = None,
 ) -> int:
     """Run a study in the working folder, and say what to open; the exit code is Snakemake's.
 
     `cores`, `profile` and `plan` are as on the command line; `options` are further ones of
-    Snakemake. Raises an `InputError` if the config cannot be used; there is no such profile, or no
-    Slurm for it; an option is refused; Snakemake is not installed; a run is, or may be, active in
+    Snakemake; what is to be opened is named from `here`, by default the working folder. Raises an
+    `InputError` if the config cannot be used; there is no such profile, or no Slurm for it; an
+    option is refused; Snakemake is not installed; a run is, or may be, active in
     this folder.
     """
     read = read_config(config)
@@ -118,7 +125,8 @@ def run_study(
     if broken := break_in(results, read_config(config)):
         print(f"The study is not finished: {broken}.")
         return 0
-    print(f"Done. Open {results / 'index.html'} in a browser.")
+    page = os.path.relpath(results / "index.html", here or Path())
+    print(f"Done. Open {page} in a browser.")
     return 0
 
 
