@@ -7,6 +7,7 @@ import json
 import logging
 import os
 import platform
+import re
 import signal
 import stat
 import subprocess
@@ -68,6 +69,8 @@ def study(tmp_path, monkeypatch):
     (folder / "results").mkdir()
     (tmp_path / "secret").write_text("secret")
     (folder / "results/index.html").write_text("<title>result</title>")
+    (folder / "results/tables").mkdir()
+    (folder / "results/tables/a b.csv").write_text("1")
     (folder / "results/link").symlink_to(tmp_path / "secret")
     (folder / "study.yaml").write_text(CONFIG)
     (folder / "patches.tsv").write_text(TABLE)
@@ -163,6 +166,8 @@ REFUSED = {
     "a foreign page": ("state", None, {"Origin": "http://evil.example"}, 403),
     "a way up": ("results/../study.yaml", None, {}, 403),
     "a link that leads out": ("results/link", None, {}, 403),
+    "a folder above the results": ("results/../", None, {}, 403),
+    "a folder without a slash": ("results/tables", None, {}, 404),
     "a scan by its path": ("scan/../../secret", None, {}, 404),
     "a scan that is to be written": (
         "file",
@@ -188,6 +193,13 @@ def test_what_is_refused(server, study, case):
     assert set(content) == {"error"}
     assert "secret" not in content["error"].replace(str(study.parent), "")
     assert files_in(study) == before
+
+
+def test_a_folder_of_the_results_is_listed(server):
+    content = ask(server, "results/tables/")[1].decode()
+    assert re.findall('href="(.*?)"', content) == ["../", "a%20b.csv"]
+    assert ask(server, "results/tables/a%20b.csv") == (200, b"1")
+    assert ask(server, "results/") == (200, b"<title>result</title>")
 
 
 def test_scans_and_results_outside_their_folders_are_refused(server, study):

@@ -274,6 +274,11 @@ def wait_for(page, name):
 def open_result(page):
     """The page of the result, which works although it is shut into a sandbox."""
     page.click("text=5 Result")
+    answer = page.frame_locator("#answer")
+    answer.locator("#patch-table").wait_for(state="attached")
+    answer.locator("a[href='tables/']").click()
+    answer.locator("a[href='../']").wait_for()
+    assert answer.locator("a[href='wear.csv']").count() == 1
     with page.expect_popup() as popup:
         page.click("#open")
     result = popup.value
@@ -467,9 +472,20 @@ def test_a_script_in_a_received_result_cannot_use_the_server(browser, unscanned)
     results = unscanned / config_of(unscanned)["results"]
     results.mkdir()
     (results / "index.html").write_text(ATTACK)
-    with opened(browser, unscanned) as (page, _):
+    refusals = "Blocked opening", "Security Policy"  # which the browser tells
+    with opened(browser, unscanned, complaints=refusals) as (page, _):
         page.click("text=5 Result")
         count = len(page.context.pages)
+        inner = page.locator("#answer").element_handle().content_frame()
+        while inner.evaluate("document.title") == "working":
+            page.wait_for_timeout(50)
+        assert json.loads(inner.evaluate("document.title"))[:3] == [
+            None,
+            "rejected",
+            "rejected",
+        ]
+        with pytest.raises(Exception, match="cross-origin"):
+            inner.evaluate("String(parent.document)")
         for link in ("", " without noopener"):
             if link:
                 page.evaluate("document.getElementById('open').rel = 'opener'")

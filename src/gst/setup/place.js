@@ -707,7 +707,8 @@ function lineOf(cause, number) {
   const { level, text, more, accept, cure } = cause;
   if (handled.has(number)) return make("li", {}, make("span", {}, `✓ Done, check it again: ${text}`));
   const [, line, meaning] = text.match(/^(.*?)(?: \[(.*)\]\.?)?$/s);
-  const further = meaning ? [meaning, ...more] : more;
+  const further = meaning ? [meaning, ...more] : [...more];
+  if (cure) further.push(`${cure.button} writes ${JSON.stringify({ ...cure.values, ...cure.cells })}.`);
   const [patches, step] = [namedIn(cause), level === "error" && stepOf(text)];
   return make("li", { className: level }, make("span", {}, MARKS[level], line),
     cure ? does(cure.button, () => handle(number, "cure", number)) : "",
@@ -715,7 +716,7 @@ function lineOf(cause, number) {
       { accept: [...new Set([...(state.answers.accept || []), ...accept])] })) : "",
     patches.length ? does("Show", () => point(patches)) : step ? does("Show", () => go(step)) : "",
     further.length ? make("details", {},
-      make("summary", {}, more.length ? `${more.length} more` : "What it means"),
+      make("summary", {}, more.length ? `${more.length} more` : cure ? "What the button writes" : "What it means"),
       ...further.map((each) => make("p", {}, each))) : "");
 }
 
@@ -764,7 +765,10 @@ async function follow(name) {
   showSaid(name);
   clearTimeout(timers[name]);
   if (isRunning(name)) timers[name] = setTimeout(() => told(follow(name)), 1000);
-  else if (wasRunning) await showResult();
+  else if (wasRunning) {
+    if (name === "study") $("answer").removeAttribute("src");
+    await showResult();
+  }
   showSteps();
 }
 
@@ -788,6 +792,9 @@ async function showResult() {
   const { page, problem } = result;
   $("found").hidden = page === null;
   if (page) $("open").href = page;
+  $("answer").hidden = page === null;
+  // read when it is first looked at, and again after each run
+  if (page && now === "result" && !$("answer").src) $("answer").src = page;
   $("no-result").textContent = problem ? `${page ? "Run it again: " : ""}${problem}.` : "";
 }
 

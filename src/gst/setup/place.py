@@ -26,11 +26,12 @@ import threading
 import traceback
 import webbrowser
 from collections.abc import Callable, Mapping
+from html import escape
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, TextIO
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 
 import psutil
 from jsonschema import Draft202012Validator
@@ -68,14 +69,15 @@ _JSON = "application/json"
 _MOST_SENT = 2_000_000
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
-    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
 )
 # A result's page has its scripts and pictures in it, and asks for nothing. Results may come from
 # somebody else: the sandbox keeps their scripts away from this server's own pages.
 _POLICY_OF_RESULTS = (
     "sandbox allow-scripts allow-downloads; default-src 'none'; "
     "script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
 # Logs and numbers of processes are kept beside Snakemake's own files.
 _LOGS = Path(".snakemake")
@@ -359,12 +361,12 @@ class PlaceServer(ThreadingHTTPServer):
         return {"page": "results/index.html", "problem": broken}
 
     def result_file(self, name: str) -> Path:
-        """A file of the results, which are in the study's folder."""
+        """A file of the results, which are in the study's folder; or a folder, named with a /."""
         folder = Path(os.path.realpath(read_unfinished(self.config)["results"]))
-        file = Path(os.path.realpath(folder / name))
+        file = Path(os.path.realpath(folder / (name or "index.html")))
         if not (file.is_relative_to(folder) and folder.is_relative_to(Path.cwd())):
             raise _RefusedError(HTTPStatus.FORBIDDEN, "outside the study's results")
-        if not file.is_file():
+        if not (file.is_dir() if name.endswith("/") else file.is_file()):
             raise _RefusedError(HTTPStatus.NOT_FOUND, "no such file")
         return file
 
@@ -401,6 +403,20 @@ _POST: _Answers = {
     "stop": lambda server, rest: _command(server, rest).stop(),
     "end": lambda _server, _rest: None,
 }
+
+
+def _listing(folder: Path) -> str:
+    """A page with links to what is in a folder of the results."""
+    names = sorted(
+        f"{each.name}{'/' * each.is_dir()}"
+        for each in folder.iterdir()
+        if each.name[0] != "."
+    )
+    links = [
+        f'<li><a href="{quote(name)}">{escape(name)}</a>' for name in ["../", *names]
+    ]
+    head = f"<!DOCTYPE html><meta charset=utf-8><title>{escape(folder.name)}</title>"
+    return head + "".join(links)
 
 
 def _number(text: str) -> int:
@@ -503,6 +519,10 @@ class _Handler(BaseHTTPRequestHandler):
     def _send_content(self, content: Any) -> None:
         if isinstance(content, bytes):
             self._send(content, "image/png", cache="private, max-age=86400")
+        elif isinstance(content, Path) and content.is_dir():
+            self._send(
+                _listing(content).encode(), "text/html", policy=_POLICY_OF_RESULTS
+            )
         elif isinstance(content, Path):
             kind = mimetypes.guess_type(content.name)[0] or "application/octet-stream"
             self._send(content.read_bytes(), kind, policy=_POLICY_OF_RESULTS)

@@ -103,7 +103,8 @@ def _each(errors: Iterable[GstError]) -> Iterator[GstError]:
 
 def causes_of(path: Path) -> dict[str, Any]:
     """The causes of a study, the digest of the files that were checked, and what a run would do."""
-    found, cures, digest = _Causes(), [], digest_of(path)
+    found, digest = _Causes(), digest_of(path)
+    cures: list[Cure] = []
     root = logging.getLogger()
     former = root.level
     root.addHandler(found)
