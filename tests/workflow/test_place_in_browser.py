@@ -477,7 +477,8 @@ def test_a_script_in_a_received_result_cannot_use_the_server(browser, unscanned)
         page.click("text=5 Result")
         count = len(page.context.pages)
         inner = page.locator("#answer").element_handle().content_frame()
-        while inner.evaluate("document.title") == "working":
+        inner.wait_for_url("**/results/index.html")
+        while inner.evaluate("document.title") in ("", "working"):
             page.wait_for_timeout(50)
         assert json.loads(inner.evaluate("document.title"))[:3] == [
             None,
