@@ -1,5 +1,6 @@
 """The project's own tools, beside whatever a user keeps in its folder; and its documents."""
 
+import ast
 import contextlib
 import importlib.metadata
 import io
@@ -112,6 +113,37 @@ def test_the_lines_of_readme_print_what_they_say(tmp_path, monkeypatch):
     for number, line in zip(stated, printed.getvalue().splitlines(), strict=True):
         assert f" {number} " in line
     assert (tmp_path / "contact.png").is_file()
+
+
+def texts_of(file):
+    """The texts in a module, with … in place of each value that is put in."""
+    tree = ast.parse(file.read_text("utf-8"))
+    constants = {
+        node.targets[0].id: node.value.value
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        and isinstance(node.targets[0], ast.Name)
+        and isinstance(node.value, ast.Constant)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            yield "".join(
+                str(part.value)
+                if isinstance(part, ast.Constant)
+                else str(constants.get(ast.unparse(part.value), "…"))
+                for part in node.values
+            )
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield re.sub(r"%[-+.\d]*[a-z]", "…", node.value).replace("%%", "%")
+
+
+def test_the_messages_that_are_explained_are_those_of_the_program():
+    page = (ROOT / "docs/how-to/troubleshooting.md").read_text("utf-8")
+    messages = re.findall(r"^```text\n(.*)\n```$", page, re.MULTILINE)
+    modules = [*(ROOT / "src/gst").rglob("*.py"), *(ROOT / "src/gstlib").rglob("*.py")]
+    texts = [text for module in modules for text in texts_of(module)]
+    assert len(messages) == len(re.findall(r"^### \d+\. ", page, re.MULTILINE)) == 20
+    assert [one for one in messages if not any(one in text for text in texts)] == []
 
 
 PERMISSIVE = re.compile(
