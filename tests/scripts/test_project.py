@@ -6,6 +6,7 @@ import importlib.metadata
 import io
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from pathlib import Path
 
 import pytest
 from packaging.utils import canonicalize_name
+
+from gst.cli import main
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [
@@ -144,6 +147,32 @@ def test_the_messages_that_are_explained_are_those_of_the_program():
     texts = [text for module in modules for text in texts_of(module)]
     assert len(messages) == len(re.findall(r"^### \d+\. ", page, re.MULTILINE)) == 20
     assert [one for one in messages if not any(one in text for text in texts)] == []
+
+
+def test_the_worked_example_prints_what_it_says(tmp_path, monkeypatch):
+    measured = ROOT.parent / "shared/data/pebble-usewear/confoc_3d.xyz"
+    if not measured.is_file():
+        pytest.skip(f"no {measured}")
+    # the three columns of the file from its source that the example reads
+    shutil.copy(measured, tmp_path / "confoc_3d.dat")
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs/how-to/worked-example.md").read_text("utf-8")
+    commands = re.findall(r"^\.\./\.venv/bin/(.*)$", page, re.MULTILINE)
+    scripts = iter(re.findall(r"```python\n(.*?)```", page, re.DOTALL))
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text), contextlib.redirect_stderr(text):
+        for command in commands:
+            name, *options = shlex.split(command)
+            if name == "gst":
+                main(options, standalone_mode=False)
+            else:
+                exec(compile(next(scripts), options[0], "exec"), {})
+    printed = text.getvalue()
+    stated = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
+    assert len(commands) == 5
+    assert [line for line in "".join(stated).splitlines() if line not in printed] == []
+    assert re.search(r"22 +0\.020\d+ |22 +0\.019[5-9]\d+ ", printed)  # 2.0 %
+    assert "WARNING: pebble_patch.csv: 36% of the force acts on the outer" in printed
 
 
 PERMISSIVE = re.compile(
