@@ -8,6 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+
 ROOT = Path(__file__).parents[1]
 
 project, author, html_title = "gstlib", "", "Where does a ground stone tool wear?"
@@ -16,7 +19,9 @@ include_patterns = ["*.md", "docs/**.md", "config/README.md", "benchmarks/README
 exclude_patterns = [".*", "build", "results*"]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 myst_heading_anchors = 3
-highlight_language = "none"  # equations stand in blocks of plain text
+myst_fence_as_directive = ["math"]  # the fences that the code host renders, too
+html_math_renderer = "mathml"  # MathJax would be fetched from elsewhere
+highlight_language = "none"  # commands stand in blocks of plain text
 default_role = (
     "py:obj"  # names in the docstrings' single backticks are links; those that begin
 )
@@ -63,6 +68,14 @@ def read(app, name, source):
         source[0] = SCRIPT.sub(with_results, source[0])
 
 
+def as_mathml(translator, node):
+    """An equation as MathML, which browsers draw by themselves."""
+    translator.body.append(
+        tex2mathml(node.astext(), as_block=isinstance(node, nodes.math_block))
+    )
+    raise nodes.SkipNode
+
+
 def lead_to_start(app, exception):
     (Path(app.outdir) / "index.html").write_text(
         f'<meta http-equiv="refresh" content="0; url={root_doc}.html">',
@@ -71,5 +84,6 @@ def lead_to_start(app, exception):
 
 
 def setup(app):
+    app.add_html_math_renderer("mathml", (as_mathml, None), (as_mathml, None))
     app.connect("source-read", read)
     app.connect("build-finished", lead_to_start)
