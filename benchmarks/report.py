@@ -189,7 +189,7 @@ def against_peer(rows, part, words, factor):
     ]
     if own and peers:
         peer = min(peers, key=lambda row: row["cpu_median"])
-        ratio = peer["cpu_median"] / own[0]["cpu_median"]
+        ratio = peer["ratio"]  # of unrounded medians, as in the tables below
         asked, met = (f"≥ {factor}×", MET[ratio >= factor]) if factor else ("", "")
         yield f"{words} ({peer['code']})", asked, f"{ratio:.1f}×", met
 
