@@ -57,7 +57,7 @@ def with_results(found):
         run, cwd=folder, check=True, stdout=subprocess.PIPE, text=True
     ).stdout
     code = re.sub(r"^# %%.*\n", "", script.read_text(encoding="utf-8"), flags=re.M)
-    picture = f"![What {script.name} draws](/build/gallery/{found[2]}.png)"
+    picture = f"![Figure drawn by {script.name}](/build/gallery/{found[2]}.png)"
     return f"{found[0]}\n```python\n{code}```\n\nprints\n\n```\n{printed}```\n\n{picture}\n"
 
 

@@ -1,5 +1,5 @@
 # %% [markdown]
-"""How a rough surface comes into contact, from a hundredth of its area to nearly all of it."""
+"""Contact of a rough surface, from a hundredth of its area to nearly all of it."""
 
 # %%
 import matplotlib.pyplot as plt
@@ -33,9 +33,9 @@ path = load_path(surface, target_pressure=loads, **options)
 area = np.array([state.corrected_fraction for state in path.states])
 erf = [persson_contact_fraction(load, numbers.slope, modulus) for load in loads]
 print(f"slope {numbers.slope:.3f}, Nayak's parameter {numbers.nayak:.1f}")
-theories = f"theories {PERSSON_SLOPE:.2f} and {BUSH_SLOPE:.2f}"
-print(f"area over load: {area[0] / 0.005:.2f} first, {theories}")
-print(f"area: {area[-1]:.4f} last, {erf[-1]:.4f} by Persson")
+theories = f"theories: {PERSSON_SLOPE:.2f} and {BUSH_SLOPE:.2f}"
+print(f"area over load at the lightest load: {area[0] / 0.005:.2f} ({theories})")
+print(f"area at the highest load: {area[-1]:.4f}, Persson {erf[-1]:.4f}")
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")

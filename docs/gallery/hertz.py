@@ -1,5 +1,5 @@
 # %% [markdown]
-"""A sphere pressed against a flat, beside Hertz's solution (Johnson, Contact Mechanics, §4.2)."""
+"""A sphere on a flat, compared with Hertz's solution (Johnson, Contact Mechanics, §4.2)."""
 
 # %%
 import matplotlib.pyplot as plt
@@ -14,7 +14,7 @@ modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa: sandstone on sandsto
 hertz = Sphere(force, radius, modulus)
 
 # %%
-# heights of the sphere, as the parabola that Hertz takes for it, on a grid of 255 × 255 elements
+# The sphere is a paraboloid, as in Hertz's theory, on a grid of 255 × 255 elements.
 side, n = 2.5 * hertz.contact_radius, 255
 x = ((np.arange(n) + 0.5) / n - 0.5) * side
 distance = np.hypot(x, x[:, None])

@@ -1,5 +1,5 @@
 # %% [markdown]
-"""Something soft between two stones: what hardly touched touches, and the summits are spared."""
+"""A soft layer between two stones: contact extends to the valleys, and peak pressures fall."""
 
 # %%
 import matplotlib.pyplot as plt
@@ -13,7 +13,7 @@ n, side = 128, 0.85  # elements, mm
 waves = {"hurst_exponent": 0.8, "roll_off": 0.2, "shortest": 0.03}  # lengths in mm
 rough = self_affine_field(np.random.default_rng(1), n, side / n, **waves)
 surface = make_surface(0.002 * rough / rough.std(), side / n)
-stone, young, poisson = 19500.0, 300.0, 0.3  # of the stones; of what is soft; MPa
+stone, young, poisson = 19500.0, 300.0, 0.3  # MPa: stones; soft layer
 modulus = contact_modulus(stone, 0.24, stone, 0.24)
 
 # %%
@@ -23,14 +23,14 @@ layers = [Layer(young, poisson, thickness) for thickness in thicknesses]
 states = [solve_contact(surface, layer=layer, **options) for layer in layers]
 bare = solve_contact(surface, **options)
 
-# one thicker than all waves is a half-space for them, of both compliances
+# A layer thicker than all wavelengths behaves like a half-space: the compliances add.
 both = 1 / (1 / modulus + (1 - poisson**2) / young)
 soft = solve_contact(surface, **options | {"contact_modulus": both})
 contact = np.array([state.contact_fraction for state in states])
 print(
-    f"contact: {100 * bare.contact_fraction:.2f} % bare, {100 * contact[-1]:.1f} % with a layer"
+    f"contact: {100 * bare.contact_fraction:.2f} % bare, {100 * contact[-1]:.1f} % with thick layer"
 )
-print(f"of a half-space as soft: {100 * soft.contact_fraction:.1f} %")
+print(f"contact of an equally soft half-space: {100 * soft.contact_fraction:.1f} %")
 print(
     f"highest pressures: {bare.pressure.max():.0f} and {states[-1].pressure.max():.0f} MPa"
 )
@@ -42,6 +42,6 @@ states[3].plot(axes=axes[1]).set_title(f"a layer of {1e3 * thicknesses[3]:.0f} �
 axes[2].semilogx(1e3 * thicknesses, contact, ".-")
 axes[2].axhline(soft.contact_fraction, linestyle="--", color="black")
 axes[2].set(
-    xlabel="thickness (µm)", ylabel="contact fraction", title="to a half-space as soft"
+    xlabel="thickness (µm)", ylabel="contact fraction", title="approach to a half-space"
 )
 figure.savefig("layer.png", dpi=120)

@@ -1,5 +1,5 @@
 # %% [markdown]
-"""A rough patch worn by a flat that slides on it: Archard's law, in ten steps."""
+"""A rough patch worn by a sliding flat, by Archard's law in ten steps."""
 
 # %%
 import matplotlib.pyplot as plt

@@ -1,5 +1,5 @@
 # %% [markdown]
-"""A rough patch whose summits yield: a cap on the pressure, from elastic to fully plastic."""
+"""A rough patch with a cap on the pressure, from elastic to fully plastic contact."""
 
 # %%
 import matplotlib.pyplot as plt
@@ -29,9 +29,9 @@ print(
     f"elastic: {100 * elastic.contact_fraction:.2f} %, {elastic.pressure.max():.0f} MPa"
 )
 last = states[-1]
-print(f"cap of {caps[-1]:.0f} MPa: {100 * contact[-1]:.2f} % touch")
+print(f"cap of {caps[-1]:.0f} MPa: {100 * contact[-1]:.2f} % in contact")
 print(
-    f"{100 * last.capped_fraction:.0f} % of that yields; all of it, {pressure / caps[-1]:.2%}"
+    f"{100 * last.capped_fraction:.0f} % of it yields; fully plastic: {pressure / caps[-1]:.2%}"
 )
 
 # %%

@@ -1,5 +1,5 @@
 # %% [markdown]
-"""What a scan's rim bears if it is pressed alone, and what it bears as a part of its surface."""
+"""Load on the rim of a scan that is pressed alone, and as a part of its surface."""
 
 # %%
 import warnings
@@ -13,7 +13,7 @@ from gstlib.specimen.randomness import self_affine_field
 spacing, n = 0.00332, 256  # mm, elements along a side of the scan
 modulus, pressure = contact_modulus(19500, 0.24, 19500, 0.24), 50.0  # MPa
 
-# A surface with waves of all lengths that repeats itself, and a quarter of it: the scan.
+# A periodic surface with waves of all lengths. The scan is a quarter of it.
 waves = {
     "hurst_exponent": 0.8,
     "roll_off": 2 * n * spacing,
@@ -28,13 +28,13 @@ surface = solve_contact(whole, spacing, modulus, mean_pressure=pressure, periodi
 inside = surface.pressure[:n, :n]
 rim = np.ones((n, n), bool)
 rim[3:-3, 3:-3] = False
-borne = inside.mean()  # MPa, by the scan as a part of its surface
+borne = inside.mean()  # MPa, pressure on the scan as a part of its surface
 
-with warnings.catch_warnings(record=True) as said:
+with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always", ContactWarning)
     alone = solve_contact(scan, spacing, modulus, mean_pressure=borne)
 
-# What presses around it displaces it by the difference of all and its own displacement.
+# The pressures around the scan displace it by the whole displacement minus its own.
 period = HalfSpace(whole.shape, spacing, modulus, periodic=True)
 around = period.displacement(surface.pressure)[:n, :n]
 around -= HalfSpace(scan.shape, spacing, modulus).displacement(inside)
@@ -42,11 +42,11 @@ embedded = solve_contact(scan - around, spacing, modulus, mean_pressure=borne)
 
 shares = [inside[rim].sum() / inside.sum(), alone.rim_fraction, embedded.rim_fraction]
 print(f"the rim is {100 * rim.mean():.1f} % of the scan")
-print(f"in its surface it bears {100 * shares[0]:.1f} % of the force")
+print(f"in its surface, it carries {100 * shares[0]:.1f} % of the force")
 print(
-    f"alone {100 * shares[1]:.1f} %, lowered by what presses around it {100 * shares[2]:.1f} %"
+    f"alone: {100 * shares[1]:.1f} %, lowered by the pressures around: {100 * shares[2]:.1f} %"
 )
-print(f"alone it warns: {said[0].message}")
+print(f"warning for the scan alone: {caught[0].message}")
 
 # %%
 figure, axes = plt.subplots(1, 3, figsize=(10, 3.6), layout="constrained")

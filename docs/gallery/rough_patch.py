@@ -1,7 +1,8 @@
 # %% [markdown]
-"""A scanned patch pressed against a flat: `rough_patch.plu`, which is generated if it is not there.
+"""A scanned patch, pressed against a flat. If `rough_patch.plu` is missing, it is generated.
 
-Put your own scan in its place, or name it below: any format that states its unit and spacing.
+To use your own scan, replace this file or change its name below. Any format that states its unit
+and spacing will do.
 """
 
 # %%
@@ -24,13 +25,13 @@ if not file.exists():  # self-affine, 0.85 mm wide, with an r.m.s. height of 2 �
     write_plu(file, 0.002 * rough / rough.std(), 0.00166)
 
 # %%
-# level, holes and outliers filled; of a mould, add mould_invert=True, mould_flip="x"
+# This levels the scan and fills holes and outliers. For a mould: mould_invert=True, mould_flip="x".
 height = prepare_scan(read_scan(file)).height
 modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa
 path = load_path(height, contact_modulus=modulus, target_pressure=22.0, steps=12)
 
-# Theories of rough contact say how the area A grows under small loads: A/A₀ = κ p/(E* h′), with
-# the r.m.s. slope h′, and κ = √(8/π) (Persson) or √2π (Bush, Gibson and Thomas).
+# Theories of rough contact predict the area A under small loads: A/A₀ = κ p/(E* h′), with the
+# r.m.s. slope h′, and κ = √(8/π) (Persson) or √(2π) (Bush, Gibson and Thomas).
 load = path.mean_pressure / (modulus * measure_roughness(height).slope)
 print(f"contact: {100 * path.contact_fraction[-1]:.2f} % of the patch")
 print(f"highest pressure: {float(path.final.pressure.max()):.0f} MPa")
@@ -43,7 +44,7 @@ figure, (left, middle, right) = plt.subplots(
 )
 left.imshow(height.values * 1e3, cmap="gray", origin="lower")
 left.contour(path.final.contact, [0.5], colors="tab:red", linewidths=0.8)
-left.set(title="height, and the edges of contact", xticks=[], yticks=[])
+left.set(title="height and edges of contact", xticks=[], yticks=[])
 spectrum = measure_spectrum(height)
 middle.loglog(spectrum.wave_number_per_mm, spectrum.density_mm4)
 middle.set(xlabel="wave number (rad/mm)", ylabel="power spectrum (mm⁴)")

@@ -1,5 +1,5 @@
 # %% [markdown]
-"""A body that is free to tilt under a force off its middle: a round punch, and a rough one."""
+"""A body that is free to tilt under a force off its middle: a round punch and a rough body."""
 
 # %%
 import matplotlib.pyplot as plt
@@ -16,7 +16,7 @@ x = ((np.arange(n) + 0.5) / n - 0.5) * side
 punch = np.hypot(x, x[:, None]) < radius
 
 # %%
-# off the middle by up to a third of the radius, where the far edge is about to lift off
+# up to a third of the radius off the middle, when the far edge is about to lift off
 offsets = np.linspace(0, radius / 3, 5)  # mm
 flat = make_surface(np.where(punch, 0.0, -np.inf), side / n)
 options = {"contact_modulus": modulus, "mean_pressure": force / side**2}
@@ -28,7 +28,7 @@ tilts = np.array([state.tilt[1] for state in states])
 exact = np.array(
     [RoundPunch(force, radius, modulus).tilt(offset) for offset in offsets]
 )
-print(f"tilt: {1e3 * tilts[-1]:.4f} mrad, in closed form {1e3 * exact[-1]:.4f} mrad")
+print(f"tilt: {1e3 * tilts[-1]:.4f} mrad, closed form {1e3 * exact[-1]:.4f} mrad")
 
 waves = {"hurst_exponent": 0.8, "roll_off": 0.2, "shortest": 0.03}  # lengths in mm
 rough = self_affine_field(np.random.default_rng(1), n, side / n, **waves)
@@ -36,14 +36,14 @@ stone = flat + 0.002 * rough / rough.std()
 rest = solve_contact(stone, load_point=(side / 2, side / 2 + offsets[-1]), **options)
 centre = float((rest.pressure.sum("y") * x).sum() / rest.pressure.sum())
 print(
-    f"rough: pressures have their centre {centre:.4f} mm off, the force {offsets[-1]:.4f} mm"
+    f"centre of the rough body's pressure: {centre:.4f} mm, of the force: {offsets[-1]:.4f} mm"
 )
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 rest.plot(axes=left)
 left.plot(side / 2 + offsets[-1], side / 2, "r+", markersize=12)
-left.set_title("a rough body, and where it is pushed")
+left.set_title("rough body and load point")
 right.plot(offsets, 1e3 * tilts, "o", label="gstlib.bem")
 right.plot(offsets, 1e3 * exact, label="closed form")
 right.set(xlabel="force off the middle (mm)", ylabel="tilt of a flat punch (mrad)")

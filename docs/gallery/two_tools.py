@@ -1,5 +1,5 @@
 # %% [markdown]
-"""Two rough stones on each other: only the gap between them counts, not which one is below."""
+"""Two rough stones on each other: only the gap between them matters, not which is below."""
 
 # %%
 import matplotlib.pyplot as plt
@@ -34,9 +34,9 @@ def pressed(lower, upper):
 # %%
 slab, handstone, flat = rough(1, 0.002), rough(2, 0.003), rough(2, 0.0)
 by_flat, on_slab = pressed(slab, flat), pressed(slab, handstone)
-swapped = pressed(handstone, slab)[:, ::-1]  # turned over, as the slab sees it
+swapped = pressed(handstone, slab)[:, ::-1]  # turned over, into the frame of the slab
 difference = np.abs(on_slab - swapped).max() / on_slab.max()
-print(f"pressures after a swap differ by {difference:.0e} of the highest")
+print(f"difference after a swap: {difference:.0e} of the highest pressure")
 print(f"contact of the slab: {100 * np.mean(by_flat > 0):.2f} % with a flat")
 print(f"contact of the slab: {100 * np.mean(on_slab > 0):.2f} % with the handstone")
 

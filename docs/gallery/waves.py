@@ -1,5 +1,5 @@
 # %% [markdown]
-"""Waves without end and a piece of them, from first touch to full contact, beside Westergaard."""
+"""Periodic waves and a finite piece of them, compared with Westergaard's solution."""
 
 # %%
 import matplotlib.pyplot as plt
@@ -26,12 +26,12 @@ free = load_path(surface, **options)
 exact = np.array([wave.contact_fraction(load) for load in loads])
 difference = np.abs(periodic.contact_fraction - exact).max()
 half = len(loads) // 2
-print(f"periodic: the contact differs from Westergaard's by at most {difference:.3f}")
-print(f"contact at half of full pressure: {exact[half]:.3f} by Westergaard,")
+print(f"largest difference of periodic and Westergaard: {difference:.3f}")
+print(f"contact at half of full pressure: Westergaard {exact[half]:.3f},")
 print(
     f"periodic {periodic.contact_fraction[half]:.3f}, free {free.contact_fraction[half]:.3f}"
 )
-print(f"a free piece bears {100 * free.states[half].rim_fraction:.0f} % on its rim")
+print(f"the rim of the free piece carries {100 * free.states[half].rim_fraction:.0f} %")
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
