@@ -66,13 +66,19 @@ def read(app, name, source):
         source[0] = LIST.sub(with_contents, source[0])
     if name == "docs/gallery":
         source[0] = SCRIPT.sub(with_results, source[0])
+    if name == "paper":  # the journal takes its title from the front matter
+        _, front, body = source[0].split("---\n", 2)
+        title = re.search(r"^title: '(.*)'$", front, re.M)[1]
+        source[0] = f"# {title}\n" + re.sub(r"^# ", "## ", body, flags=re.M)
 
 
 def as_mathml(translator, node):
     """An equation as MathML, which browsers draw by themselves."""
-    translator.body.append(
-        tex2mathml(node.astext(), as_block=isinstance(node, nodes.math_block))
-    )
+    is_block = isinstance(node, nodes.math_block)
+    equation = tex2mathml(node.astext(), as_block=is_block)
+    if is_block:  # with room around it, or the theme adds a scroll bar
+        equation = f'<div class="math" style="padding: .5em 0">{equation}</div>'
+    translator.body.append(equation)
     raise nodes.SkipNode
 
 
