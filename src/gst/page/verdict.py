@@ -157,8 +157,10 @@ def where_to_scan(
 
 def _scores(summary: pd.DataFrame) -> dict[str, dict]:
     """The rows of the summary by model and statistic."""
-    named = summary.assign(statistic=statistic_names(summary))
-    by_model = named.fillna({"model": ""}).groupby("model")
+    # in an empty table, the column of names is one of numbers
+    model = summary.model.astype(object).fillna("")
+    named = summary.assign(statistic=statistic_names(summary), model=model)
+    by_model = named.groupby("model")
     return {
         str(model): rows.set_index("statistic").to_dict("index")
         for model, rows in by_model

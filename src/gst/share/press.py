@@ -5,9 +5,9 @@ from pathlib import Path
 
 import xarray as xr
 
-from gstlib.bem import ContactState
 from gstlib.bem.errors import ContactError, ContactWarning
 from gstlib.bem.loading import LoadPath, load_path
+from gstlib.bem.state import ContactState
 from gstlib.errors import InputError
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
