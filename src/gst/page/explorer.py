@@ -56,12 +56,12 @@ def draws_to_explore(
         equivalent = Law(**(wear_law or {})).equivalent(fields["pressure"])
         fields["loss"] = use.wear_coefficient.values[:, np.newaxis] * equivalent
         measured = study.table("predicted_losses.csv").set_index("patch").loss_um
-    found: dict[str, Any] = {
+    draws: dict[str, Any] = {
         name: packed(use[name].values, "<f4") for name in ("x_mm", "y_mm", "weight")
     }
     for name, values in fields.items():
         most = float(values.max()) or 1.0
         shares = np.round(values / most * _LEVELS).clip(0, _LEVELS)
-        found[name] = {"most": most, "values": packed(shares, "<u2")}
-    told = [float(measured[patch]) for patch in patches]
-    return found | {"patches": patches, "measured": told, "near_mm": study.patch_mm / 2}
+        draws[name] = {"most": most, "values": packed(shares, "<u2")}
+    seen = [float(measured[patch]) for patch in patches]
+    return draws | {"patches": patches, "measured": seen, "near_mm": study.patch_mm / 2}

@@ -131,8 +131,8 @@ def scan_dates(study: Results) -> list[str]:
         for epoch in ("t0", "t1")
         for scan in study.by_patch(epoch, patches).values()
     ]
-    known = sorted(filter(re.compile(r"\d{4}-\d\d-\d\d").fullmatch, when))
-    return sorted({*known[:1], *known[-1:]})
+    days = sorted(filter(re.compile(r"\d{4}-\d\d-\d\d").fullmatch, when))
+    return sorted({*days[:1], *days[-1:]})
 
 
 def _answer(

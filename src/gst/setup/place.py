@@ -154,9 +154,9 @@ class _Command:
             changed = self._config.stat().st_mtime > self._log.stat().st_mtime
         code = self._own.returncode if self._own is not None else None
         state = {"running": is_running, "code": code, "changed": changed}
-        if (found := _causes(text)) is not None:
-            changed = found["digest"] != digest_of(self._config)
-            return state | found | {"records": [], "changed": changed}
+        if (check := _causes(text)) is not None:
+            changed = check["digest"] != digest_of(self._config)
+            return state | check | {"records": [], "changed": changed}
         return {"records": _records(text)} | state
 
     def is_running(self) -> bool:
@@ -178,10 +178,10 @@ class _Command:
 def _causes(text: str) -> dict[str, Any] | None:
     """What `gst.setup.place_check` printed; None while it has not, or if it broke off."""
     try:
-        found = json.loads(text)
+        check = json.loads(text)
     except ValueError:
         return None
-    return found if isinstance(found, dict) and "causes" in found else None
+    return check if isinstance(check, dict) and "causes" in check else None
 
 
 def _records(text: str) -> list[dict[str, str]]:
@@ -334,9 +334,9 @@ class PlaceServer(ThreadingHTTPServer):
 
     def cure(self, number: int) -> dict[str, str | None]:
         """Write what cures a cause of the check into the files that were checked."""
-        said = self.commands["check"].report()
-        causes = said.get("causes", [])
-        is_other = said["changed"] and digest_of(self.config) not in self.mended
+        report = self.commands["check"].report()
+        causes = report.get("causes", [])
+        is_other = report["changed"] and digest_of(self.config) not in self.mended
         if is_other or not 0 <= number < len(causes) or "cure" not in causes[number]:
             why = "The study is not as it was checked: check it again first."
             raise _RefusedError(HTTPStatus.UNPROCESSABLE_ENTITY, why)

@@ -1,8 +1,8 @@
 """A check of a study for the page of `gst place`: every cause once, with what can be done about it.
 
 `python -m gst.setup.place_check CONFIG` prints it as one line of JSON, and ends with 0 also if
-there are faults. A cause is a fault, a warning or a note. It has in ``more`` what was said in the
-same way of other patches or files, in ``accept`` under which names the config accepts it, and in
+there are faults. A cause is a fault, a warning or a note. It has in ``more`` the same message about
+other patches or files, in ``accept`` under which names the config accepts it, and in
 ``cure`` what takes it away: ``values`` of the config and ``cells`` of each patch.
 """
 
@@ -103,11 +103,11 @@ def _each(errors: Iterable[GstError]) -> Iterator[GstError]:
 
 def causes_of(path: Path) -> dict[str, Any]:
     """The causes of a study, the digest of the files that were checked, and what a run would do."""
-    found, digest = _Causes(), digest_of(path)
+    handler, digest = _Causes(), digest_of(path)
     cures: list[Cure] = []
     root = logging.getLogger()
     former = root.level
-    root.addHandler(found)
+    root.addHandler(handler)
     root.setLevel(NOTE)
     walk = Walk(path, cures)
     summary = io.StringIO()
@@ -116,14 +116,16 @@ def causes_of(path: Path) -> dict[str, Any]:
             walk.run()
     except GstError as error:
         for each in _each([error]):
-            found.add_fault(each)
+            handler.add_fault(each)
     finally:
-        root.removeHandler(found)
+        root.removeHandler(handler)
         root.setLevel(former)
     for cure in cures:
-        found.add_cure(cure, walk.config.get("patches"))
+        handler.add_cure(cure, walk.config.get("patches"))
     order = ["error", "accepted", "warning", "note"]
-    causes = sorted(found.causes.values(), key=lambda each: order.index(each["level"]))
+    causes = sorted(
+        handler.causes.values(), key=lambda each: order.index(each["level"])
+    )
     return {"causes": causes, "digest": digest, "summary": summary.getvalue()}
 
 

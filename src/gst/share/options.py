@@ -4,7 +4,7 @@ import re
 
 __all__ = ["in_options"]
 
-# What a message says, and what it means to a user of `gst inspect`, `press` or `change`.
+# Parts of a message, and their form for a user of `gst inspect`, `press` or `change`.
 _MEANT = {
     r"scans\.unit( in the config)?|mesh_unit:": "--unit",
     r"scans\.spacing_um( in the config)?": "--spacing-um",
@@ -21,6 +21,6 @@ _MEANT = {
 
 def in_options(message: str) -> str:
     """A message with options in place of keys of a config, and of columns of a patch table."""
-    for said, meant in _MEANT.items():
-        message = re.sub(said, meant, message)
+    for pattern, meant in _MEANT.items():
+        message = re.sub(pattern, meant, message)
     return message
