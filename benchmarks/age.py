@@ -4,7 +4,7 @@
 
 says so, and writes it into docs/explanation/evidence.md. Each benchmark notes in results/made.json
 what its rows are, and which program made them: by the modules of the library that it imports, or by
-all of the program if it runs whole studies.
+all of the program if it runs whole studies. Comments, docstrings and messages may change.
 """
 
 import json

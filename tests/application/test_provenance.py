@@ -60,6 +60,7 @@ STEPS = "solve_patches", "tabulate_texture", "draw_figures", "write_page"
 
 def hashes():
     source_hash.cache_clear()
+    provenance._module.cache_clear()
     return {name: source_hash(SCRIPTS / f"{name}.py") for name in STEPS}
 
 
@@ -90,10 +91,28 @@ def test_the_hash_of_a_step_moves_with_the_modules_that_it_runs_on(
     assert hashes() == before
     for name, steps in MOVED.items():
         with (tmp_path / name).open("a") as file:
-            file.write("\n")
+            file.write("x = 0\n")
         after = hashes()
         assert {step for step in STEPS if after[step] != before[step]} == steps, name
         before = after
+
+
+@pytest.mark.parametrize(
+    ("code", "is_the_same"),
+    [
+        ('"""Other words.\n\nMore."""\nimport os\n\n# why\nx = """\n# a\n"""\n', True),
+        ('"""Words."""\nimport os\nx = """\n# b\n"""\n', False),
+        ('"""Words."""\nimport os\nx = """\n\n# a\n"""\n', False),
+        ('"""Words."""\nx = """\n# a\n"""\n', False),
+        ('"""Words."""\nimport os\nx = """\n# a\n"""\n...\n', False),
+    ],
+)
+def test_a_comment_or_a_docstring_makes_no_step_run_again(tmp_path, code, is_the_same):
+    file, other = tmp_path / "a.py", tmp_path / "b.py"
+    file.write_text('"""Words."""\nimport os\nx = """\n# a\n"""\n')
+    other.write_text(code)
+    one, another = (provenance._hash_of([("a", path)]) for path in (file, other))
+    assert (one == another) is is_the_same
 
 
 def test_the_hash_of_a_step_covers_all_that_its_script_loads():

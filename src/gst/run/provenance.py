@@ -170,9 +170,10 @@ def program_hash() -> str:
 def source_hash(script: str | Path) -> str:
     """Hash of the code that `script` runs on: itself, and every module of ours that it imports.
 
-    A rule takes this hash as a parameter, so it runs again when that code has changed. What lies
-    beside a module under its name, such as ``page.css`` beside ``page.py``, belongs to it, but no
-    stub: what a name is offered as changes no result. To `gst.config.tables` belongs the schema.
+    A rule takes this hash as a parameter, so it runs again when that code has changed. Comments,
+    docstrings and the messages of errors may change without it. A file beside a module under its
+    name, such as ``page.css`` beside ``page.py``, belongs to the module, except for a stub. The
+    schema of the tables belongs to `gst.config.tables`.
     """
     return _hash_of([(Path(script).name, Path(script)), *_parts_of(Path(script))])
 
@@ -206,17 +207,13 @@ def _parts_of(script: Path) -> list[tuple[str, Path]]:
     return parts
 
 
-@functools.cache
 def _imported(file: Path, package: str) -> set[str]:
     """Names of our modules that a file of a package imports, anywhere in it; and their packages."""
-    names: list[str] = []
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            source = f"{'.' * node.level}{node.module or ''}"
-            source = importlib.util.resolve_name(source, package)
-            names += [f"{source}.{alias.name}" for alias in node.names]
+    imports, _ = _module(file)
+    names = {
+        importlib.util.resolve_name(name, package) if name.startswith(".") else name
+        for name in imports
+    }
     ours = [name.split(".") for name in names if name.startswith("gst")]
     return {".".join(parts[:end]) for parts in ours for end in range(1, len(parts) + 1)}
 
@@ -237,5 +234,44 @@ def _hash_of(files: Iterable[tuple[str, Path]]) -> str:
     """Hash of files under these names."""
     digest = hashlib.sha256()
     for name, file in files:
-        digest.update(name.encode() + file.read_bytes())
+        content = _code(file) if file.suffix == ".py" else file.read_bytes()
+        digest.update(name.encode() + content)
     return digest.hexdigest()[:16]
+
+
+def _code(file: Path) -> bytes:
+    _, code = _module(file)
+    return code
+
+
+@functools.cache
+def _module(file: Path) -> tuple[set[str], bytes]:
+    """The names that a module imports, and those of its lines that can shape a result.
+
+    Docstrings, comments, empty lines and the raising of errors do not.
+    """
+    content = file.read_bytes()
+    imports: set[str] = set()
+    text: set[int] = set()
+    silent: set[int] = set()
+    for node in ast.walk(ast.parse(content)):
+        if isinstance(node, ast.Import):
+            imports.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            source = f"{'.' * node.level}{node.module or ''}"
+            imports.update(f"{source}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            if isinstance(node.value.value, str):
+                silent.update(range(node.lineno, (node.end_lineno or 0) + 1))
+        elif isinstance(node, ast.Raise):
+            silent.update(range(node.lineno, (node.end_lineno or 0) + 1))
+        elif isinstance(node, ast.Constant | ast.JoinedStr):
+            text.update(range(node.lineno, (node.end_lineno or 0) + 1))
+    lines = content.splitlines(keepends=True)
+    code = (
+        line
+        for number, line in enumerate(lines, start=1)
+        if number not in silent
+        and (number in text or (line.strip() and not line.lstrip().startswith(b"#")))
+    )
+    return imports, b"".join(code)
