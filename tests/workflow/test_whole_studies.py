@@ -72,7 +72,7 @@ def test_the_measured_stone_is_as_the_evidence_says(tmp_path):
         tables[coupling] = read_table(study.results / "tables/patch_intervals.csv")
     text = " ".join((ROOT / "docs/explanation/evidence.md").read_text("utf-8").split())
     touched, first, second, alone = re.search(
-        r"just touched, by (\S+) MPa; the intervals of two reach (\d+) and (\d+) MPa.*? "
+        r"just touched, by (\S+) MPa\. The intervals of two reach (\d+) and (\d+) MPa.*? "
         r"would have put (\d+) MPa on the first",
         text,
     ).groups()
