@@ -35,13 +35,19 @@ EVIDENCE, SOLVER = (
     ROOT / "docs/explanation/evidence.md",
     ROOT / "docs/explanation/solver.md",
 )
-CLUSTER, README, PAPER = (
+CLUSTER, README, PAPER, CONFIG = (
     ROOT / file
-    for file in ("docs/how-to/cluster.md", "benchmarks/README.md", "paper.md")
+    for file in (
+        "docs/how-to/cluster.md",
+        "benchmarks/README.md",
+        "paper.md",
+        "config/config.yaml",
+    )
 )
 SPELLED = {"none": "0", "nine": "9", "ten": "10"}
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 INTERLAYER = f"better: relative(out_of_contact){power.WITH_INTERLAYER}"
+CASES = ROOT / "tests/baseline/tables/cases.csv"
 SHOWN_TESTS = [
     "tested_mean(mcc)",
     "better: gain(mcc)",
@@ -794,6 +800,15 @@ WORDS = [
         interlayers,
     ),
     (r"hand, (\d+) of (\d+) scans are \*not certain", not_certain),
+    (
+        r"With 2 GPa, up to (\d+) % of a patch's contact",
+        lambda: [
+            percent(
+                read_table(CASES).query("quantity == 'share at the cap'").value.max()
+            )
+        ],
+        CONFIG,
+    ),
     (
         r"cold contact takes (\S+) times as long, the path (\S+) times",
         lambda: transforms.ratios(rows_of("transforms")).ratio[["rough-76", "path-76"]],
