@@ -102,7 +102,7 @@ evidence: $(READY) ## print what the committed rows show, and how old they are
 	  echo "$$name:"; $(BIN)/python benchmarks/$$name.py --tables || exit 1; done
 	$(BIN)/python benchmarks/age.py
 
-margin: $(READY) ## measure how much unrounded tables differ between cores and processors (10 minutes)
+margin: $(READY) ## measure how much unrounded tables differ between cores and processors (15 minutes)
 	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
 power: $(READY) ## measure how often the study finds a relation that is there, or not there (two hours)
