@@ -18,7 +18,7 @@ def write_report(results):
     """Renew the part of README.md between its markers, and the figure."""
     tables = {name: read_table(results / f"{name}.csv") for name in CASES}
     machine = json.loads((results / "machine.json").read_text("utf-8"))
-    parts = [machine_line(machine), target_table(tables)]
+    parts = [machine_list(machine), target_table(tables)]
     for name, case in CASES.items():
         if tables[name]:
             make = growth_table if isinstance(case, Growth) else case_table
@@ -41,14 +41,19 @@ def read_table(path):
     return table.where(table.notna(), None).to_dict("records")
 
 
-def machine_line(machine):
-    codes = "; ".join(f"{name} {version}" for name, version in machine["codes"].items())
-    own = ", ".join(
-        f"{name} {version}" for name, version in machine["gstlib_with"].items()
-    )
+def machine_list(machine):
+    """What the measurements were made with: a line, and a list."""
+    versions = [
+        ", ".join(f"{name} {version}" for name, version in machine[part].items())
+        for part in ("codes", "gstlib_with")
+    ]
     return (
-        f"Measured on {machine['date']}: {machine['processor']}; {machine['cores']} cores, "
-        f"{machine['memory_gib']} GiB, {machine['system']}. {codes}. gstlib with {own}."
+        f"Measured on {machine['date']}, on a machine with {machine['cores']} cores and "
+        f"{machine['memory_gib']} GiB:\n\n"
+        f"- processor: {machine['processor']}\n"
+        f"- system: {machine['system']}\n"
+        f"- codes: {versions[0]}\n"
+        f"- libraries of gstlib: {versions[1]}"
     )
 
 
