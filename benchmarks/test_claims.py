@@ -715,8 +715,8 @@ WORDS = [
         edges,
     ),
     (
-        r"equilibrium has (\S+) % \[.*?\] and F1 (\S+) \[.*?paper has (\S+) % \[.*?\] and (\S+) "
-        r"\[.*?have F1 (\S+) in equilibrium\..*?F1 is (\S+), and a quarter",
+        r"equilibrium has (\S+ % \[.*?\]) and F1 (\S+ \[.*?\])\. The paper has (\S+ % \[.*?\]) and "
+        r"(\S+ \[.*?\])\..*?have F1 (\S+) in equilibrium\..*?F1 is (\S+), and a quarter",
         scales_in_detail,
     ),
     (
@@ -726,7 +726,8 @@ WORDS = [
         ),
     ),
     (
-        r"error of volumes at 200 mm is (\S+) \[.*?equilibrium, (\S+) \[.*?and (\S+) with",
+        r"error of volumes at 200 mm is (\S+ \[.*?\]) in equilibrium, (\S+ \[.*?\]) .*? and (\S+) "
+        r"with",
         lambda: [
             scale_of(name).volume_error
             for name in ("equilibrium", "paper", "true face")
@@ -904,6 +905,13 @@ def test_names_in_the_first_column_are_those_of_the_rows():
     assert [cells[0] for cells in table("## Hundreds of patches", CLUSTER)] == list(
         sizes
     )
+
+
+def test_the_force_in_the_square():
+    shown = [cells[1] for cells in table("## Errors due to the two scales") if cells[1]]
+    for cell, radius in zip(shown, (60, 200, 1000), strict=True):
+        newtons = values(scale_of("true face", radius=radius).square_N)[0]
+        assert_same(cell, 100 * newtons / 550)  # of config/config.yaml
 
 
 def test_repeats_say_which_serve():
