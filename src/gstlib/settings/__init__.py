@@ -1,7 +1,7 @@
 """The settings of a study: every key of its config, typed and checked.
 
-`Settings` is the one source of the keys, their types, bounds, defaults and meanings. From it come
-the schema that a config is checked against (`json_schema`), the defaults, and config/README.md.
+`Settings` is the only source of the keys, their types, bounds, defaults and meanings. The schema of
+a config (`json_schema`), the defaults and config/README.md are derived from it.
 """
 
 from typing import Any, Literal, Self
@@ -47,11 +47,11 @@ __all__ = ["Settings", "json_schema"]
 
 
 class Settings(Section):
-    """The settings of one study, as its config file has them; each key has a default.
+    """The settings of one study, as in its config file. Each key has a default.
 
-    Lengths, forces and pressures carry their unit in the key. A value of another type or beyond its
-    bounds, an unknown key, and values that contradict each other raise a `pydantic.ValidationError`
-    that lists them all.
+    The keys of lengths, forces and pressures end with their unit. A value of another type or beyond
+    its bounds, an unknown key and contradictory values raise a `pydantic.ValidationError` that
+    lists them all.
 
     Examples
     --------
@@ -61,10 +61,10 @@ class Settings(Section):
     """
 
     results: str = Field("results", min_length=1, pattern="^[A-Za-z0-9._/-]+$")
-    """Folder that receives every result of the study; letters without accents, digits, and . _ - /
-    in its name."""
+    """Folder for all results of the study. Its name may contain letters without accents, digits,
+    and . _ - /"""
     title: str = Field("synthetic specimen", min_length=1)
-    """Name of the specimen, for the head of the page."""
+    """Name of the specimen, shown at the head of the page."""
     seed: int = Field(1, ge=0)
     """Seed of all random draws of the analysis (bootstrap, permutations, intervals)."""
     accept: Texts = Field(
@@ -76,24 +76,24 @@ class Settings(Section):
         + ".",
     )
     patches: str | None = "config/patches.tsv"
-    """Patch table (TSV or CSV), one row per scanned place; see config/README.md. With null,
-    nothing is scanned yet: the study presses the mesh alone, and proposes places to scan."""
+    """Patch table (TSV or CSV) with one row per scanned patch; see config/README.md. Null if no
+    scans exist yet: the study then presses the mesh alone and proposes positions to scan."""
     published: str | None = None
-    """CSV of published figures to print beside the computed ones, or null."""
+    """CSV file of published figures, which are printed beside the computed ones, or null."""
     coupling: Literal["equilibrium", "paper"] = "equilibrium"
-    """How a patch takes its place in the stone. With equilibrium, the scans are laid on the mesh
-    and pressed with it at the macroscale, and each patch keeps its plane in the stone and yields
-    to the pressures around it; the coupling of the paper is solved, too, to compare. With paper,
-    the mesh alone is pressed, and each patch as its scan was levelled."""
+    """Coupling of the two scales. With equilibrium, the scans are positioned on the mesh and
+    pressed with it at the macroscale. Each patch keeps its plane in the stone and yields to the
+    pressures around it. The coupling of the paper is solved, too, for comparison. With paper, the
+    mesh is pressed without the scans, and each patch as its scan was levelled."""
     reference_realisations: int | None = Field(4, ge=1, le=1000)
-    """How often the whole square is pressed at the scans' resolution, to tell what pressing it at
-    two scales costs. What was not scanned is drawn anew each time; a synthetic specimen's true
-    surface is known and pressed once. Each takes about 20 s and 1.7 GB for 3000 × 3000 points.
-    With null, or with the coupling of the paper, nothing is compared."""
+    """Number of contacts of the whole square at the scans' resolution, which measure the error of
+    the coupling. Each draws the unscanned detail anew. The surface of a synthetic specimen is known
+    and pressed once. Each contact takes about 20 s and 1.7 GB for 3000 × 3000 points. Null, and the
+    coupling of the paper, skip this comparison."""
     max_plotted_patches: int = Field(40, ge=1, le=10_000)
-    """Largest number of patches in a figure with one panel per patch, and of patches with figures
-    of their own. Of more patches, a selection is drawn, in even steps from the most heavily
-    loaded to the least; tables have all."""
+    """Largest number of patches that have figures of their own, or a panel in a figure. If there
+    are more, a selection is drawn, in even steps from the most to the least loaded. Tables list all
+    patches."""
     inputs: Inputs | None = None
     specimen: Specimen | None = Specimen()
     square: Square = Square()
@@ -112,11 +112,11 @@ class Settings(Section):
     gesture: Gesture | None = None
     grinding: Grinding | None = Grinding()
     pressure_cap_MPa: float | None = Field(2000.0, gt=0, le=100_000)
-    """Largest pressure (MPa) that an element bears, for a case beside each patch's contact
-    (cases.csv); null for none."""
+    """Pressure cap: the largest pressure that an element carries (MPa). cases.csv compares the
+    capped contact of each patch. Null for no cap."""
     wear_steps: int = Field(5, ge=1, le=100)
-    """Steps of Archard's law, by which square and patches wear down to the measured losses; their
-    error falls as one over their number."""
+    """Number of steps of Archard's law in which square and patches wear down to the measured
+    losses. The error is inversely proportional to this number."""
     wear_law: WearLaw = WearLaw()
     use: Use | None = Use()
     interlayer: Interlayer | None = None
@@ -136,19 +136,19 @@ class Settings(Section):
         return self
 
     def by_stage(self) -> dict[str, dict[str, Any]]:
-        """The arguments that the settings give to the function of each stage, by its name."""
+        """The arguments of the function of each stage, by the name of the stage."""
         modulus = study_modulus(self.material.model_dump())
         return self._of_macroscale(modulus) | self._of_patches(modulus)
 
     def _of_macroscale(self, modulus: float) -> dict[str, dict[str, Any]]:
-        """The arguments of the stages of the whole face."""
+        """The arguments of the stages that handle the whole face."""
         size_mm = self.square.size_mm
         patch_mm = self.scans.size_mm
         load = self.load.model_dump()
         force_N = load_force(load, size_mm)
         tolerance = self.macroscale.tolerance
         at_load = {"modulus": modulus, "tolerance": tolerance, "force_N": force_N}
-        # The paper's square stays on its mean plane, and a flat presses it.
+        # The square of the paper stays on its mean plane and is pressed by a flat.
         load_point, face_mm = None, None
         if self.coupling == "equilibrium":
             load_point = resolved_load_point(load, size_mm)
@@ -188,7 +188,7 @@ class Settings(Section):
         }
 
     def _of_patches(self, modulus: float) -> dict[str, dict[str, Any]]:
-        """The arguments of the stages of the scanned patches."""
+        """The arguments of the stages that handle the scanned patches."""
         patch_mm = self.scans.size_mm
         return {
             "prepare_scans": {
@@ -226,7 +226,7 @@ class Settings(Section):
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON schema of a config: sections in place, and a list of types where there are several.
+    """The JSON schema of a config, with sections in place and a list for several types.
 
     Examples
     --------
@@ -257,7 +257,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _merged(rules: list[dict[str, Any]]) -> dict[str, Any]:
-    """One rule for values that fit one of several."""
+    """One rule for values that match one of several rules."""
     merged = {key: part for rule in rules for key, part in rule.items()}
     types = [rule["type"] for rule in rules]
     return merged | {"type": types if types[1:] else types[0]}

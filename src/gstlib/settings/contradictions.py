@@ -1,4 +1,4 @@
-"""What cannot go together in settings, each with its key, its value and the remedy."""
+"""Contradictions in settings. Each message names key, value and remedy."""
 
 import difflib
 from collections.abc import Collection, Iterator, Sequence
@@ -23,7 +23,7 @@ _AT_REST = (
     "paper, which presses a flat: set coupling to equilibrium"
 )
 _A_GESTURE = "give a table, or poses with stroke_mm or load_point_scatter_mm"
-# Keys of a section, each with the key that it needs beside it.
+# Keys of a section, each with the other key that it needs.
 _NEEDED = {
     "counterface": {
         "mesh": "pose",
@@ -36,7 +36,7 @@ _NEEDED = {
 
 
 def contradictions(settings: "Settings") -> Iterator[str]:
-    """Every contradiction of settings whose keys have the right types and bounds."""
+    """All contradictions in settings whose keys have valid types and bounds."""
     checks = _sources, _counterface, _gesture, _without_patches
     yield from (
         text for check in checks for is_wrong, text in check(settings) if is_wrong
@@ -56,13 +56,13 @@ def contradictions(settings: "Settings") -> Iterator[str]:
 
 
 def near(name: str, possible: Collection[str]) -> str:
-    """Which of the `possible` names was probably meant, as the start of a remedy; "" if none."""
+    """The closest of the `possible` names, as the start of a remedy; "" if none is close."""
     meant = difflib.get_close_matches(name, possible, n=1)
     return f"did you mean {meant[0]}? " if meant else ""
 
 
 def _sources(settings: "Settings") -> Iterator[tuple[bool, str]]:
-    """Whether a contradiction is there, and its text."""
+    """Whether there is a contradiction, and its text."""
     yield (settings.specimen is None) == (settings.inputs is None), _ONE_SOURCE
     short = settings.texture.s_filter_um
     long = settings.texture.l_filter_um
@@ -171,7 +171,7 @@ def _without_patches(settings: "Settings") -> Iterator[tuple[bool, str]]:
 
 
 def _missing_keys(settings: "Settings") -> Iterator[str]:
-    """Alternatives of which none is given, or which need another key."""
+    """Sections without keys, and keys that need another key."""
     for name, needed in _NEEDED.items():
         section: Section | None = getattr(settings, name)
         if section is None:
@@ -218,7 +218,7 @@ def _in_squares(settings: "Settings") -> Iterator[str]:
 
 
 def _corner_problems(key: str, points: Sequence) -> Iterator[str]:
-    """What is wrong with three corners, whatever the size of their square."""
+    """Problems of three corners that do not depend on the size of their square."""
     try:
         frame_from_points(points)
     except ConfigError as error:
@@ -226,7 +226,7 @@ def _corner_problems(key: str, points: Sequence) -> Iterator[str]:
 
 
 def _in_load(settings: "Settings") -> Iterator[str]:
-    """What is wrong with the load, and with what bears it."""
+    """Problems of the load, the pressure cap and the face."""
     load = settings.load.model_dump()
     size_mm = settings.square.size_mm
     pressure = load_force(load, size_mm) / size_mm**2
@@ -254,7 +254,7 @@ def _in_load(settings: "Settings") -> Iterator[str]:
 
 
 def _in_use(settings: "Settings") -> Iterator[str]:
-    """What cannot be inferred from the wear, or goes beyond the face."""
+    """Settings under which nothing can be inferred, or strikes reach beyond the face."""
     use = settings.use
     errors = settings.uncertainty
     if use is None or settings.coupling != "equilibrium":

@@ -1,7 +1,7 @@
-"""One class for each section of a config: its keys with type, bounds, default and meaning.
+"""One class for each section of a config, whose keys have type, bounds, default and meaning.
 
-A string below a key is its description, which messages and config/README.md show. What cannot go
-together is in `gstlib.settings.contradictions`.
+The string below a key is its description, which messages and config/README.md show. Keys that
+exclude each other are in `gstlib.settings.contradictions`.
 """
 
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar
@@ -42,7 +42,7 @@ __all__ += [
 ]
 
 AnyType = TypeVar("AnyType")
-# A key without a default: it may be left out.
+# A key without a default, which may be omitted.
 Given: TypeAlias = AnyType | SkipJsonSchema[None]
 Texts = list[str]
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -65,7 +65,7 @@ Displacement = Annotated[float, Field(gt=0, le=100_000, description=_DISPLACEMEN
 
 
 class Section(BaseModel):
-    """Keys of a config; a key of another name, or a value of another type, is refused."""
+    """Keys of a config. Unknown keys and values of another type are refused."""
 
     model_config = ConfigDict(
         strict=True,
@@ -78,7 +78,7 @@ class Section(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _whole(cls, value: Any) -> Any:
-        """5.0 as an integer, which it is in JSON; where a number is asked for, it is one again."""
+        """Convert 5.0 to an integer, as in JSON; a key that is a number converts it back."""
         return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
@@ -88,7 +88,7 @@ def _without_defaults(schema: dict[str, Any]) -> None:
 
 
 class Alternatives(Section):
-    """A section whose keys exclude each other: a key that is left out stays out."""
+    """A section whose keys exclude each other. A key that is omitted has no value."""
 
     model_config = ConfigDict(json_schema_extra=_without_defaults)
 
@@ -102,50 +102,50 @@ class Alternatives(Section):
 
 
 class Inputs(Section):
-    """The measured files. Null when a specimen is generated instead."""
+    """The measured files. Null if a specimen is generated instead."""
 
     mesh: str
     """Mesh of the tool (STL, PLY, OBJ, OFF, GLB or 3MF)."""
     mesh_unit: Literal["mm", "cm", "m", "um", "in", "ft"]
-    """Unit of the mesh's coordinates; GLB is in m by its specification."""
+    """Unit of the coordinates of the mesh. The GLB format prescribes m."""
     scan_folder: str | None = None
-    """Folder of the scans that the patch table names; a patch table needs it."""
+    """Folder of the scans in the patch table. It is required if there is a patch table."""
 
 
 class Specimen(Section):
-    """The synthetic specimen. Null when measured files are given in `inputs`."""
+    """The synthetic specimen. Null if `inputs` contains measured files."""
 
     seed: int = Field(7, ge=0)
-    """Seed of everything random. Surface, mesh, wear and each patch have streams of their own."""
+    """Seed of all random parts. Surface, mesh, wear and each patch have streams of their own."""
     counterface_seed: int | None = Field(None, ge=0)
-    """Seed of an active tool of the same kind, whose square is laid on that of the first, turned
-    over; null for none, but the one that `counterface` describes."""
+    """Seed of a generated active tool of the same kind. It is turned over, and its square faces the
+    square of the passive tool. With null, `counterface` describes the active tool."""
     mesh_edge_mm: float = Field(0.3144, gt=0, le=10)
-    """Mean edge length of the mesh."""
+    """Mean edge length of the mesh (mm)."""
     cut_off_wavelength_mm: float = Field(0.6, gt=0, lt=2.5)
-    """Longest wavelength that the mesh does not see (mm); it separates the macroscale surface from
-    the detail. Shorter than 2.5 mm, above which the spectrum is flat: so the macroscale surface
-    has some of the spectrum's slope."""
+    """Longest wavelength that the mesh does not resolve (mm). It separates the macroscale surface
+    from the detail. It must be below 2.5 mm, above which the spectrum is flat. So the macroscale
+    surface has a part of the sloping spectrum."""
     scan_points: int = Field(512, ge=16, le=4096)
-    """Points along each side of a scan."""
+    """Number of points along each side of a scan."""
     scan_spacing_um: float = Field(1.66, gt=0, le=1000)
-    """Distance of scan points."""
+    """Spacing of the points of a scan (µm)."""
     unmeasured_size_um: float = Field(12.0, gt=0, le=1000)
-    """Size of the blots that lack a value."""
+    """Size of the spots of unmeasured points (µm)."""
     wear_placement: Literal["summits", "archard", "interlayer"] = "archard"
-    """Where wear lies: by a law, Archard's with the bare stone or with an interlayer, at a use
-    that the study is not told; or by rule on summits, where the macroscale surface is high."""
+    """Origin of the wear. Archard's law wears the bare stone (archard), or an interlayer takes part
+    (interlayer). Their load case is hidden from the study. With summits, a rule without contact
+    wears high places of the macroscale surface."""
 
 
 class Square(Section):
-    """The analysed square and where it lies on the mesh."""
+    """The analysed square and its position on the mesh."""
 
     size_mm: float = Field(5.0, gt=0, le=100)
     """Side of the analysed square (mm)."""
     points_mm: Points = [[2.5, 2.5, 0.0], [-2.5, 2.5, 0.0], [2.5, -2.5, 0.0]]
-    """Three points [x, y, z] of the mesh (mm), as `gst place` writes them: the reference corner,
-    the corner that x runs to, and the one that y runs to, anticlockwise as one looks at the
-    stone."""
+    """Three points [x, y, z] on the mesh (mm), as `gst place` writes them. They are the reference
+    corner and the ends of its x and y edges, anticlockwise seen from outside the stone."""
 
 
 class Material(Section):
@@ -160,120 +160,122 @@ class Material(Section):
     poisson_2: Poisson = 0.24
     """Poisson's ratio of the active tool."""
     contact_modulus_MPa: Modulus | None = None
-    """Contact modulus E* (MPa) to use as it stands; null computes it from the constants above as
-    1/E* = (1 - ν₁²)/E₁ + (1 - ν₂²)/E₂."""
+    """Contact modulus E* (MPa). Null computes it from the constants above as 1/E* = (1 - ν₁²)/E₁ +
+    (1 - ν₂²)/E₂."""
 
 
 class Load(Section):
-    """The force of use, or the mean pressure on the square (exactly one of them), and where it
-    acts. The default is the paper's 22 MPa on its square of 25 mm².
+    """The force of use and its load point. Give either the force or the mean pressure on the
+    square. The default is the paper's 22 MPa on its square of 25 mm².
     """
 
     force_N: float | None = Field(None, ge=0.1, le=100_000)
-    """Force that presses the stones together (N), normal to the square. A hand pushes with some
-    tens to some hundreds of N."""
+    """Force that presses the stones together (N), normal to the square. A hand exerts some tens to
+    some hundreds of N."""
     pressure_MPa: float | None = Field(None, gt=0, le=100_000)
-    """The force over the square's area (MPa)."""
+    """Force divided by the area of the square (MPa)."""
     at_mm: Point | None = None
-    """Point [x, y] of the square's axes (mm) through which the force acts; the stone is free to
-    tilt about it. Null for the middle of the square."""
+    """Load point [x, y] in the axes of the square (mm), through which the force acts. The stone is
+    free to tilt about it. Null for the middle of the square."""
 
 
 class Macroscale(Section):
-    """Contact of the use-face of the mesh, at rest under its load."""
+    """Contact of the use-face of the mesh, in equilibrium under its load."""
 
     grid: int = Field(100, ge=8, le=4096)
-    """Elements along each side of the square."""
+    """Number of elements along each side of the square."""
     face_mm: float = Field(15.0, gt=0, le=500)
-    """Side of the face (mm), with the square in its middle: as much of the stone as comes to rest
-    on the other. With the coupling of the paper, the square is pressed alone."""
+    """Side of the face (mm), with the square in its middle. The face should contain all of the
+    stone that may touch the active tool. With the coupling of the paper, the square is pressed
+    alone."""
     interpolation: Literal["best", "linear"] = "best"
-    """How the heights between the mesh's vertices are found: linearly over the triangles between
-    them (the paper), or by the best of three ways at predicting vertices left out: linearly,
-    smoothly over these triangles, or by a cubic radial basis of the 50 nearest vertices."""
+    """Interpolation of heights between the vertices of the mesh. With linear, as in the paper, it
+    is linear over the triangles. With best, it is the one of three ways that predicts omitted
+    vertices best: linear, smooth over the triangles, or a cubic radial basis of the 50 nearest
+    vertices."""
     steps: Steps = 20
     tolerance: Tolerance = 1e-9
     maximum_displacement_um: Displacement = 200.0
 
 
 class Mould(Section):
-    """Undoes the negative copy when a mould was scanned instead of the stone."""
+    """Reversal of the negative copy if a mould was scanned instead of the stone."""
 
     invert: bool = True
-    """Whether heights change sign; true for moulds, which are negatives, false for the stone
-    itself."""
+    """Whether to change the sign of heights. True for moulds, which are negatives; false for the
+    stone itself."""
     flip: Literal["x", "y", None] = "x"
     """Axis along which the map is reversed; null for none."""
 
 
 class Scans(Section):
-    """How the confocal scans were taken and stored."""
+    """Size, units and origin of the confocal scans."""
 
     size_mm: float = Field(0.85, gt=0, le=50)
-    """Side of a (square) patch (mm); a scan of another size is refused, or cut."""
+    """Side of a square patch (mm). Scans of another size are cut or refused."""
     unit: Literal[None, "mm", "um", "nm", "m"] = None
-    """Length unit of files that do not say it; null refuses such files."""
+    """Length unit of files that do not state one. Null refuses such files."""
     spacing_um: float | None = Field(None, gt=0, le=500)
-    """Distance of the points (µm) in files that do not say it; null refuses such files."""
+    """Spacing of points (µm) in files that do not state one. Null refuses such files."""
     mould: Mould = Mould()
 
 
 class Preprocessing(Section):
-    """What is done to a scan before contact."""
+    """Preparation of a scan before contact."""
 
     maximum_unmeasured: float = Field(0.1, ge=0, le=1)
-    """A scan with a larger share of unmeasured points is refused."""
+    """Largest fraction of unmeasured points. Scans above it are refused."""
     outlier_rule: Literal["window", "median"] = "median"
-    """Rule whose outliers are replaced (the paper's, or the robust one)."""
+    """Rule for outliers, which are replaced. window is the paper's; median is robust."""
     outlier_fraction: float = Field(0.01, ge=0, le=0.2)
-    """Rule window: largest share of the measured points that may be outliers."""
+    """For rule window: largest fraction of the measured points that may be outliers."""
     outlier_median_threshold: float = Field(5.0, gt=0)
-    """Rule median: distance from the window's median beyond which a point is an outlier, in robust
-    standard deviations."""
+    """For rule median: an outlier differs from the median of its window by more than this number of
+    robust standard deviations."""
 
 
 class Registration(Section):
-    """How T1 is laid over T0."""
+    """Registration of T1 to T0."""
 
     maximum_shift_mm: float = Field(0.6, gt=0, le=50)
-    """Farthest shift of T1 against T0 along each axis that is surely looked for (mm); in any case
-    T1 must cover a quarter of T0 to be found."""
+    """Largest shift of T1 against T0 along each axis that the search covers with certainty (mm). T1
+    must cover at least a quarter of T0."""
 
 
 class DetectionSettings(Section):
-    """What counts as height lost or gained from T0 to T1."""
+    """Criterion for height lost or gained from T0 to T1."""
 
     minimum_cluster_points: int = Field(8, ge=1, le=10_000)
-    """Fewest adjacent points (corners count) beyond the level of detection that make a loss or a
-    gain. Noise alone puts 2.5 % of all points beyond it on either side, but hardly ever so many
-    together if its points are independent. If the errors of neighbouring points correlate, more
-    points are needed, and the table of registrations says how many."""
+    """Smallest cluster of adjacent points (corners count) beyond the level of detection that is a
+    loss or a gain. Noise alone exceeds this level at 2.5 % of all points on either side, but
+    independent errors hardly ever form such clusters. If errors of neighbouring points correlate,
+    larger clusters are required; registration.csv lists their size."""
 
 
 class Texture(Section):
-    """Filters of the surface texture (ISO 25178-3), both Gaussian (ISO 16610-61), after the
-    plane is taken off.
+    """Filters of the surface texture (ISO 25178-3), applied after a plane is removed. Both are
+    Gaussian (ISO 16610-61).
     """
 
     s_filter_um: float = Field(8.0, gt=0, le=10_000)
-    """Nesting index of the S-filter, which takes out shorter waves (µm)."""
+    """Nesting index of the S-filter, which removes shorter waves (µm)."""
     l_filter_um: float | None = Field(250.0, gt=0, le=100_000)
-    """Nesting index of the L-filter, which takes out longer waves (µm); null leaves them in. T0
-    and T1 are compared where they share a rectangle at least as long and as wide."""
+    """Nesting index of the L-filter, which removes longer waves (µm). Null keeps them. T0 and T1
+    are compared if they share a rectangle at least as long and as wide."""
 
 
 class Uncertainty(Section):
-    """How far places and elastic constants may be off, for the intervals of the patches'
-    pressures.
+    """Errors of positions, loads and elastic constants, for the intervals of the pressures of the
+    patches.
     """
 
     placement_um: float = Field(30.0, ge=0, le=200)
-    """Standard deviation of a patch's place along each axis (µm)."""
+    """Standard deviation of the position of a patch along each axis (µm)."""
     pose_um: float = Field(100.0, ge=0, le=1000)
-    """That of the place of the active tool, where there is a mesh of it."""
+    """Standard deviation of the position of the active tool (µm), if it has a mesh."""
     load_point_mm: float = Field(1.0, ge=0, le=20)
-    """That of the load point (mm), as far as it is the same in all strokes; the scatter from
-    stroke to stroke is gesture.load_point_scatter_mm."""
+    """Standard deviation of the load point (mm), for an error that all strokes share. The scatter
+    between strokes is gesture.load_point_scatter_mm."""
     radius_log_sd: float = Field(0.7, ge=0, le=3)
     """Standard deviation of the logarithm of the active tool's radius; 0.7 is a factor of 2."""
     force_log_sd: float = Field(0.2, ge=0, le=2)
@@ -285,141 +287,141 @@ class Uncertainty(Section):
 
 
 class Selection(Section):
-    """Which patches enter the microscale study."""
+    """Criteria for the patches of the microscale study."""
 
     minimum_pressure_MPa: float = Field(1.0, ge=0)
-    """Patches with a lower macroscale pressure are left out (MPa)."""
+    """Lowest macroscale pressure of a patch (MPa). Patches below it are left out."""
     minimum_overlap: float = Field(0.7, ge=0, le=1)
-    """Least share of T0's area that T1 must cover."""
+    """Smallest fraction of the area of T0 that T1 must cover."""
     minimum_correlation: float = Field(0.5, ge=-1, le=1)
-    """Least correlation of the detail (band-passed heights) of T1 with that of T0 over their
-    overlap."""
+    """Smallest correlation of the detail (band-passed heights) of T1 and T0 over their overlap."""
 
 
 class Microscale(Section):
-    """Contact of each patch with a flat, up to its own pressure."""
+    """Contact of each patch with a flat, up to the pressure of the patch."""
 
     s_filter_um: float | None = Field(5.0, gt=0)
-    """Nesting index of the Gaussian S-filter (ISO 16610-61) on the scans before contact: noise of
-    single points touches first. With null there is none."""
+    """Nesting index of the Gaussian S-filter (ISO 16610-61) on the scans before contact (µm).
+    Without a filter, noise at single points touches first. Null for no filter."""
     steps: Steps = 20
     tolerance: Tolerance = 1e-9
     maximum_displacement_um: Displacement = 200.0
 
 
 class Pose(Alternatives):
-    """Where the active tool stands on the passive one, said in one of two ways."""
+    """Position of the active tool on the passive one. Give either points_mm or matrix."""
 
     points_mm: Given[Points] = None
-    """The square as picked on the active tool, as `square.points_mm` on the passive one; it is
-    laid on that turned over, its x against the other's."""
+    """Corners of the square on the active tool, picked like `square.points_mm` on the passive one
+    (mm). The active tool is turned over, with opposite x axes of the squares."""
     matrix: Given[Matrix] = None
-    """What takes points of the active mesh to the passive one: a turn and a shift (mm), as MeshLab
-    or CloudCompare gives it after aligning the two."""
+    """Transformation from the active mesh to the passive one, as 4 × 4 matrix of a rotation and a
+    shift (mm). MeshLab and CloudCompare report it after an alignment."""
 
 
 class Counterface(Alternatives):
-    """The active tool: its radius or its mesh, pressed on the face; a scan of it, pressed on
-    each patch; null for a flat. With the coupling of the paper, a flat presses the square.
+    """The active tool. Its radius or mesh is pressed on the face, and a scan of it on each patch.
+    Null for a flat. With the coupling of the paper, a flat presses the square.
     """
 
     radius_mm: Radius | Radii | None = None
-    """Radius (mm) of a rounded active tool, as what a hand holds is; null for a flat. Of an
-    ellipsoidal one two: that along an axis, and that across it."""
+    """Radius of a rounded active tool, such as a handstone (mm). An ellipsoidal tool has two radii,
+    along an axis and across it. Null for a flat."""
     angle_deg: Given[Annotated[float, Field(ge=-180, le=180)]] = None
-    """Of that axis on the square, from x towards y; 0 if it is not said."""
+    """Direction of the axis of the first radius, in degrees from x towards y. The default is 0."""
     scan: Given[str] = None
-    """Scan of the active tool's face, taken as the patches' scans are and with as many points; it
-    is prepared as they are and turned over about the y axis."""
+    """Scan of the face of the active tool. It must have the settings and the number of points of
+    the scans of patches. It is prepared like them and turned over about the y axis."""
     mesh: Given[str] = None
     """Mesh of the active tool (STL, PLY, OBJ, OFF, GLB or 3MF)."""
     mesh_unit: Given[Literal["mm", "cm", "m", "um", "in", "ft"]] = None
-    """Unit of its coordinates; mm if it is not said."""
+    """Unit of the coordinates of this mesh. The default is mm."""
     pose: Given[Pose] = None
 
 
 class Gesture(Alternatives):
-    """How the active tool moves on the passive one, pose by pose, each at rest: a table of
-    poses, or the number of poses of a stroke or of a load point that scatters; null for one
-    pose.
+    """Poses of the active tool on the passive one, each in equilibrium. Give a table of poses, or
+    poses and either stroke_mm or load_point_scatter_mm. Null for one pose.
     """
 
     table: Given[str] = None
-    """Table with a row for each pose; its columns are described below."""
+    """Table with one row per pose. Its columns are described below."""
     stroke_mm: Given[Annotated[float, Field(ge=0)]] = None
-    """A stroke of this length along the square's x, with the pose in its middle."""
+    """Length of a stroke along the x axis of the square (mm). The pose is in its middle."""
     load_point_scatter_mm: Given[Annotated[float, Field(ge=0, le=100)]] = None
-    """Standard deviation, along each axis, of the points at which the hand pushes."""
+    """Standard deviation of the load points along each axis (mm)."""
     poses: Given[Annotated[int, Field(ge=1, le=100_000)]] = None
-    """Number of poses of the stroke, or of points at which the hand pushes."""
+    """Number of poses of the stroke, or number of load points."""
 
 
 class Grinding(Section):
-    """Tangential load on each patch of the microscale study, for stick and slip (cases.csv);
-    null for none.
+    """Tangential load on each patch of the microscale study, for stick and slip (cases.csv). Null
+    for none.
     """
 
     friction: float = Field(0.6, gt=0, le=5)
     """Coulomb's coefficient of friction μ between the stones."""
     tangential_ratio: float = Field(0.5, ge=0, le=1)
-    """Tangential force Q over the force μP that makes a patch slide: 0 sticks, 1 slides."""
+    """Tangential force Q divided by μP, the force that makes a patch slide. A patch sticks at 0 and
+    slides at 1."""
 
 
 class WearLaw(Section):
-    """How the loss of a patch grows with its pressure p, as max(p − threshold_MPa, 0) to the
-    power of exponent. The default is Archard's law. laws.csv compares it with others.
+    """Law of wear. The loss of a patch with pressure p is proportional to max(p − threshold_MPa, 0)
+    to the power of exponent. The default is Archard's law. laws.csv compares it with others.
     """
 
     threshold_MPa: float = Field(0.0, ge=0, le=100_000)
-    """Pressure of a patch up to which it does not wear."""
+    """Pressure up to which a patch does not wear (MPa)."""
     exponent: float = Field(1.0, ge=0, le=5)
-    """With 0, every patch above the threshold loses as much."""
+    """Exponent of the law. With 0, all patches above the threshold have the same loss."""
 
 
 class Use(Section):
-    """How the tool was used, read from the losses of the patches: where it was pressed, and
-    against how round a tool, from what load and counterface state, with the errors of
-    uncertainty. Null goes on as stated. It needs coupling: equilibrium and scans after use.
+    """Inference of load point, scatter and radius of the active tool from the losses of the
+    patches. The prior is given by load, counterface and uncertainty. It needs coupling: equilibrium
+    and scans after use. Null skips the inference and keeps the values of load and counterface.
     """
 
     draws: int = Field(100, ge=20, le=100_000)
-    """Contacts that are solved in a round, of single strikes."""
+    """Number of contacts of single strikes that are solved in a round."""
     rounds: int = Field(8, ge=2, le=1000)
-    """Most rounds, each of strikes that the wear so far makes likely. There are fewer where the
-    contacts are predicted well from each other."""
+    """Largest number of rounds. Each draws strikes that are likely given the losses and the
+    contacts so far. The rounds end early if these contacts predict each other well."""
     particles: int = Field(2000, ge=200, le=100_000)
-    """Uses that are drawn in the end, between the solved contacts."""
+    """Number of draws of the final sample, which interpolates between the solved contacts."""
     scatter_mm: float = Field(1.0, ge=0)
-    """Scale of the scatter of strikes along each axis. Beforehand, half of the uses have none, and
-    it is half-normal in the others. 0 has all strikes in one place."""
+    """Scale of the scatter of strikes along each axis (mm). The prior is no scatter with
+    probability 0.5, and half-normal with this scale otherwise. With 0, all strikes share one
+    position."""
     stroke_mm: float = Field(3.0, ge=0)
-    """Scale of the length of a stroke in any direction. Beforehand, half of the uses have none,
-    and it is half-normal in the others. 0 has no strokes."""
+    """Scale of the length of a stroke in any direction (mm). The prior is no stroke with
+    probability 0.5, and half-normal with this scale otherwise. 0 excludes strokes."""
 
 
 class Interlayer(Section):
-    """An elastic layer that takes turns with the bare stone in wearing the patches, as plants or
-    hide between the stones do; null for none. Its share of the wear is fitted to the measured
-    losses.
+    """An elastic layer between the stones, such as plants or hide. It alternates with the bare
+    stone in wearing the patches. Its share of the wear is fitted to the measured losses. Null for
+    none.
     """
 
     young_MPa: float = Field(gt=0, le=100_000)
-    """Young's modulus; less than the stones'."""
+    """Young's modulus (MPa). It must be below the moduli of the stones."""
     poisson: float = Field(ge=0, le=0.5)
     """Poisson's ratio."""
     thickness_um: float = Field(gt=0, le=10_000)
-    """Thickness; at least the spacing of the scans' points."""
+    """Thickness (µm). It must be at least the spacing of the points of the scans."""
 
 
 class Validation(Section):
-    """Comparison of predicted with measured height loss."""
+    """Comparison of the predicted with the measured loss of height."""
 
     resamples: int = Field(9999, ge=99, le=100_000)
-    """Number of bootstrap resamples of the patches, and of draws of chance."""
+    """Number of bootstrap resamples of the patches, and of control draws."""
     max_gain_to_loss_ratio: float = Field(0.2, gt=0, le=1)
-    """Largest share of a patch's loss that may be noise, as the area that rose tells, for the loss
-    to be above the noise. Points too high by error at T0 are predicted to wear, and lost at T1
-    without any wear."""
+    """Largest ratio of gained to lost area at which the loss of a patch is above the noise. Errors
+    at T0 require this limit: points that are too high by error are predicted to wear, and seem to
+    be lost at T1."""
     expected_most_worn: Texts = []
-    """Patches said beforehand to be the worst worn; whether they are is tested where the patch
-    table has all of them. Empty for none."""
+    """Patches that were expected, before the analysis, to be the most worn. This is tested if the
+    patch table contains all of them. Empty for none."""
