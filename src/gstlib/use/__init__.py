@@ -1,1 +1,1 @@
-"""How a tool was used, read from its wear."""
+"""Inference of the load case from the wear of a tool."""

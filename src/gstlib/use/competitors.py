@@ -1,13 +1,14 @@
-"""Competitors of a use, which predict the wear of a patch from that of the others without contact.
+"""Competitors of a load case, which predict wear without contact.
 
-High places bear load, and wear that is local looks like that of a load. So wear in proportion to
-height above a plane, level or tilted, a spot of wear anywhere, and the same wear everywhere are
-scored as a use is: each patch given the others, over all that is possible beforehand.
+High patches carry load, and local wear resembles wear by a load. So four patterns without contact
+are scored like a load case. They are wear in proportion to height above a level or a tilted plane,
+a spot anywhere, and uniform wear. Each predicts the wear of a patch from the other patches.
 """
 
-# ASSUME: beforehand, a spot lies anywhere on the square of the patches, with a width of 0.08 to 0.6
-# of its side. A plane lies from 0.5 standard deviations of the heights below their mean to 2.5
-# above it, and its tilt is of the order of that at which it would span the heights.
+# ASSUME: Priors of the competitors. A spot lies anywhere on the square around the patches, with a
+# width of 0.08 to 0.6 of its side. A plane lies between 0.5 standard deviations of the heights
+# below their mean and 2.5 above it. Its tilt would about span the heights. Reason: Planes and spots
+# beyond these limits wear nearly all patches alike, or hardly any.
 
 from collections.abc import Callable, Mapping
 
@@ -32,7 +33,7 @@ _DRAWS = 500
 _LEVELS = -0.5, 2.5
 _WIDTHS = 0.08, 0.6
 
-# From standard normal variables (draws, variables) to depths (draws, patches), in any unit.
+# Maps standard normal variables (draws, variables) to depths (draws, patches), in any unit.
 _Depths = Callable[[np.ndarray], np.ndarray]
 
 
@@ -44,18 +45,18 @@ def competitor_scores(
     patch_mm: float,
     seed: int,
 ) -> Mapping[str, np.ndarray]:
-    """Log probability (patches,) of the wear of each patch, given the others, by competitor.
+    """Log probability (patches,) of the wear of each patch given the others, by competitor.
 
     Parameters
     ----------
     height : (y, x) xarray.DataArray
-        Of the face, mm.
+        Heights of the face, mm.
     patches : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg``.
+        The columns ``patch, x_mm, y_mm, rotation_deg``.
     evidence : Evidence
-        Their wear, in that order.
+        Wear of the patches, in the order of the table.
     patch_mm : float
-        Side of a patch.
+        Side of a patch, mm.
     seed : int
     """
     above = _above_planes(height, patches, patch_mm)
@@ -104,7 +105,7 @@ def _spots(patches: pd.DataFrame, patch_mm: float) -> _Depths:
 def _above_planes(
     height: xr.DataArray, patches: pd.DataFrame, patch_mm: float
 ) -> _Depths:
-    """Volumes over the area above planes: of one variable level, of three tilted."""
+    """Volumes per area above planes, level (one variable) or tilted (three variables)."""
     means = patch_means(height, patches, size_mm=patch_mm)
     inside = np.unique(means.indices)
     grids = np.meshgrid(height.y, height.x, indexing="ij")

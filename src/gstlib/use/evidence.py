@@ -1,18 +1,21 @@
-"""What wear says about the pressures that made it: losses, or grades by eye.
+"""Likelihood of the observed wear under given pressures: from losses, or from grades by eye.
 
-Both give the likelihood of what was seen on each patch, if its pressure is known but for a scale.
-What is not asked for (the wear coefficient, the scatter) is a standard normal variable beforehand,
-like all that is not known (`gstlib.use.tempering`).
+Both kinds give the likelihood of the wear of each patch at pressures up to a common factor. The
+prior of their other parameters (wear coefficient, scatter) is a standard normal variable, like all
+priors in `gstlib.use.tempering`.
 """
 
-# ASSUME: a patch loses in proportion to its pressure, but for a scatter of Student's t with four
-# degrees of freedom: one wrong T1 does not move the answer. The scatter has a part that grows with
-# the loss and one that does not. Beforehand, the coefficients are lognormal: that of wear with a
-# factor of 2 about that of all patches together, the parts of the scatter with a factor of 2.2
-# and 1.8 about 35 % of the loss of the patch and 18 % of the mean loss.
-# ASSUME: a grade says in which interval the logarithm of a patch's pressure lies, but for a normal
-# error; a tenth of the grades are at random. As many patches lie between two limits as have the
-# grade between them.
+# ASSUME: Scatter of losses. The loss of a patch is proportional to its pressure, with a scatter of
+# Student's t with four degrees of freedom. One part of the scatter grows with the loss, and one is
+# constant. Reason: With long tails, one wrong T1 does not change the result.
+# ASSUME: Prior of the wear coefficient. The coefficient is lognormal, with a factor of 2 about its
+# value for all patches together. Reason: A wear coefficient is positive, and unknown beforehand.
+# ASSUME: Priors of the scatter of losses. The part that grows with the loss is lognormal about 35 %
+# of the loss, with a factor of 2.2. The constant part is lognormal about 18 % of the mean loss,
+# with a factor of 1.8. Reason: Both are positive, and unknown beforehand.
+# ASSUME: Grades by eye. A grade is an interval of the logarithm of pressure, with a normal error,
+# and a tenth of the grades are random. The limits divide the patches in proportion to the numbers
+# of their grades. Reason: Grades give an order, but no depths.
 
 import math
 from collections.abc import Mapping, Sequence
@@ -33,53 +36,54 @@ __all__ = [
     "likelihood",
 ]
 
-# Patches, and patches whose loss is above the noise, below which nothing is inferred.
+# Fewest patches, and fewest patches with a loss above the noise, for an inference.
 FEWEST_PATCHES, FEWEST_WORN = 6, 4
 _FREEDOM = 4.0
-# logarithm of the density of Student's t at 0, with these degrees of freedom
+# Logarithm of the density of Student's t at 0 with these degrees of freedom.
 _LOG_OF_T = math.log(3 / 8)
-# Medians and standard errors of logarithms: of the wear coefficient over that of all patches
-# together; of the scatter over the loss of the patch, and over the mean loss. Most patches neither
-# bear load nor wear, whatever the heights err by: their perfect fit says nothing of the patches at
-# the edge of the contact, so that the last has a least value.
+# Medians and standard deviations of logarithms. The wear coefficient is relative to its value for
+# all patches together. The scatter is relative to the loss of the patch and to the mean loss. The
+# constant scatter has a lower limit for this reason: most patches neither carry load nor wear,
+# whatever the errors of the heights. Their perfect fit is no evidence for the patches at the edge
+# of the contact.
 _COEFFICIENT_ERROR = 0.7
 _SCATTER, _SCATTER_ERROR = 0.35, 0.8
 _FLOOR, _FLOOR_ERROR, _LEAST_FLOOR = 0.18, 0.6, 0.1
-# Of the logarithm of pressure, for grades.
+# Standard deviations of the logarithm of pressure, for grades.
 _GRADE_ERROR, _GRADE_ERROR_ERROR = 0.5, 0.5
 _AT_RANDOM = 0.1
-# Pressure that no eye tells from none, over the mean one.
+# Largest invisible pressure, relative to the mean pressure.
 _UNSEEN = 0.03
 
 
 class Evidence(Protocol):
-    """What was seen on each patch.
+    """Observed wear of each patch.
 
     Attributes
     ----------
     variables : int
-        Of what is not asked for.
+        Number of additional parameters.
     """
 
     variables: int
 
     @property
     def tells(self) -> bool:
-        """Whether patches differ."""
+        """Whether the patches differ."""
 
     def log_likelihood(self, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
-        """Of each patch (draws, patches) at its pressures and `variables` of each draw."""
+        """Log likelihood of each patch (draws, patches), given its pressures and `variables`."""
 
     def parameters(
         self, pressure: np.ndarray, standard: np.ndarray
     ) -> Mapping[str, np.ndarray]:
-        """What is not asked for, by name: (draws,)."""
+        """Additional parameters (draws,) by name."""
 
     def springs(self, pressure: np.ndarray) -> np.ndarray:
-        """How far an element wears (draws,), mm/MPa, under pressures (draws, patches), MPa."""
+        """Wear of an element per pressure (draws,), mm/MPa, at pressures (draws, patches), MPa."""
 
     def permuted(self, order: Sequence[int] | np.ndarray) -> "Evidence":
-        """The same, seen on other patches, or on some of them."""
+        """The same evidence for other patches, or for some of them."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +93,11 @@ class Losses:
     Attributes
     ----------
     depth_um : (patches,) ndarray
-        Volume lost over the area of the patch.
+        Lost volume per area of the patch, µm.
     above_noise : (patches,) ndarray of bool, optional
-        Which losses are above the noise; by default, all but 0.
+        Whether each loss is above the noise. By default, all losses except 0 are.
     law : Law
-        How they grow with pressure.
+        Law of wear.
     """
 
     depth_um: np.ndarray
@@ -103,7 +107,7 @@ class Losses:
 
     @property
     def tells(self) -> bool:
-        """Whether enough patches lost more than the noise."""
+        """Whether enough patches have a loss above the noise."""
         worn = np.asarray(self.depth_um > 0)
         if self.above_noise is not None:
             worn = (
@@ -112,16 +116,16 @@ class Losses:
         return bool(worn.sum() >= FEWEST_WORN)
 
     def springs(self, pressure: np.ndarray) -> np.ndarray:
-        """Wear coefficient with the sliding (draws,), mm/MPa, under pressures (draws, patches).
+        """Wear coefficient times sliding (draws,), mm/MPa, at pressures (draws, patches), MPa.
 
-        An element that gives way by it under pressure has worn (`gstlib.bem.wear_path`).
+        An element that yields by this amount per pressure has worn (`gstlib.bem.wear_path`).
         """
         borne = self.law.equivalent(pressure).sum(axis=1)
         lost = 1e-3 * max(float(self.depth_um.sum()), 0.0)
         return np.where(borne > 0, lost / np.where(borne > 0, borne, 1.0), 0.0)
 
     def permuted(self, order: Sequence[int] | np.ndarray) -> "Losses":
-        """The same losses on other patches, or those of some patches."""
+        """The same losses for other patches, or the losses of some patches."""
         above_noise = self.above_noise
         if above_noise is not None:
             above_noise = above_noise[order]
@@ -143,7 +147,7 @@ class Losses:
         }
 
     def log_likelihood(self, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
-        """Of the loss of each patch (draws, patches)."""
+        """Log likelihood of the loss of each patch (draws, patches)."""
         parameters = self.parameters(pressure, standard)
         coefficient, scatter, floor = (
             parameters[name][:, None]
@@ -164,23 +168,23 @@ class Grades:
     Attributes
     ----------
     grade : (patches,) ndarray of int
-        0, 1, 2 …, the more the more worn.
+        Grades 0, 1, 2 …, which increase with wear.
     """
 
     grade: np.ndarray
     variables = 1
 
     def springs(self, pressure: np.ndarray) -> np.ndarray:
-        """0: how deep the wear is, grades do not say."""
+        """Zero, because grades do not contain depths."""
         return np.zeros(len(pressure))
 
     @property
     def tells(self) -> bool:
-        """Whether there are two grades."""
+        """Whether there are at least two grades."""
         return len(set(self.grade.tolist())) > 1
 
     def permuted(self, order: Sequence[int] | np.ndarray) -> "Grades":
-        """The same grades on other patches, or those of some patches."""
+        """The same grades for other patches, or the grades of some patches."""
         return Grades(self.grade[order])
 
     def parameters(
@@ -190,7 +194,7 @@ class Grades:
         return {"scatter": _GRADE_ERROR * np.exp(_GRADE_ERROR_ERROR * standard[:, 0])}
 
     def log_likelihood(self, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
-        """Of the grade of each patch (draws, patches)."""
+        """Log likelihood of the grade of each patch (draws, patches)."""
         mean = pressure.mean(axis=1, keepdims=True)
         relative = pressure / np.where(mean > 0, mean, np.inf)
         seen = np.log(relative + _UNSEEN)
@@ -212,7 +216,7 @@ class Grades:
 def likelihood(
     evidence: Evidence, pressure: np.ndarray, standard: np.ndarray
 ) -> np.ndarray:
-    """That of the evidence (draws, patches), -inf where nothing bears load."""
+    """Log likelihood of the evidence (draws, patches), -inf if no patch carries load."""
     rests = np.any(pressure > 0, axis=1)
     return np.where(
         rests[:, None], evidence.log_likelihood(pressure, standard), -np.inf

@@ -1,23 +1,28 @@
-"""How a tool was used, read from its wear: where it was pressed, and against how round a tool.
+"""Inference of the load case from the wear: load point, its scatter, radius of the active tool.
 
-A use is a centre of the load points, how they scatter about it, and the radius of the active tool.
-Contacts of single strikes are solved in equilibrium (`gstlib.use.sampling`), and the pressures of a
-use are means over its strikes (`gstlib.use.spread`). A use whose pressures go with the wear of the
-patches counts more. The prediction for a patch weighs the draws by the wear of the *other* patches
-alone.
+A load case consists of the mean load point, its scatter and the radius of the active tool. Contacts
+of single strikes are solved in equilibrium (`gstlib.use.sampling`). The pressures of a load case
+are means over its strikes (`gstlib.use.spread`). A load case is weighted by the agreement of its
+pressures with the wear of the patches. The prediction for a patch weights the draws by the wear of
+the *other* patches alone.
 
-Something always fits best. So a use has competitors that know no contact, which predict each loss
-from the others likewise (`gstlib.use.competitors`). It is claimed only where it predicts better
+Some load case always fits best. So there are competitors without contact, which also predict each
+loss from the others (`gstlib.use.competitors`). A load case is claimed only if it predicts better
 than each of them.
 """
 
-# ASSUME: a loss knows the force through the wear coefficient alone, and a round contact depends on
-# F R / E*. So the radius is inferred for the force and the modulus as stated. Beforehand it is
-# known but for a lognormal error, and the centre but for a normal one, alike along both axes.
-# ASSUME: of two radii, the ratio and the direction are known.
-# ASSUME: a loss goes with the pressure after it, as in one implicit step of Archard's law: each
-# element gives way by κ p. The κ of a use gives the losses in sum under this use, in the first
-# round under the use as stated.
+# ASSUME: Force and contact modulus. Force and modulus keep the values of the config, and the radius
+# is inferred for these values. Reason: A loss constrains the force only through the wear
+# coefficient, and a round contact depends on F R / E*.
+# ASSUME: Priors of load point and radius. The error of the radius is lognormal, and the error of
+# the load point is normal, with one standard deviation for both axes. Reason: A radius is positive,
+# and the two axes are equivalent.
+# ASSUME: Two radii of the active tool. The ratio and the direction of two radii are taken as known.
+# Reason: A few losses hardly constrain further parameters.
+# ASSUME: Wear within one load case. A loss is proportional to the pressure after it, as in one
+# implicit step of Archard's law, in which each element yields by κ p. The κ of a load case
+# reproduces the sum of the losses, in the first round under the prior means. Reason: Wear unloads
+# the patches that wear most.
 
 import logging
 from collections import deque
@@ -50,30 +55,30 @@ __all__ = [
 
 _log = logging.getLogger(__name__)
 
-# The three answers to: does a use explain the wear?
+# Possible answers to the question whether a load case explains the wear.
 PRESSED = "pressed"
 PERHAPS = "perhaps pressed"
 NOT_PRESSED = "not shown to be pressed"
-# How the answer begins where there is none; the reason follows.
+# Start of the answer if nothing can be inferred. The reason follows.
 UNKNOWN = "cannot be inferred"
 
-# Contacts are pressed on elements twice as long as the study's.
+# Contacts are solved on elements twice as long as in the study.
 _COARSER = 2
-# Contacts that are kept in memory, to start others from.
+# Number of contacts kept in memory as starting points of others.
 _KEPT = 100
-# Far below the printed digits: each round rests on the last bits of those before it.
+# Far below the printed digits, because each round depends on the last bits of earlier rounds.
 _TOLERANCE = 1e-9
-# Strikes that have to press a patch.
+# Number of strikes that must press a patch.
 _FEWEST = 40
-# Effective draws for a patch below which its prediction is called uncertain.
+# Smallest effective sample size of a patch whose prediction is not called uncertain.
 FEWEST_DRAWS = 40
-# Error of the pressures between contacts, over the mean, above which nothing is inferred.
+# Largest relative error of the pressures between contacts for an inference.
 _MOST_CONTACT_ERROR = 0.3
-# By how many standard errors a use has to predict better than each competitor to be claimed. Chosen
-# on stones that are in no benchmark, so that rarely a use is claimed where nothing was pressed.
+# Number of standard errors by which a load case must predict better than each competitor. It was
+# chosen on stones outside the benchmarks, so that false claims are rare if nothing was pressed.
 _CLEARLY = 1.0
 
-# Units and meaning of what is stored.
+# Units and meanings of the stored variables.
 _DESCRIBED = {
     "y_mm": ("mm", "load point along y"),
     "x_mm": ("mm", "load point along x"),
@@ -110,7 +115,7 @@ _DESCRIBED = {
 
 
 class StatedUse(NamedTuple):
-    """What the user states of a use, with standard errors.
+    """Prior values of a load case, with standard errors.
 
     Attributes
     ----------
@@ -118,14 +123,14 @@ class StatedUse(NamedTuple):
     load_point : (float, float)
         The load point (y, x) on the square, mm.
     load_point_mm : float
-        Its standard error along each axis.
+        Standard error of the load point along each axis.
     radius_mm : float or None
-        Of the active tool whose face is pressed (of two, the geometric mean); None where it is
-        known, or flat.
+        Radius of the active tool whose face is pressed (geometric mean of two radii). None if it is
+        known or flat.
     radius_log_sd : float
         Standard error of the logarithm of the radius.
     scatter_mm, stroke_mm : float
-        Scales of how far strikes scatter along each axis, and of how long strokes are.
+        Scales of the scatter of strikes along each axis, and of the length of strokes.
     """
 
     force_N: float
@@ -138,7 +143,7 @@ class StatedUse(NamedTuple):
 
     @property
     def prior(self) -> Prior:
-        """Uses that are possible beforehand."""
+        """Prior of the load cases."""
         mean, error = [*self.load_point], 2 * [self.load_point_mm]
         if self.radius_mm is not None:
             mean, error = [*mean, np.log(self.radius_mm)], [*error, self.radius_log_sd]
@@ -155,7 +160,7 @@ def infer_use(
     patch_mm: float,
     sampling: Sampling,
 ) -> xr.Dataset:
-    """Where a tool was pressed, and against how round a tool.
+    """Infer the load point and the radius of the active tool from the wear of patches.
 
     Parameters
     ----------
@@ -163,36 +168,36 @@ def infer_use(
         ``height``, ``counterface`` and ``size_mm``, from
         `gstlib.macroscale.composite.compose_surface` or `gstlib.macroscale.face.grid_macroscale`.
     patches : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg`` of the patches whose wear is known.
+        ``patch, x_mm, y_mm, rotation_deg`` of the patches with known wear.
     evidence : Evidence
-        Their wear, in that order.
+        Wear of the patches, in the order of the table.
     stated : StatedUse
     modulus : float
         Contact modulus E*, MPa.
     patch_mm : float
-        Side of a patch.
+        Side of a patch, mm.
     sampling : Sampling
 
     Returns
     -------
     xarray.Dataset
-        By ``draw``: ``y_mm``, ``x_mm``, ``radius_mm`` (NaN where it is not asked for),
-        ``scatter_mm``, ``stroke_mm``, ``spread_mm``, ``stroke_angle_deg``, `Evidence.parameters`,
-        and ``weight``, the worth of the draw after the wear was seen. By ``draw`` and ``patch``:
-        ``pressure`` and ``pressure_at_centre``, MPa, and ``weight_without``, the worth after the
-        wear of the other patches was seen. By ``patch``: ``log_score`` of each patch given the
-        others and ``effective_sample_size_without``; by ``competitor`` and ``patch``,
-        ``competitor_log_score``. Of losses, the dataset from `gstlib.use.laws.law_scores` is part
-        of it. Attributes: ``effective_sample_size``; ``contacts`` that were solved, and the error
-        ``contact_error`` with which the last were predicted; ``log_score_gain`` over the best
-        ``competitor``, with its standard error ``log_score_gain_error``; ``answer``, one of
-        `PRESSED`, `PERHAPS` and `NOT_PRESSED`; and ``adopted``, whether the study adopts it. If
-        nothing can be inferred, there are the attributes alone, and ``answer`` is `UNKNOWN` with
-        the reason.
+        By ``draw``: ``y_mm``, ``x_mm``, ``radius_mm`` (NaN if it is not inferred), ``scatter_mm``,
+        ``stroke_mm``, ``spread_mm``, ``stroke_angle_deg``, `Evidence.parameters`, and ``weight``,
+        the posterior weight of the draw. By ``draw`` and ``patch``: ``pressure`` and
+        ``pressure_at_centre``, MPa, and ``weight_without``, the posterior weight without the wear
+        of the patch. By ``patch``: ``log_score`` of each patch given the others and
+        ``effective_sample_size_without``. By ``competitor`` and ``patch``:
+        ``competitor_log_score``. For losses, the dataset also contains the variables of
+        `gstlib.use.laws.law_scores`. Attributes: ``effective_sample_size``. ``contacts``, the
+        number of solved contacts. ``contact_error``, the error with which the last were predicted.
+        ``log_score_gain`` over the best ``competitor``, and its standard error
+        ``log_score_gain_error``. ``answer``, one of `PRESSED`, `PERHAPS` and `NOT_PRESSED`.
+        ``adopted``, whether the study adopts it. If nothing can be inferred, there are only
+        attributes, and ``answer`` is `UNKNOWN` with the reason.
 
     Examples
     --------
-    Of eight patches, the two with the lowest x and y are the most worn by eye:
+    The two patches with the lowest x and y are the most worn of eight by eye:
 
     >>> import gstlib
     >>> from gstlib.use.evidence import Grades
@@ -251,7 +256,7 @@ def infer_use(
         np.array([*competitors.values()]),
     )
     answer = _answer(use)
-    # where a competitor predicts better, more contacts would not help
+    # If a competitor predicts better, more contacts do not help.
     if answer["adopted"] and not draws.contact_error <= _MOST_CONTACT_ERROR:
         reason = (
             f"the last of {contacts} contacts were predicted from the others with an error of "
@@ -318,10 +323,10 @@ def use_pressures(
     patch_mm: float,
     springs: float | np.ndarray = 0.0,
 ) -> np.ndarray:
-    """Pressure (uses, patches), MPa, under some uses; 0 of one that tips the stone over.
+    """Pressure (uses, patches), MPa, under load cases; 0 for a case that tips the stone over.
 
-    `points` (uses, 2 or 3) are load point (y, x), mm, and logarithm of the radius; elements
-    give way by `springs`, mm/MPa; the rest is as in `infer_use`.
+    `points` (uses, 2 or 3) are load point (y, x), mm, and logarithm of the radius. Elements yield
+    by `springs`, mm/MPa. All other parameters are as in `infer_use`.
     """
     height, over_stated = (
         coarser(face[name], _COARSER) for name in ("height", "counterface")
@@ -335,7 +340,7 @@ def use_pressures(
         over = over_stated
         if log_radius and stated.radius_mm is not None:
             over = as_round_as(over_stated, stated.radius_mm, np.exp(log_radius[0]))
-        # from the use most like this one
+        # Start from the most similar load case.
         apart = [np.square(scaled[number] - scaled[other]).sum() for other, _ in solved]
         start = solved[int(np.argmin(apart))][1] if solved else None
         load = Load.of_force(stated.force_N, height, (y, x))
@@ -359,7 +364,7 @@ def _too_few(count: int) -> xr.Dataset:
 
 
 def _warn_of_few_draws(use: xr.Dataset, sampling: Sampling) -> None:
-    """Name the patches whose prediction rests on few effective draws."""
+    """Warn of the patches whose prediction has a small effective sample size."""
     is_few = use.effective_sample_size_without.values < FEWEST_DRAWS
     if is_few.any():
         _log.warning(
@@ -372,7 +377,7 @@ def _warn_of_few_draws(use: xr.Dataset, sampling: Sampling) -> None:
 
 
 def _unknown(reason: str, remedy: str) -> xr.Dataset:
-    """What `infer_use` returns where nothing can be inferred; reason and remedy are logged."""
+    """The result of `infer_use` if nothing can be inferred; reason and remedy are logged."""
     _log.warning(
         "how the tool was used %s, because %s. %s, or set use to null. The study goes on as "
         "stated.",
@@ -387,7 +392,7 @@ def _unknown(reason: str, remedy: str) -> xr.Dataset:
 
 
 def _answer(use: xr.Dataset) -> dict[str, Any]:
-    """Whether a use explains the wear, and whether the study adopts it."""
+    """Whether a load case explains the wear, and whether the study adopts it."""
     gains = (
         (use.log_score - use.competitor_log_score)
         .transpose("competitor", "patch")
@@ -404,6 +409,6 @@ def _answer(use: xr.Dataset) -> dict[str, Any]:
         "log_score_gain": float(total[best]),
         "log_score_gain_error": float(error[best]),
         "answer": answer,
-        # where a competitor tells more of the other patches, a use has not shown itself
+        # If a competitor predicts the other patches better, a load case has not been shown.
         "adopted": int(total[best] > 0),
     }

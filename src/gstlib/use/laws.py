@@ -1,17 +1,19 @@
 """Competing laws of wear: which of them best predicts the loss of a patch from the other losses.
 
 Archard's law is scored beside four others on the same likely pressures. They are a threshold
-pressure, a lower and a higher exponent of pressure, and the same loss wherever a patch is touched.
-None of them contains Archard's law as a special case. So a better score means a better prediction.
+pressure, a lower and a higher exponent of pressure, and the same loss of all touched patches. None
+of them contains Archard's law as a special case. So a better score means a better prediction.
 """
 
-# ASSUME: beforehand, a threshold is lognormal, with a factor of 2 about half the mean pressure of
-# the patches that likely loads touch. The logarithm of an exponent, to the base of 2, is beyond 0.5
-# on one side of 0, by a half-normal distance with a scale of 0.6. So it is not near 1. Exponents of
-# experiments form one group about 1 and another elsewhere (Delaney et al. 2025, Appl. Mech. Rev.
-# 77:022101). A threshold stands for cracks that grow only in contacts with enough elastic energy
-# (Xu & Persson, arXiv 2412.13129).
-# ASSUME: if strikes scatter, a law acts on the mean of their pressures.
+# ASSUME: Prior of a threshold pressure. A threshold is lognormal, with a factor of 2 about half the
+# mean pressure of the patches that likely loads touch. Reason: A threshold stands for cracks that
+# grow only in contacts with enough elastic energy (Xu & Persson, arXiv 2412.13129).
+# ASSUME: Prior of an exponent. The logarithm of the exponent to base 2 is beyond 0.5 on one side of
+# 0, by a half-normal distance with a scale of 0.6. So the exponent is not near 1. Reason: Exponents
+# of experiments form one group about 1 and another elsewhere (Delaney et al. 2025, Appl. Mech. Rev.
+# 77:022101).
+# ASSUME: Laws under scattered strikes. A law acts on the mean pressure of the strikes. Reason: Only
+# the mean pressure of the strikes has a closed form. Alternative: The law acts on each strike.
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,18 +30,19 @@ from gstlib.use.tempering import mean_and_limits, tempered
 
 __all__ = ["BASE", "UNDECIDED", "law_scores", "law_table"]
 
-# The law that the others are compared with, and the answer if the scores do not separate them.
+# The reference law, and the answer if the scores do not separate the laws.
 BASE, UNDECIDED = "archard", "undecided"
-# Of several samples, the median of each score counts: one may miss loads that are likely once a
-# patch is left out.
+# The median of each score over several samples counts, because one sample may miss loads that are
+# likely once a patch is left out.
 _DRAWS, _SAMPLES = 1000, 3
 _EXPONENT_ERROR, _EXPONENT_APART = 0.6, 0.5
-# Over the mean pressure of the touched patches.
+# Relative to the mean pressure of the touched patches.
 _THRESHOLD, _THRESHOLD_ERROR = 0.5, 0.7
-# A pressure between solved contacts is interpolated: below this share of the same mean, it is none.
+# Pressures between solved contacts are interpolated. Below this fraction of the mean, they are
+# zero.
 _TOUCHED = 0.01
-# One-sided level of a claim. The quantile is Student's, because the standard error is from few
-# patches; for the best of four others, it is of a quarter of the level.
+# One-sided level of a claim. The quantile is Student's, because few patches give the standard
+# error. For the best of four other laws, the level is divided by four.
 _LEVEL = 0.05
 _STATISTICS = "posterior_mean", "low", "high"
 _COLUMNS = [
@@ -60,7 +63,7 @@ _DECIMALS = 6
 
 
 class _Family(NamedTuple):
-    """A law with a parameter, or without one, from a standard normal variable (draws, 0 or 1)."""
+    """A law and its parameter, if any, from a standard normal variable (draws, 0 or 1)."""
 
     parameter: str
     law: Callable[[np.ndarray], Law]
@@ -72,24 +75,24 @@ def law_scores(
     losses: Losses,
     generator: np.random.Generator,
 ) -> xr.Dataset:
-    """How well each law predicts the loss of each patch from the other losses.
+    """Score how well each law predicts the loss of each patch from the other losses.
 
     Parameters
     ----------
     pressures : callable
         From standard normal variables (draws, variables) to pressures (draws, patches), MPa.
     variables : int
-        None for a load that is known.
+        Number of variables; 0 for a known load.
     losses : Losses
-        The law in it does not matter.
+        The law in it is not used.
     generator : numpy.random.Generator
 
     Returns
     -------
     xarray.Dataset
         ``law_log_score`` (law, patch): log probability of each loss, given all others.
-        ``law_parameter`` (law, statistic): its mean and limits of 95 % after all losses were seen,
-        NaN without a parameter.
+        ``law_parameter`` (law, statistic): its posterior mean and 95 % limits, NaN without a
+        parameter.
     """
     families = _families(pressures(generator.standard_normal((_DRAWS, variables))))
     scores, parameters = [], []
@@ -157,16 +160,16 @@ def _families(pressure: np.ndarray) -> dict[str, _Family]:
 def law_table(
     use: xr.Dataset | None, pressure: np.ndarray, losses: Losses, *, seed: int
 ) -> pd.DataFrame:
-    """The table ``laws.csv``: how well each law predicts the losses.
+    """The table ``laws.csv``: scores of the laws.
 
     Parameters
     ----------
     use : xarray.Dataset or None
         From `gstlib.use.infer.infer_use`.
     pressure : (patches,) ndarray
-        Under the load in the config, MPa. It is scored alone if no use is adopted.
+        Pressure under the load in the config, MPa. It is scored alone if no load case is adopted.
     losses : Losses
-        Of the same patches.
+        Losses of the same patches.
     seed : int
 
     Returns

@@ -1,6 +1,6 @@
-"""What a study takes from an inference: what is pressed, pressures, predicted losses, the table.
+"""Effect of an inference on a study: face, pressures, predicted losses, table.
 
-`gstlib.use.infer` asks how the tool was used; this asks it of a study, and goes on with the answer.
+`gstlib.use.infer` infers a load case. This module applies it to a study and adopts the result.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,8 @@ __all__ = [
 ]
 __all__ += ["strikes_of", "use_of_study", "use_table"]
 
-# Decimals of a predicted loss (µm) and pressure (MPa); what is less comes from uses of no weight.
+# Decimals of a predicted loss (µm) and pressure (MPa); smaller values come from draws without
+# weight.
 _DECIMALS = 6
 _PREDICTIVE = 4000
 
@@ -46,7 +47,7 @@ def use_of_study(
     patch_mm: float,
     wear_law: Mapping[str, float] | None = None,
 ) -> tuple[xr.Dataset, pd.DataFrame, pd.DataFrame | None]:
-    """How the tool of a study was used, from the losses of its patches, or from their grades.
+    """Infer the load case of a study from the losses or the grades of its patches.
 
     Parameters
     ----------
@@ -65,12 +66,12 @@ def use_of_study(
     -------
     use : xarray.Dataset
         From `gstlib.use.infer.infer_use`. With losses, also ``stated_pressure`` (scanned), MPa, of
-        every patch under the use as stated.
+        every patch under the prior load case.
     table : pandas.DataFrame
-        From `use_table`. If it rests on grades, it has ``posterior_mean_without_curvature``, too,
+        From `use_table`. If it rests on grades, it also has ``posterior_mean_without_curvature``,
         because the mesh is the mesh of the worn tool.
     losses : pandas.DataFrame or None
-        From `predicted_losses`; None where there are grades in place of losses.
+        From `predicted_losses`; None if there are grades instead of losses.
     """
     told, drawn = StatedUse(**stated), Sampling(**sampling)
     settings: dict[str, Any] = {
@@ -111,11 +112,11 @@ def use_of_study(
 def losses_of(
     patches: pd.DataFrame, registration: pd.DataFrame, law: Law = ARCHARD
 ) -> tuple[pd.DataFrame, Losses]:
-    """The patches whose loss is known, and their losses.
+    """The patches with a known loss, and their losses.
 
-    `patches` is the patch table and `registration` the table ``registration``. Patches
-    whose T1 is excluded are left out; those that lost nothing count. The patches have the place of
-    their T1, because a loss is of the area that both scans cover.
+    `patches` is the patch table and `registration` the table ``registration``. Patches with an
+    excluded T1 are left out, and patches without loss count. The patches have the positions of
+    their T1, because a loss refers to the area that both scans cover.
     """
     measured = registration[~registration.excluded.astype(bool)].set_index("patch")
     measured = measured.dropna(subset="mean_wear_depth_um")
@@ -132,11 +133,11 @@ def losses_of(
 def as_used(
     face: xr.Dataset, use: xr.Dataset | None, load_point: tuple[float, float] | None
 ) -> tuple[xr.Dataset, tuple[float, float] | None]:
-    """What is pressed, and through which point: as the wear says, or else as stated.
+    """The face and its load point: as inferred, or else as in the config.
 
     `face` has ``height``, ``counterface`` and ``size_mm``; `use` is from
-    `gstlib.use.infer.infer_use`. The load point is the mean of the centres that the wear says, and
-    the radius the geometric mean.
+    `gstlib.use.infer.infer_use`. The load point is the posterior mean of the centres, and the
+    radius the geometric mean.
     """
     if use is None or not use.attrs["adopted"]:
         return face, load_point
@@ -154,7 +155,7 @@ def as_used(
 
 
 def strikes_of(use: xr.Dataset, generator: np.random.Generator) -> np.ndarray:
-    """Where (x, y), mm, one strike of each draw of a use acts."""
+    """Positions (x, y), mm, of one strike of each draw."""
     angle = np.radians(use.stroke_angle_deg.values)
     points = np.stack([use.y_mm.values, use.x_mm.values], axis=1)
     direction = np.stack([np.sin(angle), np.cos(angle)], axis=1)
@@ -166,13 +167,13 @@ def strikes_of(use: xr.Dataset, generator: np.random.Generator) -> np.ndarray:
 def pressures_of_use(
     pressures: pd.DataFrame, use: xr.Dataset | None, *, patch_mm: float
 ) -> pd.DataFrame:
-    """The table of pressures under a use of many strikes.
+    """The table of pressures under a load case of many strikes.
 
     `patch_mm` is the side of a patch. ``force_N`` and ``pressure_MPa`` become means over the
-    strikes. ``leave_one_out_MPa`` is as the wear of the other patches says, and ``stated_MPa``
-    under the use as stated: the wear of the patch itself has shaped neither. Patches whose wear is
-    not known keep their values, and have no ``leave_one_out_MPa``. Without a use that is taken, the
-    table stays as it is.
+    strikes. ``leave_one_out_MPa`` is inferred from the wear of the other patches, and
+    ``stated_MPa`` is the pressure under the prior load case. Neither depends on the wear of the
+    patch itself. Patches with unknown wear keep their values, and have no ``leave_one_out_MPa``. If
+    no load case is adopted, the table does not change.
     """
     if use is None or not use.attrs["adopted"]:
         return pressures
@@ -192,12 +193,12 @@ def pressures_of_use(
 
 
 def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame:
-    """Loss of each patch, as predicted by the use that the wear of the other patches tells.
+    """Loss of each patch, as predicted by the load case inferred from the other patches.
 
-    `use` is from `gstlib.use.infer.infer_use` with these `losses`. The result has ``patch``,
-    ``loss_um`` as measured, ``predicted_um``, the limits of 95 %, ``low_um`` and ``high_um``,
-    scatter included, and the ``effective_sample_size`` on which they rest. It does not have rows
-    if nothing was inferred.
+    `use` is from `gstlib.use.infer.infer_use` with these `losses`. The result has ``patch``, the
+    measured ``loss_um``, ``predicted_um``, its 95 % limits with scatter, ``low_um`` and
+    ``high_um``, and the ``effective_sample_size`` of the prediction. It has no rows if nothing was
+    inferred.
     """
     generator = np.random.default_rng([seed, 7])
     rows = []
@@ -230,26 +231,26 @@ def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame
 
 
 def share_within(predicted: pd.DataFrame) -> float:
-    """Share of the losses that lie within the limits of `predicted_losses`."""
+    """Fraction of the losses that lie within the limits of `predicted_losses`."""
     return float(predicted.loss_um.between(predicted.low_um, predicted.high_um).mean())
 
 
 def use_table(
     use: xr.Dataset, stated: StatedUse, predicted: pd.DataFrame | None = None
 ) -> pd.DataFrame:
-    """The table ``use.csv``: what was stated of the use, and what the wear says.
+    """The table ``use.csv``: prior and posterior of the load case.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each ``parameter`` with its ``unit``: ``prior`` and ``prior_error`` (of the
-        radius: of its logarithm), NaN without a statement; ``posterior_mean`` (of the radius:
-        geometric), ``low`` and ``high`` of 95 %. Rows of the answer: ``log_score_gain`` over the
-        best ``competitor``; ``contact_error``, of the pressures between the solved contacts;
-        and, with `predicted` from `predicted_losses`, the share of the losses ``within_95`` % of
-        the predictions from the others, the posterior predictive check. In all rows the same:
-        ``effective_sample_size``, ``answer``, ``competitor``, and ``adopted``, whether the study
-        adopts it.
+        A row for each ``parameter`` with its ``unit``. ``prior`` and ``prior_error`` (of the
+        logarithm of a radius) are NaN without a prior. ``posterior_mean`` (geometric for a radius)
+        has the 95 % limits ``low`` and ``high``. Further rows contain ``log_score_gain`` over the
+        best ``competitor``, and ``contact_error``, the error of pressures between the solved
+        contacts. With `predicted` from `predicted_losses`, the row ``within_95`` contains the
+        fraction of losses within the limits of the predictions from the others (posterior
+        predictive check). The columns ``effective_sample_size``, ``answer``, ``competitor``, and
+        ``adopted``, whether the study adopts the answer, are the same in all rows.
     """
     y, x = stated.load_point
     nothing = np.nan, np.nan
@@ -303,7 +304,7 @@ def use_table(
 
 
 def _summary(use: xr.Dataset, name: str) -> list[float]:
-    """Mean and limits of what the wear says."""
+    """Posterior mean and limits."""
     if name not in use:
         return [np.nan] * 3
     values, weight = use[name].values, use.weight.values

@@ -1,13 +1,13 @@
-"""Draws of uses: contacts where likely uses strike, and particles between them.
+"""Draws of load cases: solved contacts of likely strikes, and particles between them.
 
-Contacts are solved in rounds. The first are strikes of uses that are possible beforehand; those of
-each further round are strikes of uses that the wear says are likely, by the pressures between the
-contacts so far (`gstlib.use.spread`). The uses themselves take no contact
-(`gstlib.use.tempering`).
+Contacts are solved in rounds. The first round draws strikes from the prior. Each further round
+draws strikes that are likely given the wear and the pressures between the contacts so far
+(`gstlib.use.spread`). The load cases themselves need no further contacts (`gstlib.use.tempering`).
 """
 
-# ASSUME: beforehand, half of the uses have no scatter, and half have no stroke. Without such a
-# share, a tool that always struck one point would seem to scatter, and its radius too small.
+# ASSUME: Prior of scatter and stroke. A load case has no scatter with a probability of a half, and
+# no stroke with a probability of a half. Reason: Otherwise a tool that always struck one point
+# would seem to scatter, and its inferred radius would be too small.
 
 import logging
 from collections.abc import Callable, Mapping
@@ -23,23 +23,23 @@ __all__ = ["Draws", "Prior", "Sampling", "sample"]
 
 _log = logging.getLogger(__name__)
 
-# Uses from which the strikes of a round are taken.
+# Load cases that supply the strikes of a round.
 _USES_OF_ROUND = 400
-# How much the wear counts in the first rounds, while few contacts are known.
+# Weight of the wear in the first rounds, which have few contacts.
 _COUNTED = 0.2, 0.5, 1.0
-# Contacts that were predicted as well as this, over their mean pressure, need no further ones.
+# Relative error of predicted contacts at which no further rounds are needed.
 _PREDICTED = 0.1
 
 
 class Sampling(NamedTuple):
-    """How uses are drawn.
+    """Settings of the sampler.
 
     Attributes
     ----------
     draws, rounds : int
-        Contacts of a round, and the most rounds.
+        Contacts of a round, and the largest number of rounds.
     particles : int
-        Uses in the end.
+        Load cases in the final sample.
     seed : int
     """
 
@@ -50,12 +50,12 @@ class Sampling(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Uses that are possible beforehand.
+    """Prior of the load cases.
 
     Attributes
     ----------
     mean, error : (2 or 3,) ndarray
-        Of the centre (y, x), mm, and the logarithm of the radius: normal.
+        Normal prior of the centre (y, x), mm, and of the logarithm of the radius.
     scatter_mm, stroke_mm : float
         Scales of the scatter and of the length of a stroke. Each is 0 with a probability of a half,
         and half-normal otherwise. All directions of a stroke are equally likely.
@@ -68,11 +68,11 @@ class Prior(NamedTuple):
 
     @property
     def variables(self) -> int:
-        """How many standard normal variables make a use."""
+        """Number of standard normal variables of a load case."""
         return len(self.mean) + 4
 
     def uses(self, standard: np.ndarray) -> Uses:
-        """The uses of standard normal variables (uses, variables)."""
+        """Load cases from standard normal variables (uses, variables)."""
         size = len(self.mean)
         scatter, length, *direction = standard[:, size:].T
         stroke = (
@@ -83,23 +83,23 @@ class Prior(NamedTuple):
 
 
 class Draws(NamedTuple):
-    """Uses, and what the wear says of them.
+    """Posterior draws of the load case.
 
     Attributes
     ----------
     particles : Particles
     pressures_of : callable
-        From standard normal variables (draws, variables) to pressures (draws, patches), MPa.
+        Maps standard normal variables (draws, variables) to pressures (draws, patches), MPa.
     variables : int
     uses : Uses
     pressure, pressure_at_centre : (draws, patches) ndarray
-        Mean over the strikes, and of a strike through their centre, MPa.
+        Mean pressure of the strikes, and pressure of a strike at their centre, MPa.
     parameters : mapping of str to (draws,) ndarray
-        What the evidence does not ask for.
+        Additional parameters of the evidence.
     contacts, touching : int
-        Contacts that were solved, and those that press a patch.
+        Number of solved contacts, and number of contacts that press a patch.
     contact_error : float
-        R.m.s. error with which the last contacts were predicted, over their mean pressure.
+        R.m.s. error of the predictions of the last contacts, relative to their mean pressure.
     """
 
     particles: Particles
@@ -122,11 +122,11 @@ def sample(
     generator: np.random.Generator,
     springs: np.ndarray,
 ) -> Draws | None:
-    """Uses that are likely, from contacts in rounds, until these are predicted well.
+    """Draw likely load cases from rounds of contacts, until these are predicted well.
 
-    `pressures` gives those (strikes, patches), MPa, of single strikes, whose elements give way by
-    so much each, mm/MPa: by `springs` (1,) in the first round, and then by the wear of the use
-    that the strike is of. There are no draws if no strike of the first round presses a patch.
+    `pressures` computes pressures (strikes, patches), MPa, from single strikes and the yield of
+    their elements, mm/MPa. The yield is `springs` (1,) in the first round, and later the wear of
+    the load case of the strike. The result is None if no strike of the first round presses a patch.
     """
 
     def particles(

@@ -1,14 +1,15 @@
-"""Many strikes in place of one: a load point that scatters, and moves along a stroke.
+"""Mean pressures over many strikes, whose load point scatters and moves along a stroke.
 
-A tool strikes thousands of times, and its wear follows the mean of the pressures. Contacts are
-solved for single strikes. Between them, the pressure of a patch is that of a Gaussian process,
-whose mean over a normal scatter has a closed form (O'Hagan 1991, J. Stat. Plan. Inference 29:245).
-So a use with many strikes takes no further contact.
+A tool strikes thousands of times, and its wear follows the mean pressure. Contacts are solved for
+single strikes. Between them, the pressure of a patch is a Gaussian process, whose mean over a
+normal scatter has a closed form (O'Hagan 1991, J. Stat. Plan. Inference 29:245). So a load case
+with many strikes needs no further contacts.
 """
 
-# ASSUME: strikes scatter normally about their centre: alike along both axes, and beyond that along
-# a stroke, with the variance of one that is passed evenly from end to end. The face does not
-# change in the meantime, and force and radius stay as they are.
+# ASSUME: Scatter of the strikes. Strikes scatter normally about their centre, alike along both
+# axes, and further along a stroke, with the variance of a uniform distribution over its length. The
+# face, the force and the radius are the same for all strikes. Reason: The mean pressure then has a
+# closed form.
 
 import itertools
 from typing import NamedTuple
@@ -18,22 +19,22 @@ import scipy
 
 __all__ = ["StrikePressures", "Uses"]
 
-# Length scales of the process over the load point (mm) and over the logarithm of the radius, and
-# the variance that it does not explain, over its own.
+# Length scales of the process over the load point (mm) and the logarithm of the radius, and the
+# unexplained fraction of its variance.
 _LENGTHS_MM = 0.5, 0.7, 1.0, 1.4, 2.0, 3.0
 _RADIUS_LENGTHS = 0.5, 1.0, 2.0, 4.0
 _NUGGETS = 1e-4, 1e-2
-# Strikes from which these are chosen: more of them change nothing.
+# Number of strikes for the choice of length scales; more strikes do not change the choice.
 _MOST_FITTED = 200
-# Pressures of a use that are less than this share of those of the latest strikes that press a
+# Pressures of a load case below this fraction of the pressures of the latest strikes that press a
 # patch are errors of the process.
 _LEAST = 0.1
-# Variance along a stroke of this length that is passed evenly.
+# Variance of a uniform distribution along a stroke of unit length.
 _OF_STROKE = 1 / 12
 
 
 class Uses(NamedTuple):
-    """Ways in which a tool may have been used, one in each row.
+    """Load cases, one in each row.
 
     Attributes
     ----------
@@ -42,7 +43,7 @@ class Uses(NamedTuple):
     scatter_mm : (uses,) ndarray
         Standard deviation of the strikes along each axis.
     stroke_mm : (uses, 2) ndarray
-        Stroke from end to end, along y and x.
+        Stroke from end to end, along y and x, mm.
     """
 
     points: np.ndarray
@@ -51,18 +52,18 @@ class Uses(NamedTuple):
 
     @property
     def covariance(self) -> np.ndarray:
-        """Of the load points of each use (uses, 2, 2), mm²."""
+        """Covariance of the load points of each load case (uses, 2, 2), mm²."""
         along = _OF_STROKE * self.stroke_mm[:, :, None] * self.stroke_mm[:, None, :]
         across = self.scatter_mm[:, None, None] ** 2 * np.eye(2)
         return np.asarray(along + across)
 
     @property
     def spread_mm(self) -> np.ndarray:
-        """R.m.s. distance of the strikes from their centre (uses,), along an axis."""
+        """R.m.s. distance of the strikes from their centre (uses,), along an axis, mm."""
         return np.asarray(np.sqrt(np.trace(self.covariance, axis1=1, axis2=2) / 2))
 
     def strikes(self, generator: np.random.Generator) -> np.ndarray:
-        """One strike of each use (uses, 2 or 3)."""
+        """One strike of each load case (uses, 2 or 3)."""
         points = self.points.copy()
         size = len(points)
         points[:, :2] += self.scatter_mm[:, None] * generator.standard_normal((size, 2))
@@ -72,7 +73,7 @@ class Uses(NamedTuple):
 
     @property
     def still(self) -> "Uses":
-        """The same centres, each with one strike."""
+        """The same centres, without scatter."""
         return Uses(self.points, 0 * self.scatter_mm, 0 * self.stroke_mm)
 
 
@@ -87,7 +88,7 @@ class StrikePressures(NamedTuple):
         Length scales of the process.
     factors : (strikes, patches) ndarray
     least : float
-        Sum of the pressures, MPa, that is not told from none.
+        Sum of the pressures, MPa, below which pressures count as zero.
     """
 
     strikes: np.ndarray
@@ -99,11 +100,11 @@ class StrikePressures(NamedTuple):
     def through(cls, strikes: np.ndarray, pressure: np.ndarray) -> "StrikePressures":
         """The process that best predicts each contact from the others.
 
-        `pressure` (strikes, patches), MPa, is 0 everywhere where the stone tips over.
+        `pressure` (strikes, patches), MPa, is zero for a strike that tips the stone over.
 
         Examples
         --------
-        Where pressure grows as the square of x, a scatter adds its variance:
+        If pressure grows with the square of x, a scatter adds its variance:
 
         >>> strikes = np.random.default_rng(1).uniform(-3, 3, (300, 2))
         >>> process = StrikePressures.through(strikes, 1 + strikes[:, 1:] ** 2)
@@ -120,17 +121,17 @@ class StrikePressures(NamedTuple):
         return cls(strikes, lengths, factors, least)
 
     def mean_pressures(self, uses: Uses) -> np.ndarray:
-        """Mean pressures (uses, patches), MPa, over the strikes of each use; 0 far from all."""
+        """Mean pressures (uses, patches), MPa, over the strikes of each case; 0 far from all."""
         middle = self.strikes[:, :2].mean(axis=0)
         y, x = (uses.points[:, :2] - middle).T
         node_y, node_x = (self.strikes[:, :2] - middle).T
         wide = uses.covariance + self.lengths[0] ** 2 * np.eye(2)
         determinant = np.linalg.det(wide)
-        # the inverse of `wide`
+        # The inverse of `wide`.
         yy = wide[:, 1, 1] / determinant
         xx = wide[:, 0, 0] / determinant
         yx = -wide[:, 0, 1] / determinant
-        # the exponent is a sum of products of something of the use and something of the node
+        # The exponent is a sum of products of a factor of the load case and a factor of the node.
         of_use, of_node = np.ones_like(y), np.ones_like(node_y)
         height = 2 * np.log(self.lengths[0]) - 0.5 * np.log(determinant)
         squared = yy * y**2 + 2 * yx * y * x + xx * x**2
@@ -164,7 +165,7 @@ def _covariance(nodes: np.ndarray, lengths: np.ndarray, nugget: float) -> np.nda
 
 
 def _best_lengths(nodes: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
-    """Lengths and nugget with which each value is best predicted from the others."""
+    """Lengths and nugget at which each value is best predicted from the others."""
     radii = _RADIUS_LENGTHS if nodes.shape[1] > 2 else (1.0,)
 
     def squared_error(lengths: np.ndarray, nugget: float) -> float:

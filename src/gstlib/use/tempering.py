@@ -1,9 +1,9 @@
-"""Sequential Monte Carlo: particles that follow what was seen, which counts more and more.
+"""Sequential Monte Carlo: particles that follow the observations, whose weight is raised in steps.
 
-All that is not known is a standard normal variable beforehand. The particles end as draws of a
-mixture of what is likely given all places, and given all but each one, in equal parts. Each part
-follows by weights that are bounded (after Silva & Zanella 2024, J. Am. Stat. Assoc. 119:2369). The
-way there is that of Del Moral, Doucet & Jasra (2006, J. R. Stat. Soc. B 68:411), with moves of
+The prior of each unknown is a standard normal variable. The particles end as draws of a mixture of
+equal parts: the posterior given all places, and the posteriors given all places except one. Each
+part follows by bounded weights (after Silva & Zanella 2024, J. Am. Stat. Assoc. 119:2369). The
+steps are described by Del Moral, Doucet & Jasra (2006, J. R. Stat. Soc. B 68:411). The moves are
 differential evolution (ter Braak 2006, Stat. Comput. 16:239).
 """
 
@@ -21,25 +21,26 @@ __all__ = [
     "tempered",
 ]
 
-# Quantiles that hold 95 % of what is likely.
+# Quantiles that enclose 95 % of the posterior.
 LIMITS = 0.025, 0.975
-# Share of the particles that still count after a step, and how many moves each has accepted then.
+# Effective fraction of the particles after a step, and accepted moves of each particle.
 _KEPT, _ACCEPTED, _ACCEPTED_LAST, _MOST_MOVES = 0.5, 1.5, 4.0, 30
-# Share of the moves that may jump from one mode to another, and what is added to all moves.
+# Fraction of the moves that may jump between modes, and jitter of all moves.
 _JUMPS, _JITTER = 0.1, 0.02
 
 
 class Particles(NamedTuple):
-    """Equally likely draws of a mixture: one part has seen all places, each other all but one.
+    """Equally likely draws of a mixture: one part uses all places, each other all except one.
 
     Attributes
     ----------
     standard : (draws, variables) ndarray
-        Standard normal beforehand.
+        Standard normal variables under the prior.
     log_likelihood : (draws, places) ndarray
-        Of what was seen on each place.
+        Log likelihood of the observation at each place.
     offset : (places,) ndarray
-        About the logarithm of the evidence of each part over the first: it makes them as large.
+        Approximate logarithm of the ratio of the evidence of each part to the evidence of the first
+        part. It makes the parts equally large.
     """
 
     standard: np.ndarray
@@ -48,17 +49,17 @@ class Particles(NamedTuple):
 
     @property
     def weights(self) -> np.ndarray:
-        """Weight of each draw (draws,) after what was seen on all places."""
+        """Weight of each draw (draws,) given the observations at all places."""
         return np.asarray(scipy.special.softmax(self._log_weight))
 
     @property
     def weights_without(self) -> np.ndarray:
-        """The same (draws, places), after what was seen on all other places."""
+        """Weights (draws, places) given the observations at all other places."""
         return np.asarray(scipy.special.softmax(self._log_without, axis=0))
 
     @property
     def log_score(self) -> np.ndarray:
-        """Logarithm of the probability (places,) of what was seen on each, given all others."""
+        """Log probability (places,) of the observation at each place, given all others."""
         log_total = scipy.special.logsumexp(self._log_weight)
         return np.asarray(
             log_total - scipy.special.logsumexp(self._log_without, axis=0)
@@ -82,20 +83,20 @@ def tempered(
     generator: np.random.Generator,
     counted: float = 1.0,
 ) -> Particles | None:
-    """Draws of what is likely; None if nothing that is tried is possible.
+    """Draws from the posterior; None if no draw is possible.
 
     Parameters
     ----------
     log_likelihood : callable
-        From standard normal variables (draws, variables) to (draws, places).
+        Maps standard normal variables (draws, variables) to log likelihoods (draws, places).
     variables, draws : int
     generator : numpy.random.Generator
     counted : float
-        How much that was seen counts in the end, up to 1.
+        Final weight of the observations, at most 1.
 
     Examples
     --------
-    Of a mean with a standard error of 1, seen at 3 places:
+    A mean with a standard error of 1, observed at 3 places:
 
     >>> seen, generator = np.array([0.9, 1.0, 1.4]), np.random.default_rng(1)
     >>> def log_likelihood(standard):
@@ -126,18 +127,18 @@ def tempered(
 
 
 def effective_sample_size(weight: np.ndarray) -> np.ndarray:
-    """How many draws of equal weight would be worth as much; `weight` is (draws, …)."""
+    """Equivalent number of equally weighted draws; `weight` is (draws, …)."""
     return np.asarray(1 / (weight**2).sum(axis=0))
 
 
 def mean_and_limits(values: np.ndarray, weight: np.ndarray) -> list[float]:
-    """Mean and limits of 95 % of values (draws,) with these weights."""
+    """Mean and 95 % limits of values (draws,) with these weights."""
     limits = np.quantile(values, LIMITS, weights=weight, method="inverted_cdf")
     return [float(weight @ values), *map(float, limits)]
 
 
 def _target(log_likelihood: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Logarithm (draws,) of the mixture over what is likely beforehand."""
+    """Logarithm (draws,) of the mixture relative to the prior."""
     total = log_likelihood.sum(axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):
         without = total - log_likelihood - offset
@@ -147,14 +148,14 @@ def _target(log_likelihood: np.ndarray, offset: np.ndarray) -> np.ndarray:
 
 
 def _in_part(log_likelihood: np.ndarray, counted: float) -> np.ndarray:
-    """What was seen, where it counts in part; before anything counts, nothing is impossible."""
+    """Log likelihood at partial weight; at zero weight, nothing is impossible."""
     if counted == 0:
         return np.zeros_like(log_likelihood)
     return counted * log_likelihood
 
 
 def _offset(log_likelihood: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Logarithms (places,) of what there is of each part, over that of the first."""
+    """Logarithm (places,) of the size of each part relative to the first part."""
     possible = np.isfinite(log_likelihood).all(axis=1)
     log_likelihood = log_likelihood[possible]
     whole = log_likelihood.sum(axis=1) - target[possible]
@@ -169,7 +170,7 @@ def _step(
     reached: float,
     most: float,
 ) -> float:
-    """How much may count next, so that enough of the particles still do."""
+    """The next weight of the observations at which enough particles remain."""
 
     possible = np.isfinite(likelihood).all(axis=1).sum()
 
@@ -185,13 +186,13 @@ def _step(
 
 
 def _resampled(weight: np.ndarray, generator: np.random.Generator) -> np.ndarray:
-    """Which particles go on: each as often as its weight says, but for a fraction."""
+    """Indices of the resampled particles, each as often as its weight requires."""
     places = (np.arange(len(weight)) + generator.random()) / len(weight)
     return np.minimum(np.searchsorted(np.cumsum(weight), places), len(weight) - 1)
 
 
 class _Density(NamedTuple):
-    """What the particles follow: the mixture, of which what was seen counts in part."""
+    """Target of the particles: the mixture, in which the observations have partial weight."""
 
     log_likelihood: Callable[[np.ndarray], np.ndarray]
     counted: float
@@ -204,7 +205,7 @@ class _Density(NamedTuple):
         enough: float,
         generator: np.random.Generator,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Particles after moves that keep their distribution, so many of each accepted."""
+        """Particles after moves that keep their distribution, with `enough` accepted for each."""
         population = standard.copy()
         draws, variables = standard.shape
         density = self._log(standard, likelihood)
