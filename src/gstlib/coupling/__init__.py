@@ -1,1 +1,1 @@
-"""What the macroscale gives to each patch, how sure that is, and where patches lie."""
+"""Macroscale values of each patch, their uncertainty, and checks of the positions of patches."""

@@ -1,4 +1,4 @@
-"""Scans and the mesh under them: how likely is it that they lie otherwise than as given?"""
+"""Likelihood that scans lie on the mesh otherwise than in the patch table."""
 
 import itertools
 import math
@@ -29,36 +29,39 @@ AGREES, SHIFTED, ELSEWHERE, CANNOT_TELL = (
     "elsewhere",
     "cannot tell",
 )
-# A triangular net of edge a resolves waves down to √3 a, twice the distance between its rows.
+# A triangular mesh of edge a resolves waves down to √3 a, twice the distance between its rows.
 WAVE_PER_EDGE = math.sqrt(3)
 
-# One right study in a hundred may be called wrong, or shifted.
+# One correct study in a hundred may be called wrong, or shifted.
 _SIGNIFICANCE = 0.01
-# ASSUME: a patch shows the error of scan and mesh by three independent waves. On synthetic stones
-# its estimates scatter so. The median of such estimates is 0.79 of their mean.
+# ASSUME: Error of scan and mesh under a patch. A patch shows this error by three independent waves,
+# so that the median of its estimates is 0.79 of their mean. Reason: The estimates scatter in this
+# way on synthetic stones.
 _WAVES, _MEDIAN_OF_WAVES = 3, 0.79
 _LEAST_VARIANCE = 1e-14  # mm², so that equal surfaces can be compared
-# Points along a patch's side at which surfaces are compared: shorter waves the mesh does not hold.
+# Points along the side of a patch for the comparison. The mesh does not contain shorter waves.
 _POINTS = 24
 _SHAPE = _POINTS, _POINTS
-# Shifts tried along each axis, in sides of a patch: up to 0.2 mm in steps of 35 µm for the paper's,
-# where a peak is 0.2 mm wide. A mistaken table is tried with shifts of 0.1 mm along either axis.
+# Shifts along each axis, in sides of a patch. For the paper's patches, these are up to 0.2 mm in
+# steps of 35 µm; a peak is 0.2 mm wide. Mistaken tables are tried with shifts of 0.1 mm along
+# either axis.
 _ALONG = np.arange(-6, 7) / 24
 _SHIFTS = np.array([*itertools.product(_ALONG, repeat=2)])
 _FEW_SHIFTS = np.array([(0, 0), (-3, 0), (3, 0), (0, -3), (0, 3)]) / 24
-# ASSUME: a patch lies within so many standard errors of its stated place.
+# ASSUME: Range of patch positions. A patch lies within two standard errors of its position in the
+# patch table. Reason: A larger error is a mistake, and mistakes are tested separately.
 _ERRORS = 2.0
-# Fewer patches have no scatter by which a shift that all share could be told from chance.
+# Fewer patches have no scatter that distinguishes a common shift from chance.
 _FEWEST_PATCHES = 4
 
 
 def shows_waves(surface: xr.DataArray, patch_mm: float) -> bool:
-    """Whether the edges of the mesh, where they are known, show waves as long as a patch."""
+    """Whether the edges of the mesh, if they are known, resolve waves as long as a patch."""
     return bool(WAVE_PER_EDGE * surface.attrs.get("mesh_edge_mm", 0.0) <= patch_mm)
 
 
 class Shift(NamedTuple):
-    """The shift (y, x) that all patches share, its standard errors, mm, and its p-value."""
+    """The common shift (y, x) of all patches, its standard errors, mm, and its p-value."""
 
     shift: np.ndarray
     errors: np.ndarray
@@ -75,11 +78,11 @@ class Shift(NamedTuple):
 
 
 class Comparison:
-    """Scans and the mesh under them, and how likely it is that the scans lie otherwise.
+    """Scans and the mesh under them, and the likelihood that the scans lie otherwise.
 
     The error of scan and mesh is taken as normal. A misfit is the negative logarithm of a
-    likelihood: half the squared error over its variance. A lead is how much smaller a misfit is
-    than the one as given, in nats.
+    likelihood: half the squared error over its variance. A lead is the misfit as given minus the
+    misfit of another way, in nats.
     """
 
     def __init__(
@@ -114,7 +117,7 @@ class Comparison:
         mesh_there = self.mesh[:, [self.at]]
         self.fits = self.correlation(products_there, mesh_there)
         self.gain, self.variance = self._errors()
-        # as given, each patch may be misplaced
+        # As given, each patch may be misplaced.
         misfits = self.misfit(self.products[:, 0], self.mesh)
         near = off <= max(off[self.at], _ERRORS * placement_um * 1e-3)
         self.as_given = misfits[:, near].min(axis=-1)
@@ -134,7 +137,7 @@ class Comparison:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Products of scan and mesh (patches, looks, k), and squares of the mesh (patches, k).
 
-        They are means over the points, mm², at shifts (k, 2) of all patches along y and x, mm.
+        Both are means over the points, mm², at shifts (k, 2) of all patches along y and x, mm.
         """
         products = np.empty((*self.looks.shape[:2], len(shifts)))
         squares = np.empty((len(products), len(shifts)))
@@ -145,7 +148,7 @@ class Comparison:
         return np.concatenate([products, -products], axis=1), squares
 
     def correlation(self, products: np.ndarray, mesh: np.ndarray) -> np.ndarray:
-        """Correlation from (patches, ...) products and squares of the mesh; of flat ones, 0."""
+        """Correlation from (patches, ...) products and squares of the mesh; 0 for flat surfaces."""
         size = np.sqrt(_beside(self.scan, products) * mesh)
         return products / np.where(size > 0, size, np.inf)
 
@@ -157,10 +160,10 @@ class Comparison:
         return squared_error / (2 * variance)
 
     def limit(self, tests: int) -> float:
-        """The lead that the best of so many wrong ways has in one right study of a hundred.
+        """The lead that the best of several wrong ways has in one correct study of a hundred.
 
         Under a normal error, the lead of a wrong way exceeds q²/2 no more often than a normal
-        number exceeds q. Student's t stands for it, because the variance is estimated.
+        number exceeds q. Student's t replaces it, because the variance is estimated.
         """
         freedom = _WAVES * len(self.scan)
         quantile = scipy.special.stdtrit(freedom, 1 - _SIGNIFICANCE / tests)
@@ -168,7 +171,7 @@ class Comparison:
 
     @cached_property
     def across(self) -> np.ndarray:
-        """Misfit (patches, patches) of each scan at the place of each patch."""
+        """Misfit (patches, patches) of each scan at the position of each patch."""
         products, squares = self._products_across()
         misfits = self.misfit(products, squares)
         np.fill_diagonal(misfits, self.as_given)
@@ -176,7 +179,7 @@ class Comparison:
 
     @cached_property
     def alternatives(self) -> np.ndarray:
-        """Highest lead (patches,) of another look, of another patch's place, or of any place."""
+        """Highest lead (patches,) of another look, another patch's position, or any position."""
         others = self.as_given[:, np.newaxis] - self.across
         np.fill_diagonal(others, -np.inf)
         return np.column_stack([self.leads, others, self.lead_anywhere]).max(axis=1)
@@ -208,7 +211,7 @@ class Comparison:
     def tables(
         self,
     ) -> dict[str, tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]]:
-        """For each of `TABLES`, the right patches, shifts that all may share, and `products_at`."""
+        """The corrected patches, common shifts to try, and `products_at` for each of `TABLES`."""
         patches = self.patches
         at = [self.at] if self.is_few else slice(None)
         shifts = self.patch_mm * _SHIFTS[at]
@@ -221,7 +224,7 @@ class Comparison:
         return tables
 
     def _exchanged(self) -> tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]:
-        """As one of the `tables`, with each scan at the patch's place that suits it best."""
+        """Like one of the `tables`, with each scan at the patch that fits it best."""
         fits = self.correlation(*self._products_across())
         _, place = scipy.optimize.linear_sum_assignment(-fits)
         columns = ["x_mm", "y_mm", "rotation_deg"]
@@ -234,10 +237,10 @@ class Comparison:
     def _errors(self) -> tuple[float, np.ndarray]:
         """Gain of the scans over the mesh, and the variance of each patch's error along a wave.
 
-        They are those in the table, or with the exchanges, and of each patch in the look, that fit
-        best, which need not be the ones as given. The error of a patch is taken along the waves by
-        which the looks of the mesh differ. The variance is the mean of its own and of the usual one
-        among the patches.
+        They belong to the table, or the exchanges, and to the look of each patch that fit best,
+        which may differ from the given ones. The error of a patch is taken along the waves by which
+        the looks of the mesh differ. The variance is the mean of its own and of the usual variance
+        of the patches.
         """
         best, under = self.fits, self.under
         _, *others = self.tables.values()
@@ -266,7 +269,7 @@ class Comparison:
 
 
 def _beside(each: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """A number for each patch, with the dimensions of (patches, ...) values."""
+    """A value per patch, with the dimensions of (patches, ...) values."""
     return each.reshape(-1, *(1,) * (values.ndim - 1))
 
 
@@ -276,7 +279,7 @@ def _in_each_look(heights: np.ndarray) -> np.ndarray:
 
 
 def _flat(heights: np.ndarray) -> np.ndarray:
-    """Heights (..., points, points) less their planes, as vectors of the length of their r.m.s."""
+    """Heights (..., points, points) without planes, as vectors whose length is their r.m.s."""
     y, x = np.indices(_SHAPE)
     powers = np.stack([np.ones_like(x), y, x], axis=-1)
     planes, _ = np.linalg.qr(powers.reshape(-1, 3))
@@ -287,7 +290,7 @@ def _flat(heights: np.ndarray) -> np.ndarray:
 def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> Shift:
     """Shift at the peak of the mean of maps (patches, k, k).
 
-    The errors are those of the jackknife over the patches, the test is Hotelling's.
+    The errors are jackknife errors over the patches, and the test is Hotelling's.
     """
     number, total = len(maps), maps.sum(axis=0)
     if number < _FEWEST_PATCHES:
@@ -305,7 +308,7 @@ def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> Shift:
 
 
 def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Place (y, x) of the highest of values (k, k), by parabolas; NaN if it is at the edge."""
+    """Position (y, x) of the highest value (k, k), by parabolas; NaN if it is at the edge."""
     row, column = np.unravel_index(values.argmax(), values.shape)
     if min(row, column) == 0 or max(row, column) == len(steps) - 1:
         return np.full(2, np.nan)

@@ -1,7 +1,7 @@
-"""A finer surface in the contact of a larger one: a patch on the stone, or the square in its face.
+"""A finer surface within the contact of a larger one: a patch, or the square in its face.
 
-The forces outside its outline press it down with its surroundings, and it tilts as the larger one
-does.
+The forces outside its outline displace it with its surroundings, and it tilts like the larger
+surface.
 """
 
 from pathlib import Path
@@ -37,9 +37,9 @@ def surroundings(
 ) -> np.ndarray:
     """Displacement of a patch by the macroscale pressures outside its outline.
 
-    `pressure` (y, x) is the macroscale contact pressure, MPa; of an element that the edge cuts, the
-    share of its area outside counts. A `layer` may be in front of the stone. The result is of
-    `shape`, that of the scan, in mm, positive into the stone.
+    `pressure` (y, x) is the macroscale contact pressure, MPa. An element that the edge cuts counts
+    by the fraction of its area outside. A `layer` may be in front of the stone. The result has the
+    `shape` of the scan, in mm, positive into the stone.
     """
     inside = footprint_weights(pressure, place, size_mm)
     square = HalfSpace(
@@ -56,11 +56,11 @@ def prepare_faces(
     s_filter_um: float | None,
     source: str | Path,
 ) -> tuple[xr.DataArray, xr.DataArray | None]:
-    """A prepared scan and that of the active tool's own face, as they are pressed on each other.
+    """A prepared scan and a prepared scan of the active tool, as they are pressed on each other.
 
-    `height` (y, x) is the patch's, `face` (y, x) that of the active tool, None where it was not
-    scanned; `source` is the patch's file, for messages. Both go through the S-filter, and the face
-    is turned over.
+    `height` (y, x) is the scan of the patch; `face` (y, x) is the scan of the active tool, or None.
+    `source` is the file of the patch, for messages. Both are S-filtered, and the face is turned
+    over.
     """
     level = s_filtered(height, s_filter_um)
     if face is None:
@@ -78,17 +78,17 @@ def place_patch(
     contact: Contact,
     patch: str,
 ) -> Interface:
-    """A patch as it lies on the stone at rest, among the pressures around it.
+    """A patch in the stone in equilibrium, among the pressures around it.
 
     Parameters
     ----------
     height, face
         From `prepare_faces`.
     composite : xarray.Dataset
-        The surface with the places and planes of its patches, from
+        The surface with the positions and planes of its patches, from
         `gstlib.macroscale.composite.compose_surface`.
     contact : Contact
-        Its contact at the target pressure.
+        Contact of the composite at the target pressure.
     patch : str
     """
     at = composite.sel(patch=patch)
@@ -113,29 +113,29 @@ def placed_faces(
     size_mm: float,
     slopes: tuple[float, float] = (0.0, 0.0),
 ) -> Interface:
-    """A finer surface as it lies in the contact of a larger one that contains it.
+    """A finer surface within the contact of a larger one that contains it.
 
     Parameters
     ----------
     height : (y, x) xarray.DataArray
         The finer surface, mm.
     face : (y, x) xarray.DataArray, optional
-        A scan of what is pressed on it, mm, turned over.
+        A scan of the counterface, mm, turned over.
     contact : Contact
-        Of the larger one.
+        Contact of the larger surface.
     place : PatchPosition
-        Where the finer one lies on it.
+        Position of the finer surface on the larger one.
     size_mm : float
-        Its side.
+        Side of the finer surface, mm.
     slopes : (float, float)
-        Of its plane on the larger surface, along its own axes.
+        Slopes of its plane on the larger surface, along its own axes.
 
     Returns
     -------
     Interface
-        Its plane is tilted as the larger surface is at rest; its counterface is what is pressed on
-        the larger one there (a scan of that face lies on its plane); its surroundings are what the
-        pressures around it displace.
+        Its plane is tilted like the larger surface in equilibrium. Its counterface is the part of
+        the larger counterface above it; a scan of that face lies on its plane. Its surroundings are
+        displacements by the pressures around it.
     """
     ny, nx = height.shape
     displaced = surroundings(

@@ -1,23 +1,26 @@
-"""Intervals of each patch's pressure: the stone pressed many times, each time slightly perturbed.
+"""Intervals of each patch's pressure, from many contacts of a slightly perturbed stone.
 
-In each draw the mesh errs by what its vertices mispredict of each other, every patch lies a little
-elsewhere, the detail between the scans is drawn anew, and so are the elastic constants, the force,
-the point through which it acts and the radius of the active tool; the stone comes to rest again.
-The pressures of all draws together are what the measurements allow. Draws are pressed on elements
-twice as long as the study's. The error of summing macroscale forces in place of forces at the
-scans' resolution is small beside them (docs/explanation/evidence.md).
+Each draw varies the heights of the mesh by the errors with which its vertices predict each other.
+It also varies the positions of all patches, the detail between the scans and the elastic constants.
+Force, load point and radius of the active tool vary, too. The stone comes to equilibrium again. The
+pressures of all draws show the range that the measurements allow. Draws use elements twice as long
+as the study's. The error of summing macroscale forces instead of forces at the scans' resolution is
+small beside these intervals (docs/explanation/evidence.md).
 """
 
-# ASSUME: errors of place are normal, alike along both axes and independent from patch to patch; a
-# patch that would leave the face stays at its edge. Patches found on one map share its error, too,
-# which is not drawn apart: each interval is that of one patch, and as wide.
-# ASSUME: the load point, too, errs normally and alike along both axes, but not to where there
-# is no stone: it would tip over in the hand. Force and radius err lognormally. Where the wear
-# says how the tool was used, load point, strikes and radius are drawn from what it says. The wear
-# knows the radius for the force and modulus as stated, F R / E*, so that a stronger force goes with
-# a smaller radius.
-# ASSUME: Young's moduli of both stones vary independently (lognormal), and so do their Poisson's
-# ratios (normal); which of the two readings of E* is right is not drawn.
+# ASSUME: Errors of position. Position errors are normal, alike along both axes and independent
+# between patches, and no patch leaves the face. The common error of patches positioned on one map
+# is not drawn separately. Reason: Each interval concerns one patch, and has the same width either
+# way.
+# ASSUME: Errors of load point, force and radius. The load point errs normally, alike along both
+# axes, but only to places with stone below it. Force and radius err lognormally. Reason: Without
+# stone below the load point, the tool would tip over in the hand.
+# ASSUME: Intervals under an inferred load case. Load point, strikes and radius are drawn from the
+# posterior, and a stronger force goes with a smaller radius. Reason: The radius is inferred for the
+# force and the modulus of the config, because the wear depends on F R / E*.
+# ASSUME: Errors of elastic constants. Young's moduli of both stones vary independently (lognormal),
+# and so do their Poisson's ratios (normal). The two readings of E* are not drawn. Reason: The
+# reading of E* is a definition, not a measurement.
 
 import logging
 from collections.abc import Mapping
@@ -49,33 +52,33 @@ __all__ = [
 _log = logging.getLogger(__name__)
 
 _DRAWS = 200
-# Draws of a load point until one has stone under it.
+# Largest number of draws of a load point until there is stone below it.
 _TRIES = 100
 _PERCENTILES = (2.5, 97.5)
-# Of the contact in a draw; the printed digits of an interval depend on it no more.
+# Tolerance of the contacts in the draws. A smaller one does not change the printed digits.
 _TOLERANCE = 1e-7
 _COARSER = 2
 
 
 class Errors(NamedTuple):
-    """Standard errors of what a study is given, as in the section ``uncertainty`` of the config.
+    """Standard errors of the inputs of a study, as in the section ``uncertainty`` of the config.
 
     Attributes
     ----------
     young_log_sd : float
-        Of the logarithm of each Young's modulus.
+        Standard error of the logarithm of each Young's modulus.
     poisson : float
-        Of each Poisson's ratio.
+        Standard error of each Poisson's ratio.
     placement_um : float
-        Of a patch's place along each axis.
+        Standard error of the position of a patch along each axis.
     pose_um : float
-        Of the place of an active tool.
+        Standard error of the position of an active tool.
     load_point_mm : float
-        Of the point through which the force acts, along each axis.
+        Standard error of the load point along each axis.
     radius_log_sd : float
-        Of the logarithm of the active tool's radius.
+        Standard error of the logarithm of the radius of the active tool.
     force_log_sd : float
-        Of the logarithm of the force.
+        Standard error of the logarithm of the force.
     """
 
     young_log_sd: float
@@ -88,21 +91,21 @@ class Errors(NamedTuple):
 
 
 class Macroscale(NamedTuple):
-    """What the macroscale is pressed with.
+    """Surfaces of the macroscale contact, and the load case.
 
     Attributes
     ----------
     face : xarray.Dataset
-        The mesh's surface, from `gstlib.macroscale.face.grid_macroscale`.
+        The surface of the mesh, from `gstlib.macroscale.face.grid_macroscale`.
     composite : xarray.Dataset or None
-        From `gstlib.macroscale.composite.compose_surface`; None where the mesh alone is pressed.
+        From `gstlib.macroscale.composite.compose_surface`; None if the mesh is pressed alone.
     counterface : (y, x) xarray.DataArray or None
-        An active tool's, from `gstlib.macroscale.active_tool.grid_counterface`; None without one.
+        Active tool from `gstlib.macroscale.active_tool.grid_counterface`; None without one.
     radius_mm : float or None
-        Of an active tool that is round; of two, the geometric mean.
+        Radius of a round active tool (geometric mean of two radii).
     use : xarray.Dataset or None
-        What the wear says of load point and radius, from `gstlib.use.infer.infer_use`; without it,
-        they are as stated.
+        Posterior of load point and radius, from `gstlib.use.infer.infer_use`. Without it, they come
+        from the config.
     """
 
     face: xr.Dataset
@@ -119,7 +122,7 @@ def draw_contact_moduli(
     generator: np.random.Generator,
     draws: int = _DRAWS,
 ) -> np.ndarray:
-    """Contact moduli (draws,) that the stones may have, over that of their nominal constants.
+    """Possible contact moduli (draws,) of the stones, over the modulus of their nominal constants.
 
     `material` has ``young_1_MPa, poisson_1, young_2_MPa, poisson_2``.
     """
@@ -131,7 +134,7 @@ def draw_contact_moduli(
             young * np.exp(errors.young_log_sd * generator.standard_normal(draws))
         )
         ratios = ratio + errors.poisson * generator.standard_normal(draws)
-        # no stone is auxetic, nor above the ratio of the incompressible
+        # Real stones are neither auxetic nor above the ratio of an incompressible body.
         drawn.append(np.clip(ratios, min(0.0, ratio), max(0.5, ratio)))
     moduli = [contact_modulus(*constants) for constants in zip(*drawn, strict=True)]
     return np.array(moduli) / contact_modulus(*nominal)
@@ -143,10 +146,9 @@ def draw_point(
     error_mm: float,
     generator: np.random.Generator,
 ) -> tuple[float, float]:
-    """Where (y, x), mm, the force on a surface may act, if it is to act through a point.
+    """Draw a load point (y, x), mm, on a surface, about a given point.
 
-    `error_mm` is the standard deviation along each axis. Of several draws the first with stone
-    under it counts.
+    `error_mm` is the standard deviation along each axis. The first draw with stone below it counts.
     """
     y, x = np.transpose(load_point + error_mm * generator.standard_normal((_TRIES, 2)))
     under = surface.interp(
@@ -167,7 +169,7 @@ def pressure_intervals(
     patch_mm: float,
     seed: int,
 ) -> pd.DataFrame:
-    """95 % intervals of each patch's pressure, and how well the mesh knows its plane.
+    """95 % intervals of each patch's pressure, and the error of its plane on the mesh.
 
     Parameters
     ----------
@@ -179,23 +181,23 @@ def pressure_intervals(
         `gstlib.conditions.study_modulus`.
     errors : Errors
     force_N : float
-        On the face.
+        Force on the face.
     load_point : (float, float) or None
-        Where (y, x), mm, it acts on a stone that is free to tilt; None for the square alone on its
+        Load point (y, x), mm, of a stone that is free to tilt. None for the square alone on its
         mean plane.
     patch_mm : float
-        Side of a patch.
+        Side of a patch, mm.
     seed : int
 
     Returns
     -------
     pandas.DataFrame
-        ``patch, pressure_MPa, low_MPa, high_MPa``; with a composite also ``tilt_mrad``,
-        ``tilt_error_mrad`` and ``plane``, "mesh" or, where it is not known, "levelled".
+        ``patch, pressure_MPa, low_MPa, high_MPa``. With a composite, also ``tilt_mrad``,
+        ``tilt_error_mrad`` and ``plane``, "mesh" or, if the plane is not known, "levelled".
 
     Examples
     --------
-    A flat stone bears 50 MPa everywhere, as certainly as the force is known. The draws take two
+    A flat stone carries 50 MPa everywhere, as certainly as the force is known. The draws take two
     seconds:
 
     >>> import gstlib
@@ -233,7 +235,7 @@ def pressure_intervals(
     def case(draw: int) -> Case:
         height = mesh + mesh_errors[draw]
         if composite is not None:
-            # the generator goes on: another detail in each draw
+            # The generator continues, so each draw has another detail.
             height = _laid_on(
                 height, composite, places[draw], patch_mm, generators[draw]
             )
@@ -245,13 +247,13 @@ def pressure_intervals(
                 remove_plane(height)[0],
             )
         elif (use := uses[draw]) is not None:
-            # the wear knows F R / E* alone, and may give no radius
+            # The wear depends on F R / E* only, and may not give a radius.
             stiffer = float(moduli[draw] / modulus * force_N / forces_N[draw])
             point, radius_mm = (float(use.y_mm), float(use.x_mm)), macroscale.radius_mm
             if not np.isnan(use.radius_mm):
                 radius_mm = float(use.radius_mm) * stiffer
         else:
-            # first, so that the point is the same with an active tool and without
+            # Drawn first, so that the point is the same with and without an active tool.
             point, radius_mm = _stated_use(macroscale, mesh, load_point, errors, pose)
         over = _posed_over(macroscale, mesh, radius_mm, errors, pose)
         load = Load.of_force(float(forces_N[draw]), height, point)
@@ -296,8 +298,8 @@ def _misplaced(
     patch_mm: float,
     generator: np.random.Generator,
 ) -> pd.DataFrame:
-    """The patches, each a little elsewhere."""
-    # drawn along x first
+    """The patches with perturbed positions."""
+    # Drawn along x first.
     x, y = errors.placement_um * 1e-3 * generator.standard_normal((2, len(patches)))
     return moved(patches, (y, x), mesh, patch_mm)
 
@@ -309,7 +311,7 @@ def _laid_on(
     patch_mm: float,
     generator: np.random.Generator,
 ) -> xr.DataArray:
-    """The scans laid on a surface, with other detail between them."""
+    """The scans on a surface, with other detail between them."""
     spline, places = spline_of(height), places_of(patches).values()
     planes = [plane_under(spline, place, patch_mm) for place in places]
     laid = zip(places, planes, composite.scan.values, strict=True)
@@ -319,7 +321,7 @@ def _laid_on(
 def _likely_uses(
     use: xr.Dataset | None, draws: int, generator: np.random.Generator
 ) -> list[xr.Dataset | None]:
-    """So many uses, drawn from what the wear says; None where it says nothing."""
+    """Draws from the posterior of the load case; None if nothing was inferred."""
     if use is None or not use.attrs["adopted"]:
         return [None] * draws
     chosen = generator.choice(use.sizes["draw"], draws, p=use.weight.values)
@@ -327,7 +329,7 @@ def _likely_uses(
 
 
 def _over_strikes(pressures: pd.DataFrame, use: xr.Dataset | None) -> np.ndarray:
-    """Pressures (patches,), MPa, over the strikes of a use, from those under its centre."""
+    """Mean pressures (patches,), MPa, over the strikes, from pressures under their centre."""
     if use is None:
         return pressures.pressure_MPa.to_numpy()
     added = (use.pressure - use.pressure_at_centre).to_series()
@@ -342,7 +344,7 @@ def _stated_use(
     errors: Errors,
     generator: np.random.Generator,
 ) -> tuple[tuple[float, float], float | None]:
-    """A load point (y, x), mm, and a radius: as stated, with their errors."""
+    """A load point (y, x), mm, and a radius: their priors with errors."""
     point, radius_mm = (
         draw_point(mesh, load_point, errors.load_point_mm, generator),
         None,
@@ -360,7 +362,7 @@ def _posed_over(
     errors: Errors,
     generator: np.random.Generator,
 ) -> xr.DataArray:
-    """The active tool over the grid of the draws; one that is a mesh stands a little elsewhere."""
+    """The active tool over the grid of the draws, with a perturbed position if it is a mesh."""
     size_mm = float(macroscale.face.size_mm)
     if macroscale.counterface is None:
         over = coarser(macroscale.face.counterface, _COARSER)

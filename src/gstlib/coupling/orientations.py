@@ -1,4 +1,4 @@
-"""Ways in which scans and a patch table may be laid wrongly, and how each is set right."""
+"""Mistakes in the orientation of scans and in a patch table, and their remedies."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -9,9 +9,9 @@ import pandas as pd
 __all__ = ["AS_GIVEN", "LOOKS", "ORIENTATIONS", "TABLES", "Mould", "as_measured"]
 __all__ += ["lying_right", "oriented", "remedy_of", "remedy_of_table"]
 
-# ASSUME: a scan that was laid wrongly is reversed, turned by quarter turns, or both, or has its
-# heights inverted, too. Each look: whether it is reversed along x first, and then by how much it is
-# turned, from x towards y (degrees).
+# Each look: whether it is first reversed along x, and then its rotation from x towards y (degrees).
+# ASSUME: Wrong orientations of a scan. A wrong scan is reversed, turned by quarter turns, or both,
+# and its heights may be inverted. Reason: These are the symmetries of a square map and its mould.
 ORIENTATIONS = {
     "as given": (False, 0),
     "reversed along x": (True, 0),
@@ -24,8 +24,8 @@ ORIENTATIONS = {
 }
 AS_GIVEN, *_OTHERS = ORIENTATIONS
 LOOKS = [*ORIENTATIONS, "inverted", *(f"inverted and {name}" for name in _OTHERS)]
-# Mistakes of a patch table: whether x_mm and y_mm are exchanged, and whether x_mm and y_mm are then
-# measured from the other side of the square.
+# Mistakes of a patch table: whether x_mm and y_mm are exchanged, and whether they are then measured
+# from the opposite sides of the square.
 TABLES = {
     "": (False, False, False),
     "x_mm measured from the other side": (False, True, False),
@@ -51,20 +51,20 @@ TABLES = {
 
 
 class Mould(NamedTuple):
-    """How moulds were undone: whether heights were inverted, and along which axis turned over."""
+    """Reversal of moulds: whether heights were inverted, and the axis of the flip."""
 
     invert: bool
     flip: str | None
 
 
 def oriented(heights: np.ndarray, name: str) -> np.ndarray:
-    """Heights (ny, nx) laid in one of the `ORIENTATIONS`."""
+    """Heights (ny, nx) in one of the `ORIENTATIONS`."""
     reversed_x, turn = ORIENTATIONS[name]
     return np.rot90(heights[:, ::-1] if reversed_x else heights, -turn // 90)
 
 
 def as_measured(x: Any, y: Any, size_mm: float, mistake: str) -> tuple[Any, Any]:
-    """The right x and y from those of a patch table that has one of the mistakes in `TABLES`."""
+    """The correct x and y from a patch table that has one of the mistakes in `TABLES`."""
     is_exchanged, other_x, other_y = TABLES[mistake]
     if is_exchanged:
         x, y = y, x
@@ -74,11 +74,11 @@ def as_measured(x: Any, y: Any, size_mm: float, mistake: str) -> tuple[Any, Any]
 def lying_right(
     orientation: str, mould: Mould, *, is_alone: bool = False
 ) -> tuple[Mould, int]:
-    """How to undo the moulds of patches with an orientation so that they lie right.
+    """Reversal of moulds that gives patches with an orientation the correct one.
 
-    `orientation` is that of `check_placement`, with the moulds undone as `mould` says. There may be
-    degrees to add to the rotation of each patch, too, from -90 to 180. A half turn is one of the
-    mould, which is flipped along the other axis, or, if `is_alone`, one of the patch.
+    `orientation` comes from `check_placement`, where the moulds were undone by `mould`. The result
+    also contains degrees to add to the rotation of each patch, from -90 to 180. A half turn is
+    applied to the mould, by a flip along the other axis, or, if `is_alone`, to the patch.
 
     >>> lying_right("reversed along y", Mould(invert=False, flip=None))
     (Mould(invert=False, flip='y'), 0)
@@ -88,7 +88,7 @@ def lying_right(
     invert = mould.invert != orientation.startswith("inverted")
     if is_alone and not reversed_x:
         return Mould(invert, mould.flip), (turn + 179) % 360 - 179
-    # to reverse along y is to reverse along x and turn by 180°
+    # A reversal along y is a reversal along x and a rotation by 180°.
     turn += 180 * (mould.flip == "y")
     if reversed_x == (mould.flip is not None):
         flip = None
@@ -104,9 +104,9 @@ def remedy_of(
     rows: pd.DataFrame | None = None,
     table: Sequence[str] = (),
 ) -> str:
-    """Settings with which patches with this orientation, whose moulds were undone so, lie right.
+    """Settings that correct patches with this orientation, whose moulds were undone by `mould`.
 
-    These are keys of the config, or cells of the patches' `rows`; changes of the `table` follow.
+    They are keys of the config, or cells in `rows` of the patches. Changes of the `table` follow.
     """
     whose, invert, flip, none = (
         "every patch",
@@ -141,7 +141,7 @@ def remedy_of(
 
 
 def remedy_of_table(mistake: str, size_mm: float) -> list[str]:
-    """Changes of the columns of a patch table with a mistake; none without one."""
+    """Changes of the columns of a patch table that correct a mistake; none if there is none."""
     is_exchanged, *others = TABLES[mistake]
     columns = ["x_mm", "y_mm"]
     sources = columns[::-1] if is_exchanged else columns

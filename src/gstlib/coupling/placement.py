@@ -1,13 +1,14 @@
-"""Do the patches lie where the patch table says?
+"""Check of the positions and orientations of patches in the patch table.
 
-The mesh and a scan show the same stone, so where a patch truly lies their heights differ by no more
-than the errors of both. Each other way to lay the patches is compared with the stated one: all
-patches or some turned, reversed or inverted, the patch table mirrored or turned, scans exchanged. A
-way that is clearly more likely is a fault, which names what to set. A patch agrees only if all
-these ways are clearly less likely. Of any other patch the mesh cannot tell.
+The mesh and a scan show the same stone. At the true position of a patch, their heights differ by no
+more than the errors of both. Other ways to position the patches are compared with the given one.
+All or some patches may be turned, reversed or inverted, the patch table mirrored or turned, or
+scans exchanged. A way that is clearly more likely is a fault, which names the settings to correct.
+A patch agrees only if all these ways are clearly less likely. The mesh cannot confirm other
+patches.
 
-A small shift of one patch cannot be detected: on the synthetic specimen one patch is found to some
-45 µm, more than its patches are misplaced. A shift that all patches share is found.
+A small shift of one patch cannot be detected. The position of a patch on the synthetic specimen is
+detected to some 45 µm, more than the position errors. A common shift of all patches is detected.
 """
 
 import logging
@@ -46,9 +47,11 @@ _log = logging.getLogger(__name__)
 ALL = "all"  # the row of all patches together
 FAULT = "placement"  # as which a config accepts it
 _SHIFT = ["shift_x_um", "shift_y_um", "shift_x_error_um", "shift_y_error_um"]
-# A mesh that is less than so high, beside the scans (r.m.s.), is too smooth to contradict them all.
+# A mesh with less than this r.m.s. height, relative to the scans, is too smooth to contradict all
+# of them.
 _SMOOTH = 0.5
-# Another way to lay all patches must fit more of them than this better than no mesh at all.
+# Another position of all patches must fit more than this fraction of them better than no mesh at
+# all.
 _MOST = 2 / 3
 
 
@@ -63,44 +66,44 @@ def check_placement(
     flip: str | None = None,
     accept: Container[str] = (),
 ) -> pd.DataFrame:
-    """Compare each patch with the square under it; places that cannot be right are a `FAULT`.
+    """Compare each patch with the square under it; impossible positions are a `FAULT`.
 
     Parameters
     ----------
     surface : (y, x) xarray.DataArray
-        Heights of the macroscale in the square's frame, mm.
+        Macroscale heights in the frame of the square, mm.
     patches : pandas.DataFrame
-        Patch table: ``patch, x_mm, y_mm, rotation_deg``, and optionally ``t0`` and ``flip``:
-        scans of different formats, or with different flips, are also tried apart.
+        Patch table: ``patch, x_mm, y_mm, rotation_deg``, and optionally ``t0`` and ``flip``. Scans
+        of different formats or flips are also tried separately.
     scans : mapping of str to xarray.Dataset
         The prepared T0 scans by patch, with ``height`` (y, x), mm; each is looked up once.
     patch_mm : float
-        Side of a patch.
+        Side of a patch, mm.
     placement_um : float
-        Standard error of a patch's place along each axis.
+        Standard error of the position of a patch along each axis.
     invert, flip
-        How their moulds were undone, as in `gstlib.preprocess.scans.prepare_scan`.
+        Reversal of the moulds, as in `gstlib.preprocess.scans.prepare_scan`.
     accept : container of str
         Names of faults that do not stop the study, or ``name:patch``.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each patch, and one (`ALL`) for all together: ``correlation`` where the patch
-        table puts them, or, where all are shifted, after that shift; ``status``; and how they look
-        laid (``orientation``), empty where that is not clear, and of a patch alone if it is as
-        given. For all together also the shift that they share (true less stated place, along the
-        square's axes), ``shift_x_um, shift_y_um``, and its standard errors, NaN where there is no
-        peak or there are fewer than four patches.
+        A row for each patch, and a row (`ALL`) for all together. ``correlation`` refers to the
+        position in the patch table, or after the common shift, if there is one. ``orientation`` is
+        empty if it is not clear, and for a single patch also if it is as given. The row of all
+        patches also has their common shift (true minus given position, along the axes of the
+        square), ``shift_x_um, shift_y_um``, and its standard errors. They are NaN without a peak or
+        with fewer than four patches.
 
     Raises
     ------
     InputsError
-        Of a `FaultError`: patches fit the mesh only if they are laid otherwise, or not at all.
+        Contains a `FaultError`: patches fit the mesh only in another position, or in none.
 
     Examples
     --------
-    A scan that is cut out of the square lies where it was cut out:
+    A scan cut out of the square matches its original position:
 
     >>> import gstlib
     >>> roughness = {"hurst_exponent": 0.8, "roll_off": 1.5}
@@ -128,7 +131,7 @@ def check_placement(
 
 
 class _Claim(NamedTuple):
-    """Patches lie otherwise than as given."""
+    """Patches that lie otherwise than in the patch table."""
 
     rows: list[int] | None  # all patches together, if it is None
     margin: float  # of the lead over its limit
@@ -143,7 +146,7 @@ class _Claim(NamedTuple):
 
 
 def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
-    """All patches in another look, in a mistaken table, or anywhere; whether all are as given."""
+    """Claims about all patches together, and whether all are as given."""
     ways = _ways(compared)
     stated, _ = ways[AS_GIVEN, ""]
     as_given = min(stated.sum(), compared.as_given.sum())
@@ -178,7 +181,7 @@ def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
 
 
 def _ways(compared: Comparison) -> dict[tuple[str, str], tuple[np.ndarray, float]]:
-    """Misfits (patches,) and mean correlation of each look and mistake, where they fit best."""
+    """Smallest misfits (patches,) and mean correlation of each look and mistake."""
     ways = {}
     for mistake, (_, _, products, mesh) in compared.tables.items():
         misfits = compared.misfit(products, mesh[:, np.newaxis])
@@ -198,7 +201,7 @@ def _contradicts(compared: Comparison) -> bool:
 
 
 def _of_instruments(compared: Comparison, mould: Mould) -> list[_Claim]:
-    """Scans of one instrument, as their format tells, that alone are in another look."""
+    """Scans of one file format, hence instrument, that alone have another look."""
     patches = compared.patches
     if "t0" not in patches:
         return []
@@ -214,9 +217,9 @@ def _of_instruments(compared: Comparison, mould: Mould) -> list[_Claim]:
 
 
 def _of_patches(compared: Comparison, mould: Mould) -> list[_Claim]:
-    """Scans that are exchanged, and patches that do not lie as given.
+    """Exchanged scans, and patches that do not lie as given.
 
-    The latter only where as many others agree: where few do, the error may be that of all.
+    The latter require that as many others agree. If few agree, the error may concern all.
     """
     status, number = compared.status, len(compared.scan)
     if (status == CANNOT_TELL).all():
@@ -254,7 +257,7 @@ def _in_another_look(
 
 
 def _not_there(compared: Comparison, row: int, *, tests: int) -> _Claim:
-    """A patch that does not fit where it is, in no look that is clear."""
+    """A patch that does not fit its position, without a clear look."""
     problem = (
         "its scan does not fit the mesh where the table puts it (correlation "
         f"{compared.fits[row, 0]:.2f})"
@@ -265,9 +268,9 @@ def _not_there(compared: Comparison, row: int, *, tests: int) -> _Claim:
 
 
 def _exchanged(compared: Comparison) -> Iterator[_Claim]:
-    """Patches whose scans fit at each other's places, two or more in a ring."""
+    """Patches whose scans fit at each other's positions, two or more in a ring."""
     across = compared.across
-    # the limit of a longer ring grows with the number of such rings
+    # The limit of a longer ring grows with the number of such rings.
     for_each = compared.limit(len(across) ** 2) / 2
     _, place = scipy.optimize.linear_sum_assignment(across)
     left = {row for row, at in enumerate(place) if at != row}
@@ -327,7 +330,7 @@ def _table(
 
 
 def _warn_of_places(table: pd.DataFrame, shared: Shift) -> None:
-    """Warn where the mesh does not show how the patches lie, or all are shifted."""
+    """Warn if the mesh does not show the positions of the patches, or if all are shifted."""
     together = table.iloc[-1]
     if together.orientation != AS_GIVEN:
         _log.warning(

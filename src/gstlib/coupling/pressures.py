@@ -1,13 +1,14 @@
-"""The coupling of the scales: what the macroscale contact gives to each patch.
+"""The coupling of the scales: macroscale contact pressures on each patch.
 
-The force on a patch is the sum of the macroscale contact forces in its footprint; elements cut by
-the footprint's edge count by the share of their area inside. Footprints that tile a region thus
-share out its force without loss, wherever they lie. The forces outside the footprint press the
-patch down with its surroundings, and it tilts as the stone does. So does the whole square at the
-scans' resolution in the face around it (`placed_faces` serves both).
+The force on a patch is the sum of the macroscale contact forces in its footprint. Elements that the
+edge of the footprint cuts count by the fraction of their area inside. So footprints that tile a
+region share its force without loss, wherever they lie. The forces outside the footprint displace
+the patch with its surroundings, and it tilts with the stone. The whole square at the scans'
+resolution is treated likewise in the face around it (`placed_faces` serves both).
 """
 
-# ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
+# ASSUME: Reference point of a patch. The x and y of a patch are the coordinates of its centre.
+# Reason: The paper gives the position by x and y without naming the point.
 
 import pandas as pd
 import xarray as xr
@@ -27,18 +28,19 @@ def patch_pressures(
     Parameters
     ----------
     pressure : (ny, nx) xarray.DataArray
-        Contact pressure at the target, MPa, in the square's frame (mm); the face may go beyond it.
+        Contact pressure at the target, MPa, in the frame of the square (mm). The face may be
+        larger.
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
     size_mm : float
-        Side of a patch.
+        Side of a patch, mm.
 
     Returns
     -------
     pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``; ``force_N``, the force on the footprint;
-        ``pressure_MPa``, over its nominal area; ``peak_pressure_MPa``, largest pressure of an
-        element in it.
+        ``pressure_MPa``, this force over the nominal area; ``peak_pressure_MPa``, the largest
+        pressure of an element in the footprint.
     """
     table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]].reset_index(drop=True)
     means, values = (
@@ -61,13 +63,13 @@ def couple_scales(
 ) -> pd.DataFrame:
     """Pressure of each patch: the macroscale forces in its outline over its area (section 2.3).
 
-    `pressure` (y, x), MPa, is that of the stone in equilibrium; `square_pressure` that of the
-    square alone on its mean plane, the paper's; `patch_mm` is the side of a patch. The result is
-    that of `patch_pressures` with ``square_pressure_MPa``, the pressure by the square alone.
+    `pressure` (y, x), MPa, belongs to the stone in equilibrium; `square_pressure` to the square
+    alone on its mean plane, as in the paper. `patch_mm` is the side of a patch. The result is the
+    table of `patch_pressures` with ``square_pressure_MPa``, the pressure by the square alone.
 
     Examples
     --------
-    A patch of 0.5 mm bears 3 N of a pressure of 12 MPa, however it is turned:
+    A patch of 0.5 mm carries 3 N of a pressure of 12 MPa at any rotation:
 
     >>> import gstlib
     >>> import numpy as np
@@ -91,9 +93,9 @@ def covered_pressures(
 ) -> pd.DataFrame:
     """The table of pressures with ``covered_MPa``, over the area that T0 and T1 both cover.
 
-    A measured loss is of this area. Without a T1 that was found on T0, it is the outline.
-    `pressures` and `pressure` are as from and for `couple_scales`; `registration` is the table of
-    this name, and has no rows without a T1.
+    A measured loss refers to this area. Without a registered T1, it is the outline. `pressures` and
+    `pressure` are as in `couple_scales`; `registration` is the table of this name, and has no rows
+    without a T1.
     """
     areas = with_t1(pressures, registration)
     means = patch_means(pressure, areas, size_mm=patch_mm)
@@ -107,16 +109,16 @@ def covered(pressures: pd.DataFrame) -> pd.Series:
 
 
 def unseen(pressures: pd.DataFrame) -> pd.Series:
-    """Pressures, MPa, that no patch's own wear has shaped: an answer from them is not circular.
+    """Pressures, MPa, without influence of the patch's own wear, so that an answer is not circular.
 
-    `pressures` is the table ``patch_pressures``, with ``leave_one_out_MPa`` where a use was
+    `pressures` is the table ``patch_pressures``, with ``leave_one_out_MPa`` if a load case was
     inferred (`gstlib.use.outcome.pressures_of_use`).
     """
     return _first_known(pressures, "leave_one_out_MPa")
 
 
 def stated(pressures: pd.DataFrame) -> pd.Series:
-    """Pressures, MPa, under the use as stated, which no wear has shaped."""
+    """Pressures, MPa, under the prior load case, without influence of any wear."""
     return _first_known(pressures, "stated_MPa")
 
 
