@@ -1,32 +1,40 @@
-"""How much wears: Archard's law on the square and on its patches, with one coefficient for a stone.
+"""Archard's law on the square and on its patches, with one wear coefficient for a stone.
 
-What a patch loses in a step of sliding is κ p: wear coefficient × sliding, κ, times its pressure.
-The square wears as a whole, so pressures move from patch to patch as the most heavily loaded sink
-(`wear_square`); inside a patch, the summits wear first (`wear_patch`). The one unknown, κ, is
-fitted to the measured loss. A prediction for a patch uses the κ of all the *other* patches.
+In a step of sliding, a patch loses κ p: κ, the wear coefficient times the sliding, times its
+pressure. The square wears as a whole, so pressures move between patches as the most heavily loaded
+ones sink (`wear_square`). Within a patch, the summits wear first (`wear_patch`). The only unknown,
+κ, is fitted to the measured losses. A prediction for a patch uses the κ of all the *other* patches.
 
-Valleys wear too where something soft is between the stones: plants, hide, wood. An *interlayer*,
-an elastic layer that takes turns with the bare stone, stands for it. How its coefficient compares
-with that of the bare stone is fitted as κ is, to the maps of loss of the other patches
-(`fit_interlayer`).
+Valleys wear too if something soft is between the stones, such as plants, hide or wood. An
+*interlayer* represents it, an elastic layer that alternates with the bare stone. The ratio of its
+coefficient to the coefficient of the bare stone is fitted to the maps of loss of the other patches,
+like κ (`fit_interlayer`).
 
-`gstlib.validation` says how good the predictions are.
+`gstlib.validation` tests the predictions.
 """
 
-# ASSUME: κ is one number for the whole stone and all of its use; the active tool does not wear,
-# and patches are pressed as before use by what surrounds them, at the pressure of each step.
-# ASSUME: under another law, the loss of a patch follows its mean pressure. Its summits share the
-# loss in proportion to their pressure, and pressures move between patches as under Archard's law.
-# ASSUME: while it wears, the stone keeps the tilt that it rests with before use.
-# ASSUME: κ makes the predicted and the measured loss of the patches equal in sum: a few deep
-# traces count more than many shallow ones. The measured loss is that beyond its level of detection.
-# ASSUME: an interlayer carries the same force over the square as the bare stone does, and is as
-# thick everywhere; what is behind it is rigid for it, and elastic by itself as without it.
-# ASSUME: where summits yield, a patch keeps the mean pressures of the elastic stone, but for what
-# it cannot bear: at most nine tenths of the cap. What yields in one step is as high as before in
-# the next, but for what wore off. ASSUME: T1 is laid on T0 where most points are. No scan sees
-# what an interlayer takes off all points alike, so that a prediction, too, counts from the median
-# of its depths.
+# ASSUME: One wear coefficient. κ is one number for the whole stone and all of its use. Reason: Each
+# further coefficient would have to be fitted to losses of its own.
+# ASSUME: Active tool and surroundings during wear. The active tool does not wear. The surroundings
+# press a patch as before use, at the pressure of each step. Reason: The wear of the active tool is
+# not measured, and each patch can then wear by itself.
+# ASSUME: Other laws within a patch. Under another law, the loss of a patch follows from its mean
+# pressure, and its summits share this loss in proportion to their pressure. Pressures move between
+# patches as under Archard's law. Reason: One path of wear then serves all laws.
+# ASSUME: Tilt during wear. The stone keeps its tilt before use while it wears. Reason: A new
+# equilibrium in each step would need many more contacts.
+# ASSUME: Fit of κ. The predicted and the measured losses of the patches have the same sum. A
+# measured loss is the loss beyond its level of detection. Reason: A few deep traces then count more
+# than many shallow ones.
+# ASSUME: Mechanics of the interlayer. The interlayer has a uniform thickness, and the square
+# carries the same force as with the bare stone. The stone is rigid for the layer, and deforms as
+# without it. Reason: The compliances of layer and stone then add.
+# ASSUME: Wear under a pressure cap. A patch keeps its mean pressure on the elastic stone, but at
+# most nine tenths of the cap. Points at the cap in one step have their height in the next step,
+# except for wear. Reason: A patch cannot carry more than its elements.
+# ASSUME: Datum of a predicted loss. A predicted loss is measured from the median of its depths.
+# Reason: T1 is registered to T0 at the level of most points. So two scans do not show a loss that
+# all points share.
 
 import math
 from collections.abc import Callable, Mapping
@@ -66,14 +74,15 @@ __all__ = [
     "wear_square",
 ]
 
-# The square wears to the power of √2 (mm/MPa) next above so many times the κ that the losses of a
-# patch's others and their first pressures give, or on to one of so many more where they are then
-# short of their losses. So its own loss moves none of its steps, and most patches share a path.
+# The reach (κ, mm/MPa) of a path is a power of √2, at least this multiple of an estimate of κ. The
+# estimate comes from the losses of the other patches and their pressures before use. The reach
+# grows by up to this many powers if their losses require it. So the loss of a patch does not change
+# its own steps, and most patches share a path.
 _REACHES, _MORE = 1.25, 4
-# Coefficients of the interlayer that are tried, over that of the bare stone.
+# Ratios of the coefficient of the interlayer to the coefficient of the bare stone.
 _RATIOS = 0.0, 0.1, 0.3, 1.0, 3.0
 _BODIES = "stone", "interlayer"
-# Largest mean pressure of a patch over the cap on the pressure of its elements.
+# Largest mean pressure of a patch, relative to the cap on the pressure of its elements.
 _BORNE = 0.9
 
 _OF_PATCHES = "pressure_MPa", "x_mm", "y_mm", "rotation_deg"
@@ -102,18 +111,18 @@ _OF_LAYER = {
     "thickness": ("mm", "thickness of the interlayer"),
 }
 
-# The predictions: Archard's law, and what is changed in it.
+# The predictions: Archard's law and its variants.
 BARE, INTERLAYER, CAPPED = "archard", "interlayer", "archard_capped"
 
 
 class Interlayer(NamedTuple):
-    """What takes turns with the bare stone.
+    """The layer that alternates with the bare stone.
 
     Attributes
     ----------
     layer : gstlib.bem.Layer
     pressure : (y, x) xarray.DataArray
-        Under it on the square before use, MPa.
+        Pressure under the layer on the square before use, MPa.
     fitted : xarray.Dataset or None
         Its coefficient, from `gstlib.wear.interlayer.fit_interlayer`.
     """
@@ -124,21 +133,22 @@ class Interlayer(NamedTuple):
 
 
 class WornSquare(NamedTuple):
-    """How the square wears.
+    """The path of wear of the square.
 
     Attributes
     ----------
     path : xarray.Dataset
-        By ``reach``, κ of the bare stone up to which it wears, and ``ratio`` of the interlayer's
-        coefficient to the bare stone's, 0 alone without an interlayer: ``kappa`` (reach, ratio,
-        step), both bodies' together, mm/MPa, from 0 on; ``pressed`` (reach, ratio, body, step,
-        patch): mean depth that one body alone would remove, mm. ``pressed_covered`` (reach, ratio,
-        step, patch): that of the stone over the area that both scans of a patch cover, which is
-        the area of its measured loss. ``fitted`` (patch): κ of the bare stone from the measured
-        losses of all other patches, and ``reach_of`` (patch) the path that they lead to;
-        ``kappa_of_all``, ``reach_of_all``: from all. ``measured`` (patch), mm, NaN where κ is not
+        By ``reach``, the κ of the bare stone at the end, and ``ratio``, the interlayer's
+        coefficient over the bare stone's (0 without an interlayer). ``kappa`` (reach, ratio, step):
+        κ of both bodies together, mm/MPa, from 0 on. ``pressed`` (reach, ratio, body, step, patch):
+        mean depth that one body alone would remove, mm. ``pressed_covered`` (reach, ratio, step,
+        patch): depth by the stone over the area that both scans of a patch cover, which is the area
+        of its measured loss. ``fitted`` (patch): κ of the bare stone from the measured losses of
+        all other patches, and ``reach_of`` (patch): the path to this κ. ``kappa_of_all``,
+        ``reach_of_all``: the same from all patches. ``measured`` (patch), mm, NaN if κ is not
         fitted to a patch; ``pressure_MPa`` before use and ``x_mm, y_mm, rotation_deg`` (patch);
-        ``patch_mm``. The attribute ``wear_law`` has the fields of `law`, unless it is Archard's.
+        ``patch_mm``. The attribute ``wear_law`` has the fields of `law` for laws other than
+        Archard's.
     interlayer : Interlayer or None
     """
 
@@ -147,7 +157,7 @@ class WornSquare(NamedTuple):
 
     @classmethod
     def from_datasets(cls, path: xr.Dataset, fitted: xr.Dataset | None) -> Self | None:
-        """From its `path` and `fitted_interlayer` as stored; None where wear is not predicted."""
+        """From the stored `path` and `fitted_interlayer`; None if wear is not predicted."""
         if not path.sizes:
             return None
         if fitted is None:
@@ -157,14 +167,14 @@ class WornSquare(NamedTuple):
 
     @property
     def law(self) -> Law:
-        """How the loss of a patch grows with its pressure."""
+        """The law of wear."""
         return Law(*self.path.attrs.get("wear_law", ARCHARD))
 
     @property
     def fitted_interlayer(self) -> xr.Dataset | None:
         """The fitted coefficient of the interlayer, and the interlayer itself.
 
-        Its ``young`` (MPa), ``poisson`` and ``thickness`` (mm), and the ``pressure`` (y, x), MPa,
+        Contains ``young`` (MPa), ``poisson``, ``thickness`` (mm) and the ``pressure`` (y, x), MPa,
         under it on the square before use.
         """
         if self.interlayer is None:
@@ -178,7 +188,7 @@ class WornSquare(NamedTuple):
         return fitted.assign(constants.data_vars).assign(pressure=pressure)
 
     def along(self, patch: str, ratio: float) -> xr.Dataset:
-        """The path that a patch wears along, of whose steps its own loss knows nothing."""
+        """The path along which a patch wears, whose steps do not depend on its own loss."""
         at = self.path.sel(patch=patch, ratio=ratio)
         return at.sel(reach=float(at.reach_of))
 
@@ -205,44 +215,43 @@ def wear_square(
     gesture: Gesture | None = None,
     law: Law = ARCHARD,
 ) -> WornSquare:
-    """Wear the square, follow the patches' pressures, and fit κ.
+    """Wear the square, follow the pressures of the patches, and fit κ.
 
     Parameters
     ----------
     contact : Contact
-        The face's at the target load.
+        Contact of the face at the target load.
     pressures : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg`` of every patch, and ``pressure_MPa`` before use, and
-        ``covered_MPa`` with the place of T1 from `gstlib.surfaces.footprints.with_t1` where T1
-        does not cover all of T0. With ``leave_one_out_MPa``, from
-        `gstlib.use.outcome.pressures_of_use`, a patch wears at that pressure where it is known, and
-        not at one that its own loss has a part in.
+        ``patch, x_mm, y_mm, rotation_deg`` and ``pressure_MPa`` before use of every patch. If a T1
+        does not cover all of T0, also ``covered_MPa`` and the position of T1 from
+        `gstlib.surfaces.footprints.with_t1`. With ``leave_one_out_MPa``, from
+        `gstlib.use.outcome.pressures_of_use`, a patch wears at that pressure if it is known, so
+        that its own loss does not influence it.
     losses_um : mapping
-        Measured mean loss over each patch that κ is fitted to, µm, finite; of two at least.
+        Measured mean losses of the patches for the fit of κ, µm, finite; at least two.
     patch_mm : float
         Side of a patch.
     steps : int
         Implicit steps of the path.
     interlayer : gstlib.bem.Layer, optional
-        What takes turns with the bare stone.
+        Layer that alternates with the bare stone.
     gesture : Gesture, optional
-        In each step all its poses take off what their pressure and sliding say, in place of the
-        single pose. Not with an interlayer.
+        Each step removes material by the pressures and sliding of all poses, instead of the single
+        pose. It excludes an interlayer.
     law : Law
-        How the loss of a patch grows with its pressure. Other laws than Archard's have neither
-        interlayer nor gesture.
+        Law of wear of a patch. Other laws than Archard's exclude an interlayer and a gesture.
 
     Raises
     ------
     InputError
-        The square cannot lose so much under these patches.
+        The square cannot lose this much under these patches.
     """
     measured = pd.Series(losses_um, dtype=float) * 1e-3
     table = pressures.set_index("patch", drop=False)
-    # an interlayer adds to what the bare stone does
+    # An interlayer adds to the wear by the bare stone.
     ratios = _RATIOS if interlayer else _RATIOS[:1]
     outlines = table[["patch", *_OF_PATCHES]]
-    # over the outlines, then over the areas that both scans cover
+    # Over the outlines, then over the areas that both scans cover.
     means = scipy.sparse.vstack(
         [
             patch_means(contact.pressure, areas, size_mm=patch_mm)
@@ -346,9 +355,9 @@ def _pressed_in_poses(
     patch_mm: float,
     steps: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `_pressed`, by all poses of a gesture in each of as many explicit steps.
+    """Like `_pressed`, for all poses of a gesture in each of as many explicit steps.
 
-    The exposure takes the place of the pressure, in units in which its mean is the mean pressure.
+    The exposure replaces the pressure, scaled so that its mean is the mean pressure.
     """
     target = float(contact.pressure.mean())
     height = contact.interface.height
@@ -375,17 +384,19 @@ def _pressed_in_poses(
 
 
 def _without_own_loss(path: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
-    """The path at pressures under the use that the wear of the other patches says."""
+    """The path at pressures under the load case inferred from the other patches."""
     other = (unseen(table) - covered(table)).to_numpy()
     if not other.any():
         return path
-    # ASSUME: the use that the other patches say changes a patch's pressure by as much over its
-    # outline as over the area that both scans cover.
-    # ASSUME: what the wear of the square changes in a patch's pressure is as under the whole use;
-    # where that would leave less than none, the patch bears none in this step.
-    # ASSUME: the tilt of a patch, its surroundings, and the pressures of the patches that κ comes
-    # from may be those of a use that its own loss has a part in: each patch would take a path of
-    # its own otherwise.
+    # ASSUME: Change of pressure without a patch's own loss. The load case inferred from the other
+    # patches changes the pressure over the outline as much as over the area that both scans cover.
+    # Reason: T1 covers most of the outline.
+    # ASSUME: Redistribution of pressure by wear. Wear changes the pressure of a patch as under the
+    # load case inferred from all patches, down to zero. Reason: Otherwise each patch would need its
+    # own path.
+    # ASSUME: Remaining influence of a patch's own loss. The loss of a patch may influence its tilt,
+    # its surroundings, and the pressures of the patches that κ is fitted to. Reason: Otherwise each
+    # patch would need a path of its own.
     changed = {}
     for name in ("pressed", "pressed_covered"):
         changed[name] = path[name].copy()
@@ -415,7 +426,7 @@ def _fit(
     measured: pd.Series,
     law: Law,
 ) -> tuple[float, float]:
-    """The κ at which the patches of `measured` have lost as much in sum, and its path's end."""
+    """The κ at which the patches of `measured` have lost this sum, and the end of its path."""
     patches, total = list(measured.index), measured.sum()
     equivalent = pd.Series(law.equivalent(pressures.to_numpy()), pressures.index)
     start = _REACHES * total / equivalent[patches].sum()
@@ -438,7 +449,7 @@ def _fit(
 def _removed(
     pressed: np.ndarray, kappa: np.ndarray, law: Law, before: np.ndarray
 ) -> np.ndarray:
-    """Depth (steps, …) that a law removes at the pressures at which Archard's removes `pressed`.
+    """Depth (steps, …) that a law removes at pressures at which Archard's law removes `pressed`.
 
     `before` are the pressures of all patches before use, MPa.
     """
@@ -452,7 +463,7 @@ def _removed(
 
 
 def seen_depth(depth: np.ndarray) -> np.ndarray:
-    """The part of a lost depth that two scans can show: T1 is laid on T0 where most points are."""
+    """The visible part of a lost depth: T1 is registered to T0 at the level of most points."""
     return depth - np.median(depth)
 
 
@@ -465,22 +476,21 @@ def wear_patch(
     kappa: float | None = None,
     pressure_cap: float | None = None,
 ) -> np.ndarray:
-    """Wear a patch at the pressures that the wearing square gives it.
+    """Wear a patch at the pressures that it has on the wearing square.
 
     Parameters
     ----------
     contact : Contact
-        The patch's, before use.
+        Contact of the patch before use.
     worn : WornSquare
     patch : str
     ratio : float
-        One of those of `worn`.
+        A ratio of `worn`.
     kappa : float, optional
-        mm/MPa; by default that of the bare stone from the other patches.
+        κ in mm/MPa; by default, the κ of the bare stone from the other patches.
     pressure_cap : float, optional
-        Cap on the pressure of an element. It moves wear within the patch; how much the patch
-        loses depends on its mean pressure alone, of which it bears at most nine tenths of the
-        cap.
+        Cap on the pressure of an element. It moves wear within the patch. The loss of the patch
+        depends only on its mean pressure, which is at most nine tenths of the cap.
 
     Returns
     -------
@@ -501,7 +511,7 @@ def wear_elastic_and_capped(
     kappa: float | None = None,
     pressure_cap: float | None = None,
 ) -> list[np.ndarray]:
-    """The depth of `wear_patch` without a cap and, if there is one, that with it."""
+    """The depth of `wear_patch` without a cap and, if there is one, with it."""
     kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
     lost, options = driven(contact, worn, worn.along(patch, ratio), kappa)
     count = 1 if pressure_cap is None else 2
@@ -511,7 +521,7 @@ def wear_elastic_and_capped(
     if pressure_cap is None:
         return [elastic.depth]
     bounded = _bounded(options, ratio, pressure_cap, worn.law)
-    # Where no pressure reaches the cap, each of its contacts is that without it.
+    # If no pressure reaches the cap, the contacts are the same as without it.
     is_borne = math.isclose(bounded["mean_loss"], lost, rel_tol=1e-12)
     if is_borne and elastic.highest_pressure < pressure_cap:
         return [elastic.depth, elastic.depth]
@@ -523,7 +533,7 @@ def driven(
 ) -> tuple[float, dict]:
     """Mean loss (mm) of a patch at a κ, and the settings of `wear_path` that lead to it.
 
-    `at` is the path of the square there, at one reach and one ratio.
+    `at` is the path of the square for one reach and one ratio.
     """
     ratio, steps = float(at.ratio), at.sizes["step"] - 1
     share = ratio / (1 + ratio)
@@ -545,7 +555,7 @@ def driven(
 
 
 def _bounded(options: dict, ratio: float, pressure_cap: float, law: Law) -> dict:
-    """The settings of `driven` with a cap on the pressure, and no more than it lets pass."""
+    """The settings of `driven` with a cap on the pressure, and no more than it allows."""
     most = _BORNE * pressure_cap
     share = ratio / (1 + ratio)
     body = options.get("third_body")
@@ -564,7 +574,7 @@ def _bounded(options: dict, ratio: float, pressure_cap: float, law: Law) -> dict
 def _lowered(
     contact: Contact, at: xr.Dataset, interlayer: Interlayer
 ) -> np.ndarray | float:
-    """How much lower (mm) its surroundings put a patch under an interlayer than without one."""
+    """Additional depth (mm) of a patch's surroundings under an interlayer."""
     around = contact.interface.surroundings
     if around is None:
         return 0.0

@@ -1,4 +1,4 @@
-"""Wear fitted to the losses of the patches, and the loss of each from those of the others."""
+"""Wear fitted to the losses of the patches, and predictions of each loss from the others."""
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,12 +30,12 @@ _log = logging.getLogger(__name__)
 
 
 class PatchMaps(NamedTuple):
-    """What is known of the patches point by point: contact before use, and height change.
+    """Maps of the patches: contact before use, and height change.
 
     Attributes
     ----------
     contacts, changes : mapping
-        By patch.
+        Mappings by patch.
     """
 
     contacts: Mapping[str, Contact]
@@ -43,14 +43,14 @@ class PatchMaps(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What the wear of a stone predicts of its patches.
+    """Predicted wear of the patches of a stone.
 
     Attributes
     ----------
     depths : mapping of str to xarray.Dataset
-        From `predict_wear`, by patch; there are none where no wear is predicted.
+        From `predict_wear`, by patch; empty if no wear is predicted.
     fitted_to : sequence of str
-        Patches whose measured losses it is fitted to.
+        Patches whose measured losses it was fitted to.
     interlayer : xarray.Dataset or None
         From `gstlib.wear.interlayer.fit_interlayer`; None without an interlayer.
     """
@@ -63,7 +63,7 @@ class Prediction(NamedTuple):
     def from_worn(
         cls, depths: Mapping[str, xr.Dataset], worn: WornSquare | None
     ) -> Self:
-        """The depths with what they are predicted from, which is from `fit_wear`."""
+        """The depths, with their source from `fit_wear`."""
         if worn is None:
             return cls({})
         return cls(depths, worn.fitted_to, worn.fitted_interlayer)
@@ -84,14 +84,14 @@ def fit_wear(
     Parameters
     ----------
     contact : Contact
-        Of the face, at the target load.
+        Contact of the face at the target load.
     pressures, registration : pandas.DataFrame
-        The tables ``patch_pressures`` and ``registration``: the losses above the noise of patches
-        in the study count.
+        The tables ``patch_pressures`` and ``registration``. Losses above the noise of patches in
+        the study count.
     maps : PatchMaps, optional
-        Of the patches with a T1; needed where there is an interlayer.
+        Maps of the patches with a T1; required with an interlayer.
     interlayer : mapping, optional
-        That section of the config. Its coefficient is fitted, too.
+        This section of the config. Its coefficient is fitted, too.
     wear_law : mapping, optional
         The fields of `gstlib.conditions.Law`; by default, Archard's law.
     **options
@@ -100,11 +100,11 @@ def fit_wear(
     Returns
     -------
     WornSquare or None
-        None, with a warning, where there is no fit.
+        None, with a warning, if the fit fails.
 
     Examples
     --------
-    Two halves of a square of 1 mm; the coefficient (nm/MPa) of each is fitted to the other:
+    Two halves of a square of 1 mm. The coefficient (nm/MPa) of each is fitted to the other:
 
     >>> import numpy as np, pandas as pd
     >>> import gstlib
@@ -157,14 +157,14 @@ def predict_wear(
     *,
     pressure_cap: float | None = None,
 ) -> Iterator[tuple[str, xr.Dataset]]:
-    """The `wear_map` of each patch, in turn; none where no wear is predicted.
+    """The `wear_map` of each patch, in turn; none if no wear is predicted.
 
-    `contacts` are those of the patches before use; each is looked up once. `worn` is from
+    `contacts` are contacts of the patches before use, each looked up once. `worn` is from
     `fit_wear`.
 
     Examples
     --------
-    The loss of a patch of 1 mm (nm), fitted to that of another one:
+    The loss of a patch of 1 mm (nm), fitted to the loss of another one:
 
     >>> import numpy as np, pandas as pd
     >>> import gstlib
@@ -188,7 +188,7 @@ def predict_wear(
 def wear_map(
     contact: Contact, worn: WornSquare, patch: str, *, pressure_cap: float | None = None
 ) -> xr.Dataset:
-    """Loss of a patch, as the other patches predict it.
+    """Loss of a patch, as predicted from the other patches.
 
     Parameters
     ----------
@@ -197,17 +197,16 @@ def wear_map(
     worn : WornSquare
         From `fit_wear`.
     patch : str
-        Any patch of the square. The coefficient comes from all patches if it is none of those with
-        a measured loss.
+        Any patch of the square. The coefficient comes from all patches if this patch has no
+        measured loss.
     pressure_cap : float, optional
         As in `wear_patch`.
 
     Returns
     -------
     xarray.Dataset
-        ``depth`` (model, y, x), mm, by ``archard``, the bare stone; where there is an interlayer,
-        ``interlayer``; and with a cap ``archard_capped``, the last of these where summits
-        yield.
+        ``depth`` (model, y, x), mm, by ``archard``, the bare stone; with an interlayer, also by
+        ``interlayer``; and with a cap, by ``archard_capped``, the last of these under the cap.
     """
     coefficients: dict[str, dict[str, float]] = {BARE: {}}
     if (fitted := worn.fitted_interlayer) is not None:

@@ -1,4 +1,4 @@
-"""What takes turns with the bare stone: its wear coefficient, from the maps of loss."""
+"""Wear coefficient of an interlayer that alternates with the bare stone, from the maps of loss."""
 
 from collections.abc import Mapping
 
@@ -30,14 +30,14 @@ _FITTED = {
 def interlayer_misfits(
     contact: Contact, change: xr.Dataset, worn: WornSquare, patch: str
 ) -> xr.Dataset:
-    """How a patch's wear compares with its measured loss, along each path of the square.
+    """Compare the wear of a patch with its measured loss, along each path of the square.
 
     Returns
     -------
     xarray.Dataset
         ``visible`` (reach, ratio, step): mean of the predicted depth above its median, mm;
         ``misfit`` (reach, ratio, step): sum over the points of (predicted − measured loss)², mm²;
-        ``product`` (reach, ratio, step): that of the errors of a step and the next.
+        ``product`` (reach, ratio, step): sum of products of the errors of a step and the next, mm².
     """
     is_measured = np.isfinite(change.change.values)
     lost = -change.change.values[is_measured]
@@ -72,15 +72,15 @@ def interlayer_misfits(
 def fit_interlayer(
     worn: WornSquare, contacts: Mapping[str, Contact], changes: Mapping[str, xr.Dataset]
 ) -> xr.Dataset:
-    """Find the interlayer's coefficient, over the bare stone's, that fits the maps of loss best.
+    """Fit the interlayer's coefficient, relative to the bare stone's, to the maps of loss.
 
-    At each ratio κ makes the predicted losses, as far as scans see them, equal in sum to the
-    measured ones.
+    At each ratio, κ makes the sum of the predicted visible losses equal to the sum of the measured
+    losses.
 
     Parameters
     ----------
     worn : WornSquare
-        With an interlayer.
+        Wear of the square with an interlayer.
     contacts, changes : mapping
         Contact before use and height change of each patch that lost height, by patch; each is
         looked up once.
@@ -88,9 +88,9 @@ def fit_interlayer(
     Returns
     -------
     xarray.Dataset
-        ``misfit`` (ratio, patch), mm²: of each patch where all are fitted; ``interlayer_ratio`` and
-        ``interlayer_kappa`` (patch): fitted to all other patches; ``ratio_of_all`` and
-        ``kappa_of_all``: to all.
+        ``misfit`` (ratio, patch), mm²: misfit of each patch if all are fitted; ``interlayer_ratio``
+        and ``interlayer_kappa`` (patch): fitted to all other patches; ``ratio_of_all`` and
+        ``kappa_of_all``: fitted to all patches.
     """
     names = worn.fitted_to
     by_patch = [
@@ -101,7 +101,7 @@ def fit_interlayer(
     measured = worn.path.measured.sel(patch=names).values
 
     def misfit(patches: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """κ (ratio,), and the misfits (ratio, patch), where these patches are fitted."""
+        """κ (ratio,) and the misfits (ratio, patch) of a fit to these patches."""
         kappas, errors = [], []
         for ratio in worn.path.ratio.values:
             where = {"ratio": ratio, "reach": reach}
