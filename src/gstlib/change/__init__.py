@@ -1,1 +1,1 @@
-"""What use took away: T1 registered to T0, and the texture before and after."""
+"""Material lost in use: T1 registered to T0, and the texture before and after."""

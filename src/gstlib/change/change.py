@@ -1,17 +1,15 @@
-"""What did use remove? The height change between two aligned measurements of one patch.
+"""The height change of a patch in use, between two aligned measurements.
 
-Every measurement has its own zero and its own tilt, so a change is only defined relative to what
-did not change: the plane of the difference is fitted to the largest population of points that agree
-with each other. A change counts where it exceeds the level of detection, as in the comparison of
-repeat surveys (Brasington et al. 2003, Geomorphology 53:299; Wheaton et al. 2010, Earth Surf.
-Process. Landf. 35:136), and where enough adjacent points do.
+Every measurement has its own zero and its own tilt. So a change is relative to the unchanged part.
+The plane of the difference is fitted to the largest population of points that agree with each
+other. A change counts if it exceeds the level of detection at enough adjacent points. Repeat
+surveys are compared in this way, too (Brasington et al. 2003, Geomorphology 53:299; Wheaton et al.
+2010, Earth Surf. Process. Landf. 35:136).
 
-Points whose height was not measured at both epochs (filled holes, outliers) are unknown: no change
-is stated there.
+Points whose height was not measured at both epochs (filled holes, outliers) have an unknown change.
 
-A patch that was scanned twice without use between shows the same error with no wear in it. If there
-are such repeats, they give a, b and the extent of correlation for all patches, and no patch scores
-its own.
+A patch that was scanned twice without use in between shows the same error without wear. Such
+repeats give a, b and the extent of correlation for all patches, and no patch scores its own repeat.
 """
 
 import logging
@@ -45,18 +43,18 @@ __all__ = [
 
 _log = logging.getLogger(__name__)
 
-# What registration and change need of a prepared scan.
+# Fields of a prepared scan for registration and change.
 SCAN_FIELDS = ["height", "filled", "outlier"]
 
 _TINY = np.finfo(float).tiny
-# How much deeper, or shallower, the dales of T1 may be than those of T0 before a warning. Wear of a
-# quarter of a patch makes them a tenth shallower (synthetic specimen).
+# Ratio of the dale depths of T1 and T0 beyond which a warning is issued. Wear of a quarter of a
+# patch makes them a tenth shallower (synthetic specimen).
 _ODD_HEIGHTS = 1.25
-# ASSUME: a repeat shows an unworn surface unless the shares of its area that lost and that gained
-# height differ by more than 0.5 % and by more than the smaller of the two. Noise marks as much up
-# as down.
+# ASSUME: Changed repeats. A repeat shows a worn surface if its areas of loss and gain differ by
+# more than 0.5 % of the patch, and by more than the smaller area. Reason: Noise marks as much loss
+# as gain.
 _CHANGED = 0.005
-# Other software lays T1 on T0 to whole points: a smaller shift is one of none.
+# Other software registers T1 to T0 to whole points, so a smaller shift counts as none.
 _CO_LOCATED = 0.5
 # Units and meanings of the maps of a change.
 _FIELDS = {
@@ -69,7 +67,8 @@ _FIELDS = {
     "loss": ("1", "height loss beyond the level of detection"),
     "gain": ("1", "height gain beyond the level of detection"),
 }
-# How much more the unchanged part of a patch may scatter than repeats do before a warning.
+# Ratio of the scatter of the unchanged part to the scatter of repeats beyond which a warning is
+# issued.
 _ODD_SCATTER = 2.0
 
 
@@ -80,24 +79,24 @@ def estimate_detection_limit(
     maximum_shift_mm: float,
     minimum_cluster_points: int,
 ) -> Detection | None:
-    """The error of a height change, from patches that were scanned twice without use between.
+    """The error of a height change, from patches that were scanned twice without use in between.
 
-    Each second scan is registered to the first as T1 is to T0. All that then differs is error; its
-    variance is fitted to the points of all patches together.
+    Each second scan is registered to the first like T1 to T0. All remaining differences are error.
+    Its variance is fitted to the points of all patches together.
 
     Parameters
     ----------
     before, again : mapping of str to xarray.Dataset
         The two prepared scans by patch, as in `measured_change`; each is looked up once. The
-        patches are those of `again`.
+        patches are the keys of `again`.
     maximum_shift_mm, minimum_cluster_points
         As in `measured_change`.
 
     Returns
     -------
     Detection or None
-        None if no pair serves. A pair that does not is left out, with a warning: where the second
-        scan is not found on the first, or where the surface changed between them.
+        None without a valid pair. A pair is left out, with a warning, if the second scan is not
+        registered to the first, or if the surface changed in between.
 
     Examples
     --------
@@ -141,12 +140,13 @@ def estimate_detection_limit(
     if not changes:
         return None
     pooled, steepness = np.concatenate(changes), np.concatenate(slopes)
-    # ASSUME: a repeat errs as T1 does: taken off, put back, and scanned with the same settings. All
-    # of it is unchanged; points off by more than three standard deviations are outliers.
+    # ASSUME: Errors of a repeat. A repeat has the errors of T1: taken off, put back, and scanned
+    # with the same settings. Its whole surface is unchanged, and points off by more than three
+    # standard deviations are outliers. Reason: The tool was not used between the two scans.
     level, lateral = noise.variance_by_slope(
         pooled, steepness, np.ones(pooled.size, dtype=bool)
     )
-    # the errors of instruments have longer tails than normal ones
+    # The errors of instruments have longer tails than normal errors.
     squares = pooled**2 / np.maximum(level + lateral * steepness, _TINY)
     limit = max(noise.LEVEL_OF_DETECTION, math.sqrt(np.quantile(squares, 0.95)))
     detection = Detection(level, lateral, float(max(alike)), limit)
@@ -162,7 +162,7 @@ def estimate_detection_limit(
 
 
 def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
-    """Why a second scan does not show the error of the first, if it does not."""
+    """The reason why a second scan does not show the error of the first, or None."""
     if not registration.is_reliable:
         return "it was not found on t0"
     if not change.attrs["known_fraction"]:
@@ -187,11 +187,11 @@ def measured_change(
     minimum_cluster_points: int,
     detection: Detection | None = None,
 ) -> tuple[Registration, xr.Dataset]:
-    """Register T1 to T0 and take the height change.
+    """Register T1 to T0 and compute the height change.
 
     `before` and `after` are prepared scans (`gstlib.preprocess.scans.prepare_scan`): ``height``,
-    ``filled``, ``outlier``. Other parameters as in `register` and `height_change`, whose results
-    are returned. All change is unknown if T1 was not found.
+    ``filled``, ``outlier``. Other parameters are as in `register` and `height_change`, whose
+    results are returned. The whole change is unknown if T1 was not registered.
     """
     registration = register(
         before.height, after.height, maximum_shift_mm=maximum_shift_mm
@@ -224,11 +224,11 @@ def register_patch(
     minimum_cluster_points: int,
     detection: Detection | None = None,
 ) -> xr.Dataset:
-    """Register T1 to T0 and take the height change.
+    """Register T1 to T0 and compute the height change.
 
-    Parameters are those of `measured_change`, and the result is that of `height_change`. Its
-    attributes have the registration, too, and the place of T1 on T0: ``t1_x_um, t1_y_um``, its
-    centre from that of T0, and ``t1_size_x_um, t1_size_y_um``.
+    Parameters are as in `measured_change`, and the result is the result of `height_change`. Its
+    attributes also contain the registration, the centre of T1 relative to T0 (``t1_x_um, t1_y_um``)
+    and the size of T1 (``t1_size_x_um, t1_size_y_um``).
 
     Examples
     --------
@@ -264,7 +264,7 @@ def register_patch(
 def _place_of_t1(
     registration: Registration, t0: xr.DataArray, t1: xr.DataArray
 ) -> dict[str, float]:
-    """The centre of T1 from that of T0, and the size of T1, µm: T1 need not be as large as T0."""
+    """The centre of T1 relative to T0, and the size of T1, µm, which may differ from T0."""
     shifts = {"y": registration.shift_y_mm, "x": registration.shift_x_mm}
     place = {}
     for (axis, shift_mm), spacing in zip(shifts.items(), spacing_of(t1), strict=True):
@@ -281,7 +281,7 @@ def _report(
     after: xr.Dataset,
     change: xr.Dataset,
 ) -> None:
-    """Log what is odd about a patch whose T1 was found on its T0."""
+    """Log unusual properties of a patch whose T1 was registered to its T0."""
     if is_other(registration.dale_depth_ratio, _ODD_HEIGHTS):
         _log.warning(
             "patch %s: its dales at T1 are %.3g times as deep as at T0. If that is not wear all "
@@ -311,7 +311,7 @@ def _report(
 
 
 def _warn_of_scatter(patch: str, change: xr.Dataset, detection: Detection) -> None:
-    """Warn where T1 scatters more about T0 than repeated scans do."""
+    """Warn if T1 scatters more about T0 than repeated scans do."""
     expected = change.attrs["level_of_detection_um"] / detection.limit
     scatter = change.attrs["change_sigma_um"] / expected
     if scatter > _ODD_SCATTER:
@@ -340,29 +340,28 @@ def height_change(
     t0, t1_on_t0 : (y, x) xarray.DataArray
         Heights before and after use on one grid, mm; after use NaN outside the overlap.
     measured : (y, x) ndarray of bool, optional
-        Where both heights were measured; everywhere by default.
+        Whether both heights were measured; True everywhere by default.
     minimum_cluster_points : int
-        Fewest adjacent points (corners count) that make a loss or a gain. If the errors of
-        neighbouring points correlate, more are needed, or deeper ones.
+        Fewest adjacent points (corners count) that are a loss or a gain. If the errors of
+        neighbouring points correlate, clusters must be larger or deeper.
     detection : Detection, optional
-        The error of a change as measured on repeated scans, from `estimate_detection_limit`. By
-        default it is fitted to the unchanged part.
+        The error of a change from repeated scans, from `estimate_detection_limit`. By default, it
+        is fitted to the unchanged part.
     shift_errors_mm : (float, float)
         Standard errors (y, x) of the registration, mm, which add to the error of repeated scans.
 
     Returns
     -------
     xarray.Dataset
-        ``t1``: heights after use (mm), shifted and tilted to agree with T0 where nothing changed,
-        NaN outside the overlap; ``change``: T1 - T0 (mm), negative where material was lost, and
-        ``level_of_detection`` (mm, float32), NaN where unknown; ``loss``, ``gain``: where the
-        change exceeds that level, down or up, in spots of at least `minimum_cluster_points`.
-        Attributes:
+        ``t1``: heights after use (mm), shifted and tilted to agree with T0 in the unchanged part,
+        NaN outside the overlap. ``change``: T1 - T0 (mm), negative for a loss, and
+        ``level_of_detection`` (mm, float32), NaN if unknown. ``loss``, ``gain``: whether the change
+        exceeds that level, down or up, in spots of at least `minimum_cluster_points`. Attributes:
         ``level_of_detection_um`` (median), ``change_sigma_um`` (robust standard deviation of the
-        unchanged part), ``lateral_sigma_um`` (distance by which the measurements miss each other),
+        unchanged part), ``lateral_sigma_um`` (lateral misfit of the measurements),
         ``known_fraction`` (of T0's area), ``detection`` (source of the level: ``repeat``, ``own``
-        or empty), ``alike_um2`` (area around a point on which errors are alike),
-        ``cluster_points``. With fewer than 100 known points, all heights are NaN.
+        or empty), ``alike_um2`` (area around a point with correlated errors), ``cluster_points``.
+        With fewer than 100 known points, all heights are NaN.
     """
     before, after = t0.values, t1_on_t0.values
     difference = after - before
@@ -427,14 +426,14 @@ def height_change(
 
 
 def wear_summary(registered: xr.Dataset) -> dict[str, float]:
-    """The extent of the traces on one patch, given a dataset as from `height_change`.
+    """The extent of the traces on one patch, from a dataset of `height_change`.
 
-    ``loss_fraction`` and ``gain_fraction``: shares of the known points that lost and gained height
-    (equal for noise alone); ``loss_area_mm2``; ``loss_volume_um3``; ``mean_depth_where_worn_um``:
-    mean depth where lost (NaN without loss); ``mean_wear_depth_um``: volume over the known area,
-    comparable between patches with different overlap; ``gain_to_loss_ratio``: area that rose over
-    area that fell (NaN without loss): noise raises as often as it lowers, so this is the share of
-    the loss that it would explain.
+    ``loss_fraction`` and ``gain_fraction``: fractions of the known points that lost and gained
+    height (equal for noise alone); ``loss_area_mm2``; ``loss_volume_um3``;
+    ``mean_depth_where_worn_um``: mean depth of the loss (NaN without loss); ``mean_wear_depth_um``:
+    volume over the known area, comparable between patches with different overlap;
+    ``gain_to_loss_ratio``: area of gain over area of loss (NaN without loss). Noise raises as often
+    as it lowers, so this ratio is the fraction of the loss that noise would explain.
     """
     dy, dx = spacing_of(registered)
     change = registered["change"].values

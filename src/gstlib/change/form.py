@@ -1,8 +1,8 @@
-"""Whether a form, such as a polynomial, was taken out of one of two scans of a patch.
+"""Detection of a form, such as a polynomial, that was removed from one of two scans of a patch.
 
-Instruments' software removes it to show the texture. Where it is taken out of T1 and not of T0, the
-long waves that are missing look like wear; where it is taken out of both, wear in long waves is
-lost, which two scans cannot show.
+Software of instruments removes it to show the texture. If it is removed from T1 and not from T0,
+the missing long waves look like wear. If it is removed from both, wear in long waves is lost, and
+two scans cannot show this.
 """
 
 import numpy as np
@@ -13,16 +13,18 @@ __all__ = ["form_height", "form_warning"]
 
 _DEGREE = 4  # of what counts as form
 _POINTS = 64  # along a side, which these waves do not need more of
-# ASSUME: form that is so much lower in one of two scans, while their texture is not, was taken out.
-# In 400 pairs of synthetic stones, worn by nine tenths above their upper third and displaced by up
-# to 40 of 128 elements, T1 had 0.38 to 1.4 times the form of T0; in the default study's 13, 0.86
-# to 1.8 times. Without a polynomial of degree 8, it had at most 0.1 times as much.
+# ASSUME: Removed form. Form was removed from a scan if it is less than a fifth as high as in the
+# other scan, although the textures differ by less than a factor of two. Reason: In 400 pairs of
+# synthetic stones, T1 had 0.38 to 1.4 times the form of T0. These stones were worn by nine tenths
+# above their upper third and displaced by up to 40 of 128 elements. In the default study, T1 had
+# 0.86 to 1.8 times the form of T0. Without a polynomial of degree 8, it had at most 0.1 times as
+# much.
 _MISSING = 0.2
 _SAME_TEXTURE = 0.5
 
 
 def form_height(height: xr.DataArray) -> tuple[float, float]:
-    """R.m.s. heights (mm) of the polynomial of degree 4 without its plane, and of what remains."""
+    """R.m.s. heights (mm) of the polynomial of degree 4 without its plane, and of the remainder."""
     every = max(1, min(height.shape) // _POINTS)
     thinned = height.values[::every, ::every]
     along = [np.linspace(-1, 1, count) for count in thinned.shape]
@@ -41,7 +43,7 @@ def form_height(height: xr.DataArray) -> tuple[float, float]:
 
 
 def form_warning(t0: xr.DataArray, t1: xr.DataArray) -> str | None:
-    """A sentence if the form of one of two level scans (mm) is missing in the other."""
+    """A warning if the form of one of two level scans (mm) is missing in the other."""
     forms, textures = zip(*map(form_height, (t0, t1)), strict=True)
     is_alike = min(textures) >= _SAME_TEXTURE * max(textures)
     is_missing = min(forms) < _MISSING * max(forms)

@@ -1,14 +1,14 @@
-"""The error of a height change: how it grows with slope, how far neighbours share it.
+"""The error of a height change: its growth with slope, and its correlation between neighbours.
 
-The error of a point comes from both heights and, on a slope, from its position: its variance is
+The error of a point comes from both heights and, on a slope, from its position. Its variance is
 fitted to the unchanged part as a + b s², where s is the slope (as Hugonnet et al. 2022, IEEE J.
-Sel. Top. Appl. Earth Obs. 15:6456, do for repeat surveys); √b is the lateral distance by which the
-two measurements miss each other.
+Sel. Top. Appl. Earth Obs. 15:6456, do for repeat surveys). √b is the lateral misfit of the two
+measurements.
 
-Neighbouring points err alike, because instruments scan lines, filter and drift. Noise therefore
-exceeds the level of detection in spots, the larger the farther errors correlate. A spot counts if
-it is larger than noise makes it (the cluster extent of neuroimaging: Forman et al. 1995, Magnetic
-Resonance in Medicine 33:636).
+Errors of neighbouring points are alike, because instruments scan lines, filter and drift. Noise
+therefore exceeds the level of detection in spots, which grow with the range of correlation. A spot
+counts if it is larger than spots of noise (the cluster extent of neuroimaging: Forman et al. 1995,
+Magnetic Resonance in Medicine 33:636).
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,42 +34,46 @@ __all__ = [
     "variance_by_slope",
 ]
 
-# ASSUME: LoD95 = 1.96 standard deviations of the height difference on the unchanged part at the
-# slope of the point. It includes the noise of both scans and the residue of the registration; about
-# 2.5 % of unchanged points exceed it on either side.
+# ASSUME: Level of detection. LoD95 is 1.96 standard deviations of the height difference on the
+# unchanged part at the slope of the point. About 2.5 % of unchanged points exceed it on either
+# side. Reason: It includes the noise of both scans and the residue of the registration.
 LEVEL_OF_DETECTION = 1.96
-# ASSUME: two measurements differ no finer than instruments store heights: in single precision, 1e-7
-# of their variation. Smaller differences are rounding, and would give traces of a scan given twice.
+# ASSUME: Resolution of stored heights. Differences below single precision, 1e-7 of the variation of
+# heights, are rounding. Reason: Instruments store heights in single precision, and smaller
+# differences would give traces of a scan that is given twice.
 RESOLUTION = 1e-7
-# Points farther than this from the plane, in standard deviations, are left out of the fit.
+# Points farther from the plane than this number of standard deviations are left out of the fit.
 _TRIM = 3.0
 # The trimmed set settles in a few rounds, or soon alternates; this bound is only a safeguard.
 _ROUNDS = 50
 # The variance is fitted to this many groups of points of similar slope, this many times.
 _SLOPE_GROUPS, _SLOPE_ROUNDS = 20, 3
-# A group's variance is accurate to about a tenth; fewer groups than this cannot be fitted.
+# The variance of a group is accurate to about a tenth. Fewer groups than this cannot be fitted.
 _GROUP_SIZE, _LEAST_GROUPS = 250, 4
-# In the weights, fitted variances are at least this share of the largest one.
+# In the weights, fitted variances are at least this fraction of the largest one.
 _SMALLEST = 1e-6
-# Slopes are taken from heights smoothed over this many points: a single point's slope is noise.
+# Slopes are taken from heights smoothed over this many points, because the slope at one point is
+# noise.
 _SLOPE_SMOOTHING = 1.0
-# ASSUME: errors of two points are alike if they correlate by more than a half. Without a repeat,
-# all that the unchanged part shows is taken for error, also wear below the level of detection.
+# ASSUME: Extent of correlated errors. Errors of two points are alike if they correlate by more than
+# a half. Without a repeat, all differences of the unchanged part count as error, including wear
+# below the level of detection. Reason: Without a repeat, two scans do not separate error from such
+# wear.
 _ALIKE = 0.5
-# Farthest points whose errors are compared, as a share of the field.
+# Largest distance of compared errors, as a fraction of the field.
 _REACH = 1 / 8
-# Spots count that have at least so many times the neighbours that err alike. Spots of Gaussian
-# noise beyond 1.96 sigma have 0.3 times as many on average, and their sizes are exponential
-# (Friston et al. 1994, Human Brain Mapping 1:210): noise then marks 1e-6 of the area. Real errors
-# have longer tails, and mark more (`benchmarks/measured_surfaces.py`).
+# Spots count if they have at least this many times the number of neighbours with like errors. Spots
+# of Gaussian noise beyond 1.96 sigma have 0.3 times as many on average, and their sizes are
+# exponential (Friston et al. 1994, Human Brain Mapping 1:210). Noise then marks 1e-6 of the area.
+# Real errors have longer tails, and mark more (`benchmarks/measured_surfaces.py`).
 CLUSTER = 4.0
-# A smaller spot counts, too, if most of its points exceed the limit so many times: smooth errors
-# exceed it over large spots, and by little.
+# A smaller spot also counts if most of its points exceed the limit this many times. Smooth errors
+# exceed it over large spots, but only slightly.
 _DEEP = 3.0
 
 
 class Detection(NamedTuple):
-    """The error of a height change as repeated scans show it: at slope s its variance is a + b s².
+    """The error of a height change from repeated scans, with variance a + b s² at slope s.
 
     Attributes
     ----------
@@ -80,7 +84,7 @@ class Detection(NamedTuple):
     alike_mm2 : float
         The area around a point on which errors correlate with its error by more than a half, mm².
     limit : float
-        How many standard deviations one error in twenty exceeds: 1.96 if they are normal.
+        The number of standard deviations that one error in twenty exceeds, 1.96 for normal errors.
     """
 
     level_mm2: float
@@ -90,7 +94,7 @@ class Detection(NamedTuple):
 
     @classmethod
     def from_attrs(cls, attrs: Mapping) -> Self | None:
-        """From the attributes of a file; None if they lack it, because no repeat served."""
+        """From the attributes of a file; None if they are missing, because no repeat was valid."""
         if not attrs.keys() >= set(cls._fields):
             return None
         return cls(*(float(attrs[name]) for name in cls._fields))
@@ -103,7 +107,7 @@ def own_detection(
     smallest: float,
     cell_mm2: float,
 ) -> Detection:
-    """The error of a change (NaN if unknown) from its unchanged part, of which `kept` marks some.
+    """The error of a change (NaN if unknown) from its unchanged part, marked by `kept` in part.
 
     Its variance is at least `smallest`.
     """
@@ -115,9 +119,9 @@ def own_detection(
 
 
 def _alike_points(error: np.ndarray) -> float:
-    """Points around a point whose errors correlate with its error by more than a half.
+    """Number of points around a point whose errors correlate with its error by more than a half.
 
-    `error` is in standard deviations, NaN if unknown; what is beyond `_TRIM` is no error.
+    `error` is in standard deviations, NaN if unknown. Values beyond `_TRIM` are not errors.
     """
     kept = np.abs(error) <= _TRIM
     centred = np.where(kept, error - np.mean(error[kept]), 0.0)
@@ -141,7 +145,7 @@ def _correlated(field: np.ndarray, size: Sequence[int]) -> np.ndarray:
 
 
 def squared_slopes(surface: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared slopes along y and x of smoothed heights, free of single points' noise."""
+    """Squared slopes along y and x of smoothed heights, free of noise at single points."""
     dy, dx = spacing_of(surface)
     heights = surface.values
     rise_y = scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=(1, 0))
@@ -154,7 +158,7 @@ def variance_by_slope(
 ) -> tuple[float, float]:
     """Variance of the change on level ground (mm²), and its growth with the squared slope (mm²).
 
-    The arrays (n,) are those of the known points; `kept` marks the unchanged ones, to begin with.
+    The arrays (n,) contain the known points; `kept` marks the initial unchanged ones.
     """
     size = np.abs(change)
     spread = MAD_TO_SIGMA * float(np.median(size[kept]))
@@ -174,14 +178,14 @@ def variance_by_slope(
         if len(typical) < _LEAST_GROUPS or not variances.any():
             break
         scale = float(slopes.max()) or 1.0
-        # the error of a variance is proportional to it; the fitted variance is used, because the
-        # measured one would favour groups that came out small
+        # The error of a variance is proportional to it. The fitted variance is used, because the
+        # measured variance would favour groups with small values.
         smallest = _SMALLEST * variances.max()
         weight = 1 / np.maximum(level + lateral * slopes, smallest)
         design = np.stack([weight, weight * slopes / scale], axis=1)
         (level, lateral), _ = scipy.optimize.nnls(design, weight * variances)
         lateral /= scale
-        # steep points may be off by more than the fit of the plane allows
+        # Steep points may differ by more than the fit of the plane allows.
         sigma = np.sqrt(level + lateral * steepness)
         kept = size <= _TRIM * sigma
     return float(level), float(lateral)
@@ -191,9 +195,10 @@ def unchanged_plane(
     design: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, float, np.ndarray]:
     """Plane through the unchanged points, their robust spread, and a mask of them."""
-    # ASSUME: the unchanged part is the largest population of height differences: the fit starts
-    # from the shortest half of them, so wear of nearly half of the area, all on one side, does not
-    # pull the datum down as a least-squares plane would.
+    # ASSUME: Unchanged part. The unchanged part is the largest population of height differences,
+    # and the fit starts from the shortest half of them. Reason: Wear of nearly half of the area,
+    # all on one side, then does not lower the datum. Alternative: A least-squares plane would be
+    # lowered by such wear.
     plane = np.array([np.median(values), 0.0, 0.0])
     before = kept = np.zeros(values.size, dtype=bool)
     for _ in range(_ROUNDS):
@@ -202,15 +207,15 @@ def unchanged_plane(
         lengths = ordered[half:] - ordered[: left.size - half]
         start = int(np.argmin(lengths))
         centre = ordered[start] + lengths[start] / 2
-        # half of a normal population is within 0.6745 sigma of its mean
+        # Half of a normal population is within 0.6745 sigma of its mean.
         sigma = lengths[start] / 2 / 0.6745
         now = np.abs(left - centre) <= _TRIM * sigma
-        # settled, or alternating between two sets a few points apart
+        # The set has settled, or alternates between two sets a few points apart.
         if (now == kept).all() or (now == before).all():
             break
         before, kept = kept, now
         plane = least_squares(design[:, kept], values[kept])
-    # the shortest half is wide if much has worn; the kept points give the spread of the rest
+    # The shortest half is wide if much has worn; the kept points give the spread of the rest.
     for _ in range(_ROUNDS):
         left = values - np.einsum("i,ij->j", plane, design)
         sigma = robust_sigma(left[kept])
@@ -226,12 +231,13 @@ def unchanged_plane(
 def spots(
     excess: np.ndarray, minimum_cluster_points: int, cluster_points: int
 ) -> np.ndarray:
-    """The points beyond the level of detection in spots that count; corners count as adjacent.
+    """Points beyond the level of detection in spots that count; corners count as adjacent.
 
     `excess` is the change over the level of detection.
     """
-    # ASSUME: use leaves spots of several points; smaller spots beyond the level of detection are
-    # noise, though some may be true.
+    # ASSUME: Smallest trace. Traces of use are spots of several points, and smaller spots beyond
+    # the level of detection are noise, although some may be real. Reason: Noise at single points
+    # often exceeds the level of detection.
     spot, _ = scipy.ndimage.label(excess > 1, np.ones((3, 3)))
     size = np.bincount(spot.ravel())
     counts = size >= cluster_points

@@ -1,7 +1,7 @@
-"""One surface sampled on the grid of another, where a pose lays it.
+"""One surface sampled on the grid of another, at a pose.
 
-A pose is (y, x, turn): shift in elements from the corner of the reference to that of the moving
-surface, and rotation in radians.
+A pose is (y, x, turn): the shift in elements, and the rotation in radians. The shift is measured
+from the corner of the reference to the corner of the moving surface.
 """
 
 import math
@@ -13,7 +13,7 @@ __all__ = ["on_moving", "sample", "spline", "turn_back"]
 
 
 def spline(heights: np.ndarray) -> np.ndarray:
-    """Cubic spline coefficients: computed once for many samplings."""
+    """Cubic spline coefficients, computed once for many samplings."""
     return scipy.ndimage.spline_filter(heights, order=3, mode="mirror")
 
 
@@ -28,14 +28,14 @@ def sample(
 ) -> np.ndarray:
     """The moving surface at every `stride`-th element of the reference; NaN outside.
 
-    `aspect` is the spacing along y over that along x: surfaces turn in mm, not in elements.
+    `aspect` is the spacing along y over the spacing along x: surfaces turn in mm, not in elements.
     """
     y, x = np.ogrid[: shape[0] : stride, : shape[1] : stride]
     rows, columns = on_moving(pose, y, x, coefficients.shape, aspect)
     values = scipy.ndimage.map_coordinates(
         coefficients, [rows, columns], order=order, mode="mirror", prefilter=False
     )
-    # elements extend half a spacing beyond their centres
+    # Elements extend half a spacing beyond their centres.
     height, width = coefficients.shape
     inside_y = (rows >= -0.5) & (rows <= height - 0.5)
     inside_x = (columns >= -0.5) & (columns <= width - 0.5)
@@ -49,7 +49,7 @@ def on_moving(
     shape: tuple[int, ...],
     aspect: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns on the moving surface, of that shape, of elements of the reference."""
+    """Rows and columns of elements of the reference on the moving surface, which has this shape."""
     shift_y, shift_x, turn = pose
     centre_y, centre_x = ((count - 1) / 2 for count in shape)
     dy = y - shift_y - centre_y

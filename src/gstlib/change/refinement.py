@@ -1,14 +1,14 @@
-"""The fine step of a registration: shift, rotation and plane together, and how sure the shift is.
+"""The fine step of a registration: shift, rotation and plane together, and errors of the shift.
 
-Gauss-Newton least squares of the height difference in shift, rotation and plane, coarse to fine,
-with Tukey's biweight so that worn points do not pull (inverse-compositional alignment: Baker and
-Matthews 2004, Int. J. Comput. Vis. 56:221). A level that leaves the peak of the search is dropped.
-The slopes that both surfaces share give the standard errors of the shift.
+It is Gauss-Newton least squares of the height difference in shift, rotation and plane, coarse to
+fine. Tukey's biweight reduces the influence of worn points (inverse-compositional alignment: Baker
+and Matthews 2004, Int. J. Comput. Vis. 56:221). A level that leaves the peak of the search is
+dropped. The slopes that both surfaces share give the standard errors of the shift.
 
-The fine step is the project's own: no library fits shift, rotation and tilt together and without
-the worn points. SimpleITK, in a loop that removes the plane and masks outliers, comes close to its
-error of 0.002 points at 16 times the CPU time; OpenCV and pystackreg err by more
-(benchmarks/registration.py).
+The fine step is the project's own, because no library fits shift, rotation and tilt together and
+without the worn points. SimpleITK, in a loop that removes the plane and masks outliers, comes close
+to its error of 0.002 points at 16 times the CPU time. The errors of OpenCV and pystackreg are
+larger (benchmarks/registration.py).
 """
 
 import math
@@ -23,17 +23,17 @@ from gstlib.surfaces.fitting import least_squares, robust_sigma
 
 __all__ = ["refine"]
 
-# Blocks along each side of the overlap, between which the standard errors of the shift are taken.
+# Blocks along each side of the overlap, for the standard errors of the shift.
 _BLOCKS = 8
 # Smoothing (standard deviation, elements) and stride of the levels of the refinement.
 _LEVELS = (6.0, 4), (3.0, 3), (1.0, 2)
-# Gauss-Newton steps below this many elements change nothing measurable.
+# Smaller Gauss-Newton steps, in elements, do not change anything measurable.
 _SMALLEST_STEP = 0.005
 _STEPS_PER_LEVEL = 12
 # Reweighted fits of the plane of the residuals, for the standard errors of the shift.
 _ERROR_STEPS = 3
-# A level of the refinement is dropped if it lowers the correlation of the details by more than
-# their interpolation does.
+# A level of the refinement is dropped if it lowers the correlation of the details more than their
+# interpolation does.
 _LOWERED = 0.02
 # 95 % efficiency at the normal distribution (Holland and Welsch 1977).
 _BIWEIGHT = 4.685
@@ -44,8 +44,9 @@ def refine(
 ) -> tuple[Match, np.ndarray]:
     """Gauss-Newton on shift, rotation and plane, from smooth to fine, about the search's peak.
 
-    Long waves and worn points must not lead away from it: only levels count at which the details
-    still match, within their longest wave. Returns also the standard errors (y, x) of the shift.
+    Long waves and worn points must not lead away from this peak. So only levels count at which the
+    details still match, within their longest wave. Also returns the standard errors (y, x) of the
+    shift.
     """
     scale = np.array([factor, factor, 1.0])
     best, plane = start, None
@@ -61,7 +62,7 @@ def refine(
 
 
 def _moved(one: np.ndarray, other: np.ndarray, details: Details) -> float:
-    """How far (elements) the middle of the overlap at one pose is from that at another."""
+    """Distance (elements) between the middles of the overlap at two poses."""
     shape, aspect = details.moving.shape, details.aspect
     middle = []
     for at, count0, count1 in zip(one[:2], details.reference.shape, shape, strict=True):
@@ -103,7 +104,7 @@ class _Level(NamedTuple):
     def refined(
         self, pose: np.ndarray, plane: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray | None]:
-        """A better pose, and the plane of the difference there, from those of the last level."""
+        """A better pose, and the plane of the difference there, from the last level."""
         pose, half = pose.copy(), max(self.shape) / 2
         along = [self.stride * np.arange(count) for count in self.reference.shape]
         y, x = np.meshgrid(*along, indexing="ij")
@@ -120,7 +121,7 @@ class _Level(NamedTuple):
             turn = slope_y * dx / self.aspect - slope_x * dy * self.aspect
             design = np.stack([np.ones_like(dy), dy, dx, slope_y, slope_x, turn])
             if plane is None:
-                # the start of the robust fit: a plane by reweighted least squares
+                # The robust fit starts from a plane by reweighted least squares.
                 plane = least_squares(design[:3], residual)
                 for _ in range(_STEPS_PER_LEVEL):
                     plane = _robust_fit(design[:3], residual, plane)
@@ -138,8 +139,8 @@ class _Level(NamedTuple):
     def errors(self, pose: np.ndarray) -> np.ndarray:
         """Standard errors (y, x) of the shift, elements; NaN if shared slopes do not determine it.
 
-        The pull of the residuals on the shift scatters between blocks of the overlap, however far
-        the errors of neighbouring points correlate within a block.
+        They come from the scatter between blocks of the overlap of the residuals' effect on the
+        shift. Errors of neighbouring points may correlate within a block.
         """
         moved = self._moved(pose)
         gradients = np.stack([np.gradient(self.reference), np.gradient(moved)])

@@ -1,8 +1,8 @@
-"""Registration: how is the second measurement of a patch shifted and turned against the first?
+"""Registration: shift and rotation of the second measurement of a patch against the first.
 
-With a new mould and a new scan, T1 is shifted against T0 by up to a good part of the field, turned
-slightly, tilted, noisy, and worn. The coarse step (`gstlib.change.search`) finds a shift at which
-the details match; the fine step (`gstlib.change.refinement`) fits shift, rotation and tilt.
+A new mould and a new scan shift T1 against T0 by up to a good part of the field. T1 is also turned
+slightly, tilted, noisy, and worn. The coarse step (`gstlib.change.search`) searches for a shift at
+which the details match. The fine step (`gstlib.change.refinement`) fits shift, rotation and tilt.
 """
 
 import math
@@ -35,10 +35,11 @@ __all__ = [
     "register",
 ]
 
-# The search runs on grids on which reference and moving surface have at most so many elements a
-# side: its peak is accurate to a fraction of a coarse element, which the refinement corrects.
+# The search uses grids on which reference and moving surface have at most this many elements a
+# side. Its peak is accurate to a fraction of a coarse element, which the refinement corrects.
 _SEARCH_SIZES = 256, 1024
-# ASSUME: no wear makes the dales of a patch half or twice as deep.
+# ASSUME: Change of dale depth by wear. Wear does not make the dales of a patch half or twice as
+# deep. Reason: Wear removes summits, and hardly reaches the dales.
 OTHER_HEIGHTS = 2.0
 
 
@@ -57,9 +58,10 @@ class Registration:
     correlation: (
         float  # Pearson's, of heights over the overlap, a plane removed from each
     )
-    # of band-passed heights, free of the long waves that match by chance
+    # Correlation of band-passed heights, without the long waves that match by chance.
     detail_correlation: float
-    # of their slopes, in the direction in which these correlate least: striae match along one alone
+    # Correlation of their slopes in the direction in which they correlate least: striae match only
+    # along one direction.
     slope_correlation: float
     dale_depth_ratio: (
         float  # depth of the moving surface's dales over the reference's, band-passed
@@ -69,7 +71,7 @@ class Registration:
     shift_y_error_mm: (
         float  # NaN if no slopes that both surfaces share determine the shift
     )
-    # whether the details correlate well enough, in every direction, to believe it
+    # Whether the details correlate well enough, in every direction, for a reliable result.
     is_reliable: bool
 
     def as_attrs(self) -> dict[str, float]:
@@ -87,13 +89,13 @@ def register(
 ) -> Registration:
     """Register `moving` (T1) to `reference` (T0).
 
-    Both are levelled heights (y, x) in mm, with the same spacing and without NaN; their shapes may
+    Both are levelled heights (y, x) in mm, with the same spacing and without NaN. Their shapes may
     differ: `moving` may be a larger map around the reference. It takes 90 to 250 bytes of memory a
-    point of the larger one: 350 MB for 2048 × 2048 points. Shifts are found up to
+    point of the larger one: 350 MB for 2048 × 2048 points. The search covers shifts up to
     `maximum_shift_mm` along each axis, if at least a quarter of the field overlaps, and rotations
-    up to a few degrees. The result is the best registration; its `is_reliable` says whether to
-    believe it. Surfaces whose heights differ by a factor of two (`OTHER_HEIGHTS`) are registered
-    to an element only: the refinement compares heights.
+    of a few degrees. The result is the best registration, and `is_reliable` shows whether it can be
+    used. Surfaces whose heights differ by a factor of two (`OTHER_HEIGHTS`) are registered only to
+    an element, because the refinement compares heights.
 
     Raises
     ------
@@ -156,26 +158,28 @@ def apply_registration(
 ) -> tuple[xr.DataArray, np.ndarray]:
     """The moving surface, and its marked points, on the grid of the reference (`like`).
 
-    Heights (mm) by cubic interpolation, NaN outside the overlap; a point is marked if any of its
-    four neighbours in `marked` (filled points, for example) is.
+    Heights (mm) are interpolated cubically, and are NaN outside the overlap. A point is marked if
+    any of its four neighbours in `marked` (filled points, for example) is marked.
     """
     shift = np.array([registration.shift_y_mm, registration.shift_x_mm])
     dy, dx = spacing_of(like)
     elements = (_corner_offset(like, moving) + shift) / (dy, dx)
     pose = np.array([*elements, math.radians(registration.rotation_deg)])
     heights = sample(spline(moving.values), pose, like.shape, dy / dx)
-    # ASSUME: of the sixteen points that cubic interpolation weighs, the four around dominate.
+    # ASSUME: Marks after interpolation. A point is marked if one of the four points around it is.
+    # Reason: Among the sixteen points of the cubic interpolation, these four have the largest
+    # weights.
     weight = sample(marked.astype(float), pose, like.shape, dy / dx, order=1)
     return like.copy(data=heights), weight > ROUNDING
 
 
 def is_one_way(detail_correlation: float, slope_correlation: float) -> bool:
-    """Whether details match, but leave the shift along one direction open, as striae do."""
+    """Whether details match, but do not determine the shift along one direction, as with striae."""
     return detail_correlation >= LEAST_CORRELATION and slope_correlation < LEAST_ALONG
 
 
 def is_other(dale_depth_ratio: float, times: float = OTHER_HEIGHTS) -> bool:
-    """Whether one of two surfaces is more than so many times as high as the other."""
+    """Whether the heights of two surfaces differ by more than this factor."""
     return max(dale_depth_ratio, 1 / dale_depth_ratio) > times
 
 

@@ -1,11 +1,11 @@
-"""The search of a registration: where do the details of two surfaces match?
+"""The search of a registration: the shift at which the details of two surfaces match.
 
 The shift is the peak of the normalised cross-correlation over the overlap (scikit-image, after
 Padfield 2012, IEEE Trans. Image Process. 21:2706) of band-passed heights. The longest waves
 dominate a self-affine surface and match anywhere within a field, so they are removed first.
 
-A striated face has details across its striae and hardly any along them, so it fits its copy at
-many places along the striae. The shift along a direction is known only if the slopes along this
+A striated face has details across its striae and hardly any along them, so it fits its copy at many
+positions along the striae. The shift along a direction is reliable only if the slopes along this
 direction correlate, too.
 """
 
@@ -29,34 +29,35 @@ __all__ = [
     "pearson",
 ]
 
-# The smaller the overlap, the more chance matches: smaller overlaps than this are not searched. If
-# the best match is one that chance may give, larger overlaps are searched alone.
+# Chance matches increase as the overlap decreases, so smaller overlaps are not searched. If the
+# best match may be due to chance, only larger overlaps are searched.
 LEAST_OVERLAP, _LARGE_OVERLAP = 0.25, 0.6
-# Band of the heights for the search: noise below this many elements is smoothed away, waves longer
-# than this share of the field are removed.
+# Band of the heights for the search. Noise below this many elements is smoothed away, and waves
+# longer than this fraction of the field are removed.
 _NOISE_ELEMENTS = 1.5
 _LONGEST_FRACTION = 1 / 24
-# Rotations (degrees) that the refinement may start from.
+# Rotations (degrees) from which the refinement may start.
 _TURNS = 0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0
-# ASSUME: a registration is above the noise if the band-passed heights correlate by 0.5, and by
-# 0.35 over the square root of the overlap: unrelated surfaces reach 0.2 over that root by chance,
+# ASSUME: Reliable registration. The band-passed heights must correlate by 0.5, and by 0.35 over the
+# square root of the overlap. Reason: Unrelated surfaces reach 0.2 over this root by chance, and
 # seldom 0.3.
 LEAST_CORRELATION = 0.5
 _BEYOND_CHANCE = 0.35
-# ASSUME: a shift is known along a direction if the slopes along it, too, correlate beyond chance.
+# ASSUME: Reliable shift along a direction. The slopes along this direction must also correlate, by
+# at least 0.25. Reason: Striae match their copy anywhere along their direction.
 LEAST_ALONG = 0.25
 _SLOPE_SMOOTHING = 2.0
 _AXES = (1, 0), (0, 1)  # orders of the derivatives along y and x
 _EDGE = 6  # elements at the edges of a surface where slopes are not known
-# Fewer points have no plane or pose that is worth fitting.
+# Fewer points are not enough to fit a plane or a pose.
 LEAST_POINTS = 100
-# Interpolation weights, and slopes beside the steepest ones, below this are rounding.
+# Interpolation weights, and slopes relative to the steepest ones, are rounding below this value.
 ROUNDING = 1e-6
 _TINY = float(np.finfo(float).tiny)
 
 
 def _detail(heights: np.ndarray, longest: float) -> np.ndarray:
-    """Heights without waves longer than so many elements, clipped so that no spike dominates."""
+    """Heights without waves longer than `longest` elements, clipped so that no spike dominates."""
     detail = heights - scipy.ndimage.gaussian_filter(heights, longest)
     bound = 3 * robust_sigma(detail)
     return np.clip(detail, -bound, bound)
@@ -65,7 +66,7 @@ def _detail(heights: np.ndarray, longest: float) -> np.ndarray:
 def _slopes(heights: np.ndarray) -> np.ndarray:
     """Slopes (y or x, rows, columns), shortened so that no spike dominates; NaN at the edges.
 
-    Finite differences, clipped components and mirrored edges would all show slopes along striae
+    Finite differences, clipped components and mirrored edges would all create slopes along striae
     that run between the axes.
     """
     rises = [
@@ -82,7 +83,7 @@ def _slopes(heights: np.ndarray) -> np.ndarray:
 
 
 class Match(NamedTuple):
-    """How well the details of two surfaces match at one pose."""
+    """Agreement of the details of two surfaces at one pose."""
 
     pose: np.ndarray
     correlation: float
@@ -121,7 +122,7 @@ class Details(NamedTuple):
         return cls(reference, moving, slopes, aspect, longest)
 
     def common(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The heights of both over their overlap."""
+        """The heights of both surfaces over their overlap."""
         moved = sample(self.moving, pose, self.reference.shape, self.aspect, order=1)
         inside = np.isfinite(moved)
         return self.reference[inside], moved[inside]
@@ -132,7 +133,7 @@ class Details(NamedTuple):
         return Match(pose, pearson(one, other), overlap)
 
     def dale_depth_ratio(self, pose: np.ndarray) -> float:
-        """How much deeper dales are on what moves. Dales, since wear takes summits."""
+        """Ratio of dale depths, moving surface over reference. Wear affects summits, not dales."""
         one, other = self.common(pose)
         if not one.size:
             return math.nan
@@ -145,7 +146,7 @@ class Details(NamedTuple):
         return math.sqrt(second / first) if first > 0 else math.nan
 
     def search(self, least_overlap: float) -> Match:
-        """The best match: the peak of the masked correlation, and the best of a few rotations."""
+        """The best match: the peak of the masked correlation at the best of a few rotations."""
         matches = []
         for overlap in sorted({least_overlap, max(least_overlap, _LARGE_OVERLAP)}):
             shift = self._peak(self.reference, self.moving, overlap)
@@ -169,7 +170,7 @@ class Details(NamedTuple):
         return best
 
     def determine(self, match: Match) -> bool:
-        """Whether the details match beyond chance, and in every direction."""
+        """Whether the details match beyond chance, in every direction."""
         return (
             match.is_beyond_chance and self.compare_slopes(match.pose)[0] >= LEAST_ALONG
         )
@@ -209,7 +210,7 @@ class Details(NamedTuple):
 
     def _peak(self, a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
         """The shift (y, x) at the peak of the correlation."""
-        # here: only registration needs it, and its import is slow
+        # Imported here, because only registration needs it, and its import is slow.
         from skimage.registration import phase_cross_correlation
 
         shift, _, _ = phase_cross_correlation(
@@ -219,13 +220,14 @@ class Details(NamedTuple):
             moving_mask=np.ones(b.shape, dtype=bool),
             overlap_ratio=least_overlap,
         )
-        # scikit-image counts from centre to centre, the shift here is from corner to corner
+        # scikit-image measures from centre to centre; the shift here is from corner to corner.
         return np.asarray(shift, dtype=float) + np.subtract(a.shape, b.shape) / 2
 
     def _turned(self, shift: np.ndarray) -> Match:
-        """The best match at a shift of some rotations."""
+        """The best match at a shift among some rotations."""
         a, b = self.reference, self.moving
-        # turned about the middle of the moving surface or, beyond the reference, the nearest edge
+        # Rotation about the middle of the moving surface or, beyond the reference, about the
+        # nearest edge.
         middle = shift + np.subtract(b.shape, 1) / 2
         arm = np.clip(middle, 0, np.subtract(a.shape, 1)) - middle
         matches = []

@@ -1,4 +1,4 @@
-"""Which patches enter the study: those under load whose second scan matches the first."""
+"""Selection of patches for the study: those under load whose second scan matches the first."""
 
 from collections.abc import Iterator, Mapping
 
@@ -21,7 +21,7 @@ __all__ = [
     "select_patches",
 ]
 
-# Of each patch, in the order of the table, before it is said whether that excludes the patch.
+# Columns of each patch, in the order of the table, before the reasons to exclude it.
 _REGISTRATION = [
     "patch",
     "found",
@@ -54,8 +54,9 @@ _REGISTRATION = [
     "gain_to_loss_ratio",
     "above_noise",
 ]
-# Wear takes height. Of synthetic specimens, whose T0 and T1 are right, no patch gained on a larger
-# share of its points than it lost on; exchanged, four of five gain by these on more.
+# Use removes material. No patch of synthetic specimens with correct T0 and T1 gained on a larger
+# fraction of its points than it lost on. If T0 and T1 are exchanged, four of five patches gain by
+# this factor or more.
 _GAIN_OVER_LOSS = 1.2
 _GAIN_LESS_LOSS = 0.015
 
@@ -66,10 +67,10 @@ def registration_table(
     *,
     max_gain_to_loss_ratio: float,
 ) -> pd.DataFrame:
-    """How well T1 matches T0 on each patch, how much was lost, and which patches that excludes.
+    """Quality of each registration, the loss of each patch, and the patches that they exclude.
 
-    `changes` are the height changes by patch; each is looked up once. A loss is above the noise
-    if the area that rose is at most the share `max_gain_to_loss_ratio` of the area that fell.
+    `changes` are the height changes by patch; each is looked up once. A loss is above the noise if
+    the area of gain is at most the fraction `max_gain_to_loss_ratio` of the area of loss.
     """
     rows = []
     for patch, change in changes.items():
@@ -78,16 +79,16 @@ def registration_table(
         is_noise = row["gain_to_loss_ratio"] > max_gain_to_loss_ratio
         row["above_noise"] = not is_noise and row["known_fraction"] > 0
         rows.append(row)
-    # what is excluded, and why, follows from the rest
+    # The excluded patches and the reasons follow from the other columns.
     table = pd.DataFrame(rows, columns=_REGISTRATION)
-    # the pressures have a table of their own: here all pass
+    # The pressures have a table of their own, so all pass here.
     rules = {**selection, "minimum_pressure_MPa": 0.0}
     scored = select_patches(table.assign(pressure_MPa=1.0), table, rules)
     return table.assign(excluded=~scored.in_study, reason=scored.reason)
 
 
 def exchanged_epochs(registration: pd.DataFrame) -> Iterator[FaultError]:
-    """If more rose than fell on most patches, one `FaultError`: use only removes material.
+    """A `FaultError` if most patches gained more than they lost, because use only removes material.
 
     `registration` is from `registration_table`.
     """
@@ -110,7 +111,7 @@ def exchanged_epochs(registration: pd.DataFrame) -> Iterator[FaultError]:
 
 
 def other_heights(registration: pd.DataFrame) -> Iterator[FaultError]:
-    """A `FaultError` for each patch whose T1 matches its T0, with other heights than wear leaves.
+    """A `FaultError` for each patch whose T1 matches its T0, with heights that wear cannot cause.
 
     `registration` is from `registration_table`.
     """
@@ -130,9 +131,9 @@ def other_heights(registration: pd.DataFrame) -> Iterator[FaultError]:
 def rise_warnings(
     registration: pd.DataFrame, *, max_gain_to_loss_ratio: float
 ) -> Iterator[str]:
-    """Sentences about the patches where as much rose as fell; of most patches, see the fault.
+    """Warnings about patches with as much gain as loss. If most patches have it, see the fault.
 
-    `registration` is from `registration_table`, which has taken the same `max_gain_to_loss_ratio`.
+    `registration` is from `registration_table` with the same `max_gain_to_loss_ratio`.
     """
     is_rise = _rose(registration)
     rose, noisy = registration[is_rise], registration[~is_rise]
@@ -155,7 +156,7 @@ def rise_warnings(
 
 
 def is_more(one: ArrayLike, other: ArrayLike) -> np.ndarray:
-    """Whether a share of a patch, as that which rose, is clearly more than another, which fell."""
+    """Whether a fraction of a patch, such as the gain, clearly exceeds the other, the loss."""
     other = np.asarray(other)
     return np.asarray(one) > np.maximum(
         _GAIN_OVER_LOSS * other, other + _GAIN_LESS_LOSS
@@ -163,7 +164,7 @@ def is_more(one: ArrayLike, other: ArrayLike) -> np.ndarray:
 
 
 def _rose(registration: pd.DataFrame) -> pd.Series:
-    """Which patches gained height on more of their area than they lost it on."""
+    """Whether each patch gained height on more of its area than it lost on."""
     more = is_more(registration.gain_fraction, registration.loss_fraction)
     return registration.found.astype(bool) & more
 
@@ -179,12 +180,12 @@ def _percent(shares: pd.Series) -> str:
 def select_patches(
     pressures: pd.DataFrame, registration: pd.DataFrame, selection: Mapping[str, float]
 ) -> pd.DataFrame:
-    """Which patches enter the study, by their pressure and by how well T1 matches T0.
+    """Select the patches of the study, by their pressure and by the match of T1 to T0.
 
-    The pressure is one that the patch's own wear has not shaped (`gstlib.coupling.pressures`), so
-    that a patch does not enter because it wore. Patches that `registration` (from
-    `registration_table`) lacks have no T1: their pressure alone decides. The result is `pressures`
-    with ``in_study`` and ``reason``, empty where a patch is in.
+    The pressure is independent of the patch's own wear (`gstlib.coupling.pressures`), so that no
+    patch is selected because it wore. Patches without a row in `registration` (from
+    `registration_table`) have no T1, and their pressure alone decides. The result is `pressures`
+    with ``in_study`` and ``reason``, which is empty for selected patches.
 
     Examples
     --------

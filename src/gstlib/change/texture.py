@@ -1,9 +1,9 @@
-"""How rough is a patch, and did use smooth or roughen it? Areal surface texture, ISO 25178-2.
+"""Areal surface texture of a patch before and after use, ISO 25178-2.
 
-Most parameters are those of surfalize (Schell, Zwahr & Lasagni 2024, Nanomaterials 14:1076). They
-have a meaning only with their filters (ISO 25178-3): the F-operator removes the least-squares
-plane, the S-filter removes waves shorter and the L-filter waves longer than its nesting index, both
-Gaussian (ISO 16610-61).
+Most parameters are computed by surfalize (Schell, Zwahr & Lasagni 2024, Nanomaterials 14:1076).
+They are meaningful only with their filters (ISO 25178-3). The F-operator removes the least-squares
+plane, the S-filter removes waves shorter and the L-filter waves longer than its nesting index. Both
+filters are Gaussian (ISO 16610-61).
 """
 
 import logging
@@ -23,7 +23,7 @@ __all__ = ["measure_texture", "texture_rows"]
 
 _log = logging.getLogger(__name__)
 
-# Columns of the table by the standard's symbols; volumes are per projected area.
+# Columns of the table by the symbols of the standard; volumes are per projected area.
 _COLUMNS = {
     **{symbol: f"{symbol}_um" for symbol in ("Sa", "Sq", "Sz")},
     **{symbol: symbol for symbol in ("Ssk", "Sku", "Sdq")},
@@ -37,11 +37,11 @@ _COLUMNS = {
 
 # Defaults of ISO 25178-3: material ratios (%) that separate peaks from core and core from dales.
 _PEAKS, _DALES = 10.0, 80.0
-# The equivalent line is that of the flattest part of the material ratio curve, this wide (%).
+# The equivalent line belongs to the flattest part of the material ratio curve, this wide (%).
 _LINE_WIDTH = 40.0
-# Classes of the material ratio curve: with so many, the line is accurate to 1e-4.
+# Classes of the material ratio curve. With this number, the line is accurate to 1e-4.
 _CLASSES = 2001
-# A number of points within this of a whole number counts as whole.
+# A number of points this close to a whole number counts as whole.
 _ROUNDING = 1e-6
 
 
@@ -54,8 +54,8 @@ def measure_texture(
 ) -> pd.DataFrame:
     """Areal texture of each patch before and after use, and the change (ISO 25178-2).
 
-    `scans` are those at T0, `changes` those of the patches with a T1. The filters are their
-    nesting indices; without an L-filter, None. The rows are those of `texture_rows`.
+    `scans` are the scans at T0, `changes` the height changes of the patches with a T1. The filters
+    are given by their nesting indices, None for no L-filter. The rows are those of `texture_rows`.
 
     Examples
     --------
@@ -100,25 +100,26 @@ def texture_rows(
     t0 : (y, x) xarray.DataArray
         Heights before use, mm, no NaN.
     registered : xarray.Dataset or None
-        As from `gstlib.change.change.register_patch`; None without a T1.
+        From `gstlib.change.change.register_patch`; None without a T1.
     s_filter_um, l_filter_um : float
-        Nesting indices of the filters: half the height of a wave of this length passes. None for no
-        L-filter (an S-F surface in place of an S-L surface).
+        Nesting indices of the filters: waves of this length pass at half their height. None for no
+        L-filter (an S-F surface instead of an S-L surface).
 
     Returns
     -------
     list of dict
-        ``epoch`` (``T0``, ``T1``, ``change``: T1 less T0), ``size_x_mm`` and ``size_y_mm`` of the
+        ``epoch`` (``T0``, ``T1``, ``change``: T1 minus T0), ``size_x_mm`` and ``size_y_mm`` of the
         evaluated rectangle, and the parameters from ``Sa_um`` to ``Vvv_um3_per_um2``. Sal is NaN if
-        the autocorrelation decays nowhere within the map, Str if it does not decay in every
-        direction. T0 alone, over its whole area, unless a T1 was found on it that covers a
-        rectangle as long and as wide as the longest nesting index.
+        the autocorrelation does not decay within the map, and Str if it does not decay in every
+        direction. T1 is compared if it was registered to T0 and covers a rectangle as long and as
+        wide as the longest nesting index. Otherwise the only row is T0, over its whole area.
     """
     spacing = spacing_of(t0)
     epochs = {"T0": t0}
     if registered is not None and registered.attrs["registration_found"]:
         window = _measured_rectangle(np.isfinite(registered["t1"].values))
-        # the standard's evaluation area has sides of at least one nesting index of the L-filter
+        # The sides of the standard's evaluation area have at least the nesting index of the
+        # L-filter.
         least = (l_filter_um or s_filter_um) / MM_TO_UM
         if (np.multiply(t0[window].shape, spacing) >= least).all():
             epochs = {"T0": t0[window], "T1": registered["t1"][window]}
@@ -151,14 +152,14 @@ def _parameters(
         ) from error
 
     dy, dx = (step * MM_TO_UM for step in spacing)
-    # Waves that pass the S-filter vary over its nesting index: two points in that length give the
-    # same autocorrelation as all, at a fraction of the cost.
+    # Waves that pass the S-filter vary over its nesting index. So two points in that length give
+    # the same autocorrelation as all points, at a fraction of the cost.
     halves = (s_filter_um / (2 * step) for step in (dy, dx))
     every_y, every_x = (max(1, int(points + _ROUNDING)) for points in halves)
     values = _material_ratio(heights)
     with warnings.catch_warnings(action="ignore"):
-        # about different steps in x and y, which do not harm these parameters; and about NaN, if
-        # the autocorrelation does not decay within the map
+        # Warnings about different steps in x and y, which do not affect these parameters; and about
+        # NaN, if the autocorrelation does not decay within the map.
         evaluated = Surface(heights, dx, dy)
         sparse = Surface(heights[::every_y, ::every_x], every_x * dx, every_y * dy)
         values |= {"Sal": sparse.Sal(), "Str": sparse.Str()}
@@ -170,15 +171,15 @@ def _parameters(
 def _material_ratio(heights: np.ndarray) -> dict[str, float]:
     """Sk family and volumes, from the material ratio curve (ISO 25178-2, annex B).
 
-    Not surfalize's, which sums areas class by class: with its 10,000 classes it agrees within
-    0.3 %, but doubles the cost of all parameters; with 2001 classes, Svk is 12 % high where a few
-    points are deep. Over the heights themselves, these areas are plain means.
+    surfalize sums these areas class by class. With its 10,000 classes, it agrees within 0.3 %, but
+    doubles the cost of all parameters. With 2001 classes, its Svk is 12 % too high if a few points
+    are deep. Here, these areas are means over the heights.
     """
     ratio = np.linspace(0, 100, _CLASSES)
     curve = np.quantile(heights, 1 - ratio / 100)
     starts = ratio[ratio <= 100 - _LINE_WIDTH]
     ends = starts + _LINE_WIDTH
-    # the secant of the smallest gradient; the curve falls
+    # The secant of the smallest gradient of the falling curve.
     rise = np.interp(ends, ratio, curve) - curve[: starts.size]
     first = int(np.argmax(rise))
     last = np.searchsorted(ratio, ends[first], side="right")
@@ -192,7 +193,7 @@ def _material_ratio(heights: np.ndarray) -> dict[str, float]:
     _, dales, void, deep = (np.maximum(level - heights, 0).mean() for level in levels)
     return {
         "Sk": -100 * slope,
-        # triangles of the same areas on the same shares
+        # Triangles of the same areas over the same fractions.
         "Spk": 200 * peaks / smr1 if smr1 > 0 else 0.0,
         "Svk": 200 * dales / (100 - smr2) if smr2 < 100 else 0.0,
         "Smr1": smr1,
@@ -220,7 +221,7 @@ def _measured_rectangle(measured: np.ndarray) -> tuple[slice, slice]:
     """Rows and columns of a rectangle in which every point is measured; empty if there is none.
 
     The measured region (ny, nx) is convex, such as the overlap of two scans. The side of the
-    rectangle with the most unmeasured points is removed until none is left.
+    rectangle with the most unmeasured points is removed until all points are measured.
     """
     top, left, (bottom, right) = 0, 0, measured.shape
     while bottom > top and right > left:
