@@ -1,1 +1,1 @@
-"""Was the prediction right? T1 against T0 against the predicted contact."""
+"""Comparison of the predicted with the measured loss, and of one scale with two."""

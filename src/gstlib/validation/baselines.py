@@ -1,18 +1,18 @@
-"""What the loss of a patch would be without the contact solution: baselines with equal knowledge.
+"""Baselines: predictions of the loss of a patch without the contact solution, from the same data.
 
-A prediction of a patch's loss knows its heights before use, where it lies in the stone, and what
-the *other* patches lost. So does each baseline; none has seen what the patch itself lost:
+A prediction for a patch uses its heights before use, its position in the stone, and the losses of
+the *other* patches. Each baseline uses the same data, and not the loss of the patch itself:
 
 - ``none``: no loss.
-- ``mean_volume``: a plane that cuts off the others' mean volume.
-- ``pressure_volume``: a plane that cuts off a volume in proportion to the patch's pressure.
-- ``pressure_fraction``: a plane that wears a share of the patch in proportion to its pressure.
-- ``rigid``: what a rigid flat cuts off at a displacement from first touch that is the same on all
-  patches and gives the others their loss. The nearest model in print is that of Rausch et al.
-  (2024, protocols.io 261ge346dl47), a rigid collision along a stroke.
+- ``mean_volume``: a plane that removes the mean volume of the other patches.
+- ``pressure_volume``: a plane that removes a volume in proportion to the pressure of the patch.
+- ``pressure_fraction``: a plane that wears a fraction of the patch in proportion to its pressure.
+- ``rigid``: removal by a rigid flat at a displacement from first touch. It is the same on all
+  patches, and reproduces the loss of the others. The nearest published model is a rigid collision
+  along a stroke (Rausch et al. 2024, protocols.io 261ge346dl47).
 
-``oracle_area`` is no baseline, for it knows the answer: a plane that wears the share of the patch
-that did wear.
+``oracle_area`` is not a baseline, because it uses the measured answer: a plane that wears the
+fraction of the patch that did wear.
 """
 
 from collections.abc import Iterable
@@ -26,7 +26,7 @@ __all__ = ["BASELINES", "ORACLE", "Others", "baseline_depths", "volumes_cut"]
 BASELINES = "none", "mean_volume", "pressure_volume", "pressure_fraction", "rigid"
 ORACLE = "oracle_area"
 
-# Displacements of a rigid flat at which volumes are tabulated, closer together near first touch.
+# Number of displacements at which volumes of a rigid flat are tabulated, closer near first touch.
 _DISPLACEMENTS = 300
 
 
@@ -36,12 +36,12 @@ class Others(NamedTuple):
     Attributes
     ----------
     table : pandas.DataFrame
-        By patch: ``pressure_MPa`` before use, ``loss_mm``, the volume lost over the known area,
-        and ``loss_fraction`` of that area.
+        By patch: ``pressure_MPa`` before use, ``loss_mm``, the lost volume over the known area, and
+        ``loss_fraction`` of that area.
     displacements : (n,) ndarray
-        Of a rigid flat from first touch, mm, increasing from 0.
+        Displacements of a rigid flat from first touch, mm, increasing from 0.
     cut : pandas.DataFrame
-        By patch (columns): the volume (mm, over the known area) that it cuts off at each of them.
+        By patch (columns): the volume that it removes at each displacement, mm over the known area.
     """
 
     table: pd.DataFrame
@@ -59,7 +59,7 @@ class Others(NamedTuple):
         return cls(table, displacements, pd.DataFrame(cut, index=displacements))
 
     def without(self, patch: str) -> "Others":
-        """All others of a patch."""
+        """All patches except one."""
         table = self.table.drop(patch, errors="ignore")
         return self._replace(
             table=table, cut=self.cut.drop(columns=patch, errors="ignore")
@@ -67,7 +67,7 @@ class Others(NamedTuple):
 
 
 def volumes_cut(below: np.ndarray, displacements: Iterable[float]) -> np.ndarray:
-    """Mean depth that rigid flats take off points at depths `below` a summit; any one length."""
+    """Mean depth that rigid flats remove from points `below` a summit; in any unit of length."""
     ordered = np.sort(below, axis=None)
     summed = np.r_[0.0, np.cumsum(ordered)]
     displacements = np.asarray(displacements, dtype=float)
@@ -84,20 +84,20 @@ def baseline_depths(
     worn_fraction: float,
     others: Others,
 ) -> dict[str, np.ndarray]:
-    """The depth (n,), mm, that each baseline and the upper bound take off a patch's known points.
+    """The depth (n,), mm, of each baseline and of the upper bound at a patch's known points.
 
     Parameters
     ----------
     height, level : (n,) ndarray
-        Of the points: height before use as the patch lies on the stone, and level of detection, mm.
+        Heights before use as the patch lies on the stone, and level of detection, mm.
     summit : float
         The highest point of the patch, mm.
     pressure_MPa : float
-        Of the patch before use.
+        Pressure of the patch before use.
     worn_fraction : float
-        Share of the points that lost height; only the upper bound takes it.
+        Fraction of the points that lost height, used only by the upper bound.
     others : Others
-        Without the patch itself.
+        The other patches.
     """
     table = others.table
     per_pressure = table[["loss_mm", "loss_fraction"]].sum() / table.pressure_MPa.sum()
@@ -116,10 +116,10 @@ def baseline_depths(
 
 
 def _cut_volume(height: np.ndarray, volume: float) -> np.ndarray:
-    """Depth that a plane takes off so that its mean over the points is `volume` (mm)."""
+    """Depth removed by a plane, with a mean over the points of `volume` (mm)."""
     ordered = np.sort(height)[::-1]
     count = np.arange(1, height.size + 1)
-    # down to each of the points
+    # The plane passes through each of the points in turn.
     removed = (np.cumsum(ordered) - count * ordered) / height.size
     reached = np.searchsorted(removed, volume, side="right")
     plane = (ordered[:reached].sum() - height.size * volume) / reached
@@ -127,7 +127,7 @@ def _cut_volume(height: np.ndarray, volume: float) -> np.ndarray:
 
 
 def _cut_fraction(height: np.ndarray, level: np.ndarray, share: float) -> np.ndarray:
-    """Depth that a plane takes off which exceeds the level on a share of the points."""
+    """Depth removed by a plane that exceeds the level on a fraction of the points."""
     if not share > 0:
         return np.zeros(height.shape)
     plane = np.quantile(height - level, max(1 - share, 0.0))

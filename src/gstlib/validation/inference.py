@@ -1,9 +1,9 @@
-"""How certain is a statistic over patches? Intervals resample the patches, tests permute them.
+"""Uncertainty of a statistic over patches: intervals resample the patches, tests permute them.
 
-Permuting patches treats each as an independent trial. If two numbers vary smoothly over the stone,
-adjacent patches repeat each other, and such a test finds non-existent relations more often than its
-level says. Dutilleul (1993, Biometrics 49:305) tests a correlation with as many trials as the two
-autocorrelations leave, after Clifford, Richardson and Hémon (1989, Biometrics 45:123).
+Permutations treat each patch as an independent trial. If two numbers vary smoothly over the stone,
+adjacent patches repeat each other. Such a test then finds non-existent relations more often than
+its level. Dutilleul (1993, Biometrics 49:305) reduces the number of trials by both
+autocorrelations, after Clifford, Richardson and Hémon (1989, Biometrics 45:123).
 """
 
 import math
@@ -28,19 +28,19 @@ __all__ = [
 ]
 
 _CONFIDENCE = 0.95
-# Resamples of n units lie between the smallest and the largest unit, which enclose the truth in
-# 1 - 2 / 2ⁿ of cases: fewer units than this allow no interval at this confidence.
+# Resamples of n units lie between the smallest and the largest unit, which enclose the truth in 1 -
+# 2 / 2ⁿ of cases. Fewer units than this do not allow an interval at this confidence.
 _FEWEST_UNITS = 6
-# Up to this many patches all pairings are tried (8! = 40320), beyond it a random sample of them;
-# all signs of a difference up to 13 (2¹³ = 8192).
+# All pairings are tried for up to this many patches (8! = 40320), and a random sample of them
+# beyond. All signs of a difference are tried up to 13 patches (2¹³ = 8192).
 _EXACT_UP_TO = 8
 _RANDOM = 9999
-# Student's t needs a degree of freedom.
+# Student's t requires a degree of freedom.
 _FEWEST_EFFECTIVE = 3.0
 
 
 class Draws(NamedTuple):
-    """What statistics are drawn with.
+    """Random generator and number of resamples for statistics.
 
     Attributes
     ----------
@@ -83,11 +83,11 @@ def ratio_of_sums(
 def percentile_interval(samples: np.ndarray, units: int) -> tuple[float, float]:
     """Bootstrap percentile interval at 95 %, widened for the number of units resampled.
 
-    The plain percentiles of a mean are those of a normal distribution whose spread is divided by
-    n, not n - 1; with a dozen units they enclose the truth in some 90 % of cases, not 95. Taken
-    further out, at the tails that give Student's interval for a mean, they come close to their
-    nominal level (Hesterberg 2015, Am. Stat. 69:371). NaN samples are left out; the interval is
-    NaN with fewer than 6 units, or if the statistic is never defined.
+    The plain percentiles of a mean belong to a normal distribution whose spread is divided by n,
+    not n - 1. With a dozen units, they enclose the truth in some 90 % of cases, not 95. Here, they
+    are taken at the tails that give Student's interval for a mean. This brings them close to their
+    nominal level (Hesterberg 2015, Am. Stat. 69:371). NaN samples are left out. The interval is NaN
+    with fewer than 6 units, or if the statistic is never defined.
     """
     samples = samples[np.isfinite(samples)]
     if units < _FEWEST_UNITS or not samples.size:
@@ -99,9 +99,9 @@ def percentile_interval(samples: np.ndarray, units: int) -> tuple[float, float]:
 
 
 def exchange_p_value(gain: np.ndarray, generator: np.random.Generator) -> float:
-    """Two-sided test of a mean gain, shape (patches,): model and baseline exchanged patch by patch.
+    """Two-sided test of a mean gain, shape (patches,), by exchanging model and baseline per patch.
 
-    NaN for a single patch, or if no patch gains or loses.
+    The p-value is NaN for a single patch, or if all gains are zero.
     """
     if gain.size < 2 or not gain.any():
         return math.nan
@@ -126,10 +126,11 @@ def rank_correlation(
 ) -> Estimate:
     """Spearman's correlation over patches between a predictor and an extent of the traces.
 
-    `table` has a row for each patch; those with a missing value are left out. 95 % bootstrap over
-    patches; two-sided permutation test (every pairing up to 8 patches, 9999 random ones beyond),
-    which accounts for spatial autocorrelation (`spatial_p_value`) by `places`, the columns of the
-    patches' x and y, if there are any. NaN with fewer than 3 patches or a constant column.
+    `table` has a row for each patch; rows with a missing value are left out. The interval is a 95 %
+    bootstrap over patches. The two-sided permutation test uses every pairing up to 8 patches and
+    9999 random pairings beyond. It accounts for spatial autocorrelation (`spatial_p_value`) by
+    `places`, the columns with x and y of the patches, if there are any. The estimate is NaN with
+    fewer than 3 patches or a constant column.
     """
     complete = table[[predictor, extent, *places]].dropna()
     x, y, *where = complete.to_numpy(dtype=float).T
@@ -144,7 +145,7 @@ def rank_correlation(
         rng=draws.generator,
     ).pvalue
     drawn = draws.generator.integers(0, x.size, (draws.resamples, x.size))
-    # a draw that repeats a single patch has no correlation
+    # A draw that repeats a single patch does not have a correlation.
     interval = percentile_interval(_spearman(x[drawn], y[drawn]), x.size)
     if where:
         p = spatial_p_value(x, y, np.transpose(where), permuted=p)
@@ -154,12 +155,12 @@ def rank_correlation(
 def spatial_p_value(
     x: np.ndarray, y: np.ndarray, places: np.ndarray, *, permuted: float
 ) -> float:
-    """P-value of Spearman's correlation over patches that allows for spatial autocorrelation.
+    """P-value of Spearman's correlation over patches, corrected for spatial autocorrelation.
 
     `permuted` is the p-value of the permutation test, exact for unrelated patches. Dutilleul's test
-    rests on Student's t, which is overconfident with few ranks, so it may only weaken the evidence:
-    the larger p-value counts. It is two-sided, and NaN with fewer than 4 patches or constant
-    values. `places` (n, 2) are the patches' coordinates, in any unit.
+    uses Student's t, which is overconfident with few ranks. So the larger of the two p-values
+    counts. The test is two-sided; the p-value is NaN with fewer than 4 patches or constant values.
+    `places` (n, 2) are the coordinates of the patches, in any unit.
     """
     x = scipy.stats.rankdata(x)
     y = scipy.stats.rankdata(y)
@@ -175,9 +176,9 @@ def spatial_p_value(
 
 
 def _effective_patches(x: np.ndarray, y: np.ndarray, places: np.ndarray) -> float:
-    """Number of independent patches whose correlation would vary as much as that of these.
+    """Number of independent patches whose correlation would have the same variance.
 
-    At most the actual number: neighbours that differ more than others are no additional evidence.
+    It is at most the actual number, because differences between neighbours do not add evidence.
     """
     places = np.asarray(places, dtype=float)
     distance = scipy.spatial.distance.cdist(places, places)
@@ -192,12 +193,14 @@ def _effective_patches(x: np.ndarray, y: np.ndarray, places: np.ndarray) -> floa
 
 
 def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """Covariance of every pair of patches by their distance; 0 for pairs far from each other."""
-    # ASSUME: covariances are estimated in classes as wide as neighbours are apart, up to half of
-    # the largest distance, as is usual for variograms; beyond it patches count as unrelated.
+    """Covariance of every pair of patches by their distance; 0 for distant pairs."""
+    # ASSUME: Classes of distance for covariances. The classes are as wide as the distance of
+    # neighbours, up to half of the largest distance; pairs beyond it count as unrelated. Reason:
+    # This is usual for variograms.
     apart = np.where(np.eye(len(distance), dtype=bool), np.inf, distance)
     step = float(np.median(apart.min(axis=1)))
-    # rounded: on a lattice, distances fall on the edges of classes, and the unit must not matter
+    # Rounded, because on a lattice distances fall on the edges of classes, and the unit must not
+    # matter.
     steps = np.round(distance / step, 9)
     number = np.maximum(np.rint(steps), 1)
     is_far = number + 0.5 > steps.max() / 2
@@ -211,7 +214,7 @@ def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 
 def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Spearman's correlation along the last axis; NaN where one of them is constant."""
+    """Spearman's correlation along the last axis; NaN if one of them is constant."""
     x, y = (scipy.stats.rankdata(values, axis=-1) for values in (x, y))
     middle = (x.shape[-1] + 1) / 2
     x, y = x - middle, y - middle

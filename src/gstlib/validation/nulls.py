@@ -1,17 +1,17 @@
-"""Would the places agree by chance? So do the predictions of other patches, turned and mirrored.
+"""Null model of the positions of wear: predictions of other patches, turned and mirrored.
 
-Wear and contact both come in clusters, so points are not independent trials, and a test that treats
-them as such finds significance everywhere. Both also lie more often at the edges and corners of a
-patch than in its middle, because scans are levelled; so shifting a prediction over its patch claims
-too much. The null model keeps the textures and where they lie, and breaks only the alignment: what
-is predicted of *another* patch, and what is predicted of any patch, own or other, turned by quarter
-turns and mirrored, says nothing about the places of this one. If the prediction is no better, all
-of these are equally likely to agree best (a permutation test: Good 2005, Permutation, Parametric
-and Bootstrap Tests of Hypotheses, 3rd ed.).
+Wear and contact occur in clusters, so points are not independent trials. A test that treats points
+as such finds significance everywhere. Both occur more often at the edges and corners of a patch
+than in its middle, because scans are levelled. So a null model of shifted predictions claims too
+much. This null model keeps textures and their positions, and breaks only the alignment. The
+prediction for *another* patch contains no information about the positions on this one. The same is
+true of any prediction that is turned by quarter turns and mirrored. If the prediction is no better,
+all of these are equally likely to agree best. This is a permutation test (Good 2005, Permutation,
+Parametric and Bootstrap Tests of Hypotheses, 3rd ed.).
 
-With n patches there are 8 n predictions, so p is at least 1/(8 n): one or two patches alone show
-nothing. A patch that is not square has no quarter turns, and patches that differ in their points
-are not compared.
+With n patches there are 8 n predictions, so p is at least 1/(8 n). One or two patches alone do not
+show anything. A patch that is not square does not have quarter turns, and patches with different
+points are not compared.
 """
 
 import math
@@ -24,20 +24,20 @@ from gstlib.validation.masks import mask_scores
 
 __all__ = ["Places", "p_value", "swapped_mcc"]
 
-# More patches than this take memory, and make p no more certain.
+# More patches than this take memory, and do not make p more certain.
 _MOST_PATCHES = 125
-# Scores of the same counts may differ by rounding; they are ties.
+# Scores of the same counts may differ by rounding, and count as ties.
 _TIE = 1e-9
 
 
 @dataclass(frozen=True)
 class Places:
-    """Masks of one patch, as bits: a study may have thousands of patches.
+    """Masks of one patch, stored as bits because a study may have thousands of patches.
 
     Attributes
     ----------
     bits : (3, n) ndarray of uint8
-        Where loss is predicted, where height was lost, and where that is known.
+        Whether loss is predicted, whether height was lost, and whether this is known.
     shape : (int, int)
         Points (ny, nx) of the patch.
     """
@@ -49,7 +49,7 @@ class Places:
     def packed(
         cls, predicted: np.ndarray, lost: np.ndarray, measured: np.ndarray
     ) -> "Places":
-        """Of three masks (ny, nx); the first is known everywhere."""
+        """From three masks (ny, nx); the first is known everywhere."""
         ny, nx = measured.shape
         masks = [mask.ravel() for mask in (predicted, lost, measured)]
         return cls(np.packbits(masks, axis=1), (ny, nx))
@@ -61,11 +61,11 @@ class Places:
 
 
 def swapped_mcc(patch: str, places: Mapping[str, Places]) -> np.ndarray:
-    """MCC of the prediction of a patch with its loss, and that of all others: (draws,).
+    """MCC of a patch's loss with its own prediction, and with all other predictions: (draws,).
 
-    `places` has the patch and all others of which loss is predicted. The first value is the
-    prediction's own, in place. The others are those of all predictions, its own too, in all turns
-    and mirrorings.
+    `places` contains the patch and all others with a predicted loss. The first value belongs to the
+    patch's own prediction. The others belong to all predictions, including its own, in all
+    rotations and mirrorings.
     """
     own = places[patch]
     others = [
@@ -74,30 +74,31 @@ def swapped_mcc(patch: str, places: Mapping[str, Places]) -> np.ndarray:
         if name != patch and each.shape == own.shape
     ]
     others = others[:: math.ceil(len(others) / _MOST_PATCHES) or 1]
-    # turning the loss is turning the predictions, and takes one product for all of them
+    # Turning the loss is equivalent to turning the predictions, and takes one product for all of
+    # them.
     _, lost, measured = own.masks()
     turned = np.array([*_sides(lost), *_sides(measured)], dtype=np.float32)
     columns = turned.reshape(len(turned), -1).T
     masks = (places[name].masks() for name in (patch, *others))
     marks = [predicted.ravel() for predicted, _, _ in masks]
     predicted = np.array(marks, dtype=np.float32)
-    # exact: sums of ones below 2^24
+    # Exact, because these are sums of ones below 2^24.
     hits, marked = np.split(predicted @ columns, 2, axis=1)
     scores = mask_scores(hits, marked, lost.sum(), measured.sum())
     return scores["mcc"].ravel()
 
 
 def _sides(mask: np.ndarray) -> Sequence[np.ndarray]:
-    """A mask (ny, nx) as it is, then turned and mirrored, if it keeps its shape."""
+    """A mask (ny, nx) as it is, and all rotations and mirror images that keep its shape."""
     turns = range(4) if mask.shape[0] == mask.shape[1] else (0, 2)
     turned = [np.rot90(mask, quarters) for quarters in turns]
     return [*turned, *(side[:, ::-1] for side in turned)]
 
 
 def p_value(value: float, null: np.ndarray) -> float:
-    """Share of the null's scores that reach the value, which itself counts as one of them.
+    """Fraction of the null scores that reach the value, which itself counts as one of them.
 
-    NaN without a value or a null; draws without a defined score are left out.
+    NaN without a value or null scores; draws without a defined score are left out.
     """
     null = null[np.isfinite(null)]
     if math.isnan(value) or not null.size:

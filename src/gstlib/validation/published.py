@@ -1,4 +1,4 @@
-"""Figures of a study, to be compared with those that were published."""
+"""Figures of a study for comparison with published figures."""
 
 import pandas as pd
 
@@ -8,7 +8,7 @@ __all__ = ["figures_to_compare"]
 def figures_to_compare(
     macroscale: pd.DataFrame, pressures: pd.DataFrame
 ) -> dict[tuple[str, str], float]:
-    """What a study has that a paper publishes, by quantity and patch.
+    """Figures of a study that a paper publishes, by quantity and patch.
 
     `macroscale` and `pressures` are from `gstlib.macroscale.equilibrium.macroscale_table` and
     `gstlib.coupling.pressures.couple_scales`. The patch is empty except for patch pressures.

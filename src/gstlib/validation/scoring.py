@@ -1,17 +1,17 @@
-"""Was the loss of a patch predicted right? As a mask, a map and a volume, beside its baselines.
+"""Scores of the predicted loss of a patch, as a mask, a map and a volume, beside its baselines.
 
-What is scored is the loss that the other patches predict of each patch
-(`gstlib.wear.fit.wear_map`). Its *mask* is where it exceeds the level of detection, and agrees
-with where height was lost as well as Matthews' correlation coefficient says
-(`gstlib.validation.masks`). The error of the *map* is the r.m.s. of predicted less measured loss,
-over all points. The *volume* counts as far as two scans can show it. The baselines are given the
-same data as the prediction (`gstlib.validation.baselines`).
+The scored loss of each patch is predicted from the other patches (`gstlib.wear.fit.wear_map`). Its
+*mask* contains the points where it exceeds the level of detection. Matthews' correlation
+coefficient measures the agreement of this mask with the lost area (`gstlib.validation.masks`). The
+error of the *map* is the r.m.s. of the predicted minus the measured loss, over all points. The
+*volume* is the part that two scans can show. The baselines use the same data as the prediction
+(`gstlib.validation.baselines`).
 
-Chance is what the masks of the other patches reach (`gstlib.validation.nulls`). Noise mimics
-agreement: a point that noise raises at T0 is predicted to wear, and looks worn at T1. No other
-patch can show that, but noise raises as often as it lowers: where so much rose that noise may
-explain the loss, the patch is not in the test. What noise is left makes a test of one patch claim
-more often than its level says, so that only all patches together are tested.
+Chance is the agreement of the masks of other patches (`gstlib.validation.nulls`). Noise mimics
+agreement: a point raised by noise at T0 is predicted to wear, and looks worn at T1. Other patches
+cannot show this. But noise raises as often as it lowers. If noise may explain the loss by the area
+that rose, the patch is not tested. The remaining noise makes a test of one patch claim more often
+than its level, so only all patches together are tested.
 """
 
 import math
@@ -34,13 +34,13 @@ from gstlib.wear.archard import BARE, INTERLAYER, seen_depth
 __all__ = ["ScoredPatch", "by_chance", "other_patches", "own_model", "score_patch"]
 __all__ += ["score_tables"]
 
-# Bands of equally many points, beginning with the highest points.
+# Bands with equal numbers of points, beginning with the highest points.
 _BANDS = 4
 
 
 @dataclass(frozen=True)
 class ScoredPatch:
-    """What is said of one patch."""
+    """Scores of one patch."""
 
     row: dict[
         str, Any
@@ -63,9 +63,9 @@ def other_patches(
     contacts: Mapping[str, Contact],
     changes: Mapping[str, xr.Dataset],
 ) -> Others:
-    """What the baselines know of the patches that the prediction is `fitted` to.
+    """Data for the baselines about the patches that the prediction is `fitted` to.
 
-    The tables are ``patch_pressures`` and ``registration``; each contact and each change of these
+    The tables are ``patch_pressures`` and ``registration``. Each contact and each change of these
     patches is looked up once.
     """
     table = pd.DataFrame({"pressure_MPa": unseen(pressures.set_index("patch"))})
@@ -89,25 +89,25 @@ def score_patch(
     pressure_MPa: float,
     above_noise: bool = True,
 ) -> ScoredPatch:
-    """Score the predicted loss of one patch by the measured one.
+    """Score the predicted loss of one patch against the measured loss.
 
     Parameters
     ----------
     patch : str
-        Its id.
+        Id of the patch.
     contact : Contact
-        The patch's before use: ``pressure`` (y, x) in MPa, and its heights, which
-        the baselines see as the patch lies on the stone (`gstlib.contact.Interface.laid`).
+        Contact of the patch before use: ``pressure`` (y, x) in MPa, and its heights. The baselines
+        use the heights as the patch lies on the stone (`gstlib.contact.Interface.laid`).
     change : xarray.Dataset
-        As from `gstlib.change.change.height_change`.
+        From `gstlib.change.change.height_change`.
     predicted : xarray.Dataset
-        ``depth`` (model, y, x), mm, of `gstlib.wear.fit.wear_map`.
+        ``depth`` (model, y, x), mm, from `gstlib.wear.fit.wear_map`.
     others : Others
-        As from `other_patches`.
+        From `other_patches`.
     pressure_MPa : float
-        Of the patch before use.
+        Pressure of the patch before use.
     above_noise : bool
-        Whether the loss exceeds noise. If not, it is not tested against chance.
+        Whether the loss exceeds the noise. If not, it is not tested against chance.
     """
     valid = np.isfinite(change.change.values)
     lost = -change.change.values[valid]
@@ -174,7 +174,7 @@ def score_patch(
 
 
 def by_chance(scored: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
-    """MCC of each patch that can be tested, by patch: in place, then by chance.
+    """MCC of each testable patch, by patch: the own prediction, then chance.
 
     See `gstlib.validation.nulls.swapped_mcc`.
     """
@@ -192,7 +192,7 @@ def score_tables(
 ) -> dict[str, pd.DataFrame]:
     """The tables ``patches``, ``wear`` and ``profile``; empty without patches.
 
-    `in_statistics` says which patches enter the statistics.
+    `in_statistics` marks the patches of the statistics.
     """
     patches = []
     for one in scored:

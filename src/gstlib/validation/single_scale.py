@@ -1,10 +1,10 @@
-"""What two scales cost: one contact of the whole square at the scans' resolution, and the patches'.
+"""The error of two scales: one contact of the whole square against the contacts of the patches.
 
-The study presses the face on a coarse grid and each patch by itself. Both are shortcuts. One
-contact of the whole square with all its detail needs neither: on a synthetic specimen it is the
-contact of the true surface, against which everything counts (mesh, places, noise, coupling). On a
-measured stone it is that of the composite surface, and tells what the coupling alone costs and,
-over several draws of the detail, how far the results depend on what was not scanned.
+The study presses the face on a coarse grid and each patch by itself. Both are shortcuts, which one
+contact of the whole square with all its detail does not need. On a synthetic specimen, it is the
+contact of the true surface, and shows all errors (mesh, positions, noise, coupling). On a measured
+stone, it is the contact of the composite surface, and shows the error of the coupling alone.
+Several draws of the detail show the influence of the unscanned parts on the results.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -40,12 +40,12 @@ __all__ = [
     "two_scales_table",
 ]
 
-# Of the contact of the whole square. Tables count its points, and one of them shows in the digits.
-# Measured on the default specimen: at 1e-4, 102 of 155,424 points in contact are others than at
-# 1e-10, and another processor's rounding moves 2. At 1e-7 it is expected to move 0.05 points, at
-# 1e-8 0.01, at 1e-9 0.0002: by how much it changes gaps and pressures, times how many points are
-# so near to the other side. 1e-9 takes 5 s more CPU than 1e-4. (Started at the pressure of the
-# draw before, a draw takes three times as long as from coarser grids.)
+# Tolerance of the contact of the whole square, whose points the tables count to the last digit.
+# Measured on the default specimen: at 1e-4, 102 of 155,424 points in contact differ from 1e-10, and
+# another processor's rounding changes 2. At 1e-7, 0.05 points are expected to change, at 1e-8 0.01,
+# at 1e-9 0.0002. This is the change of gaps and pressures times the density of points near the
+# threshold. 1e-9 takes 5 s more CPU than 1e-4. (Started from the pressure of the draw before, a
+# draw takes three times as long as from coarser grids.)
 _TOLERANCE = 1e-9
 _VARIABLES = {
     "contact": ("1", "in contact in the single-scale contact"),
@@ -64,8 +64,9 @@ def composite_heights(
 ) -> xr.DataArray:
     """The composite surface (y, x), mm, of the square at the scans' resolution.
 
-    `face` and `scans` are those of which `gstlib.macroscale.composite.compose_surface` made the
-    `composite` on the macroscale grid. Detail between the scans is drawn from `seed` and `draw`.
+    `face` and `scans` are the inputs from which `gstlib.macroscale.composite.compose_surface` made
+    the `composite` on the macroscale grid. Detail between the scans is drawn from `seed` and
+    `draw`.
     """
     table = composite[["x_mm", "y_mm", "rotation_deg", "offset", "slope_y", "slope_x"]]
     table = table.to_dataframe().reset_index()
@@ -95,7 +96,7 @@ def drawn_surfaces(
     s_filter_um: float | None,
     seed: int,
 ) -> Iterator[xr.DataArray]:
-    """The `composite_heights` of so many draws, one after the other."""
+    """The `composite_heights` of `draws` draws, one after the other."""
     for draw in range(draws):
         yield composite_heights(
             face, composite, scans, s_filter_um=s_filter_um, seed=seed, draw=draw
@@ -115,20 +116,20 @@ def solve_realisations(
     Parameters
     ----------
     surfaces : iterable of (y, x) xarray.DataArray
-        Heights of the square, mm: `drawn_surfaces`, or that of a synthetic specimen.
+        Heights of the square, mm, from `drawn_surfaces` or from a synthetic specimen.
     contact : Contact
-        Of the face around it, as in `solve_reference`.
+        Contact of the face around it, as in `solve_reference`.
     patches : xarray.Dataset
-        By ``patch`` ``x_mm, y_mm, rotation_deg``: where the patches lie.
+        By ``patch``, their positions: ``x_mm, y_mm, rotation_deg``.
     scans : mapping of str to xarray.Dataset
-        Their scans, on one grid.
+        Scans of the patches, on one grid.
     source : path
-        The file of the surfaces, for messages.
+        File of the surfaces, for messages.
 
     Returns
     -------
     whole : xarray.Dataset
-        From `solve_reference`, of the first surface.
+        From `solve_reference`, for the first surface.
     patches : xarray.Dataset
         From `patches_of_reference`, by ``draw``.
     """
@@ -149,12 +150,12 @@ def solve_realisations(
 def solve_reference(
     heights: xr.DataArray, contact: Contact, *, source: str | Path = "reference"
 ) -> xr.Dataset:
-    """One contact of the whole square at the scans' resolution, in the stone at rest.
+    """One contact of the whole square at the scans' resolution, in the stone in equilibrium.
 
-    `heights` (y, x) are those of the square, mm, and `contact` is that of the face around it, in
-    whose coordinates the square begins at (0, 0): the square lies on the face's plane, yields to
-    the pressures outside, and bears its share of the force. The result has ``height`` mm, without
-    its plane, and ``pressure`` MPa (y, x), in single precision.
+    `heights` (y, x) are the heights of the square, mm, and `contact` is the contact of the face
+    around it. The square begins at (0, 0) in the coordinates of the face. It lies on the plane of
+    the face, yields to the pressures outside, and carries its share of the force. The result has
+    ``height`` mm, without its plane, and ``pressure`` MPa (y, x), in single precision.
 
     Examples
     --------
@@ -183,16 +184,16 @@ def solve_reference(
 
 
 def placed_whole(heights: xr.DataArray, contact: Contact) -> tuple[xr.DataArray, float]:
-    """The square as it lies in the stone at rest, and its share of the force.
+    """The square as it lies in the stone in equilibrium, and its mean pressure.
 
-    Parameters as in `solve_reference`. The result is the surface (y, x), mm, to press on a flat:
-    on the face's plane, less the counterface, displaced as the pressures outside displace it; and
-    the mean pressure on it, MPa.
+    Parameters are as in `solve_reference`. The result is the surface (y, x), mm, to press on a
+    flat, and the mean pressure on it, MPa. The surface lies on the plane of the face, less the
+    counterface, and is displaced by the pressures outside.
     """
     size = spacing_of(heights)[0] * heights.sizes["y"]
-    # a generated surface begins at its own first element, less than one from the corner
+    # A generated surface begins at its own first element, less than one element from the corner.
     middle = PatchPosition(*(float(heights[axis].mean()) for axis in "yx"))
-    # one map in place of four: of so many points each takes memory
+    # One map instead of four, because each takes memory for this many points.
     pressed = placed_faces(heights, None, contact, middle, size_mm=size).pressed
     inside = footprint_weights(contact.pressure, middle, size)
     force = float(
@@ -204,7 +205,7 @@ def placed_whole(heights: xr.DataArray, contact: Contact) -> tuple[xr.DataArray,
 def patches_of_reference(
     pressure: xr.DataArray, places: Mapping[str, PatchPosition], scan: xr.DataArray
 ) -> xr.Dataset:
-    """What the single-scale contact is on each scan.
+    """The single-scale contact on each scan.
 
     Parameters
     ----------
@@ -212,13 +213,13 @@ def patches_of_reference(
         Contact pressure of the whole square, MPa.
     places : mapping of str to PatchPosition
     scan : (y, x) xarray.DataArray
-        One of the scans, whose grid they all have.
+        One of the scans, which all have this grid.
 
     Returns
     -------
     xarray.Dataset
-        ``contact`` (patch, y, x), bool; ``pressure`` (patch), MPa, the mean over the scan. Of
-        points outside the square the pressure is 0.
+        ``contact`` (patch, y, x), bool; ``pressure`` (patch), MPa, the mean over the scan. The
+        pressure is 0 at points outside the square.
     """
     v, u = (scan[axis].values - scan[axis].values.mean() for axis in "yx")
     touching, mean = [], []
@@ -253,12 +254,12 @@ def patches_of_reference(
 def two_scales_table(
     contacts: Mapping[str, Mapping[str, Contact]], reference: xr.Dataset
 ) -> pd.DataFrame:
-    """Contact of the patches against the single-scale contact, by variant.
+    """Compare the contacts of the patches with the single-scale contact, by variant.
 
     Parameters
     ----------
     contacts : mapping of str to mapping of str to Contact
-        By variant, the patches' contacts; each is looked up once.
+        Contacts of the patches by variant; each is looked up once.
     reference : xarray.Dataset
         From `patches_of_reference`, by ``draw``.
 
@@ -266,10 +267,10 @@ def two_scales_table(
     -------
     pandas.DataFrame
         ``patch, variant, pressure_MPa, reference_pressure_MPa, contact_fraction,
-        reference_contact_fraction, precision, recall, f1``. Of each variant also
+        reference_contact_fraction, precision, recall, f1``. Each variant also has rows
         ``highest_VARIANT``: the highest points of its surface, as many as are in contact in the
-        reference. Rows `ALL` pool the points of all patches. Draws of the
-        reference are pooled, and its pressure is their mean.
+        reference. Rows `ALL` pool the points of all patches. Draws of the reference are pooled, and
+        its pressure is their mean.
     """
     rows = []
     for variant, of_patches in contacts.items():

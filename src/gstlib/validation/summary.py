@@ -1,15 +1,16 @@
-"""Over the patches of a stone: is the predicted loss right, and does what presses harder wear more?
+"""Statistics over the patches of a stone, of the predicted loss and of the effect of pressure.
 
-Every row of the summary is a statistic with its interval, its p-value, the number of patches, and
-what it is compared with (`gstlib.validation.inference`).
+Every row of the summary is a statistic with its interval, p-value, number of patches and reference
+(`gstlib.validation.inference`).
 """
 
-# ASSUME: the interlayer is tested only where the bare stone's loss is below detection, and its
-# error there must be 2 % smaller: errors of heights and loads let an interlayer gain a little on
-# stones that never saw one. So tested, none of 20 such stones is said to have had one, and all of
-# 10 that had (benchmarks/power.py). ASSUME: the best baseline is chosen on the patches on which
-# it is compared. That can only make the prediction look worse; a claim that the baseline is
-# better has its p-value multiplied by the number of baselines (Bonferroni).
+# ASSUME: Test for an interlayer. The test uses only points at which the loss of the bare stone is
+# below detection, and the error there must be 2 % smaller. Reason: Errors of heights and loads let
+# an interlayer gain a little on stones that wore without one. This test finds an interlayer on none
+# of 20 such stones, and on 9 of 10 stones that wore with one (benchmarks/power.py).
+# ASSUME: Choice of the best baseline. The best baseline is chosen on the patches of the comparison.
+# For a claim that the baseline is better, the p-value is multiplied by the number of baselines
+# (Bonferroni). Reason: This choice can only make the prediction look worse.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -52,10 +53,10 @@ __all__ = [
 
 _NONE = BASELINES[0]
 _PREDICTIONS = BARE, INTERLAYER, CAPPED
-# What a patch lost, as area and as volume, both over the area measured: patches overlap to
-# different shares.
+# Loss of a patch as area and as volume, both over the measured area, because different fractions of
+# patches overlap.
 _EXTENTS = "loss_fraction", "mean_wear_depth_um"
-# An interlayer is detected if its error out of contact is below this share of the bare stone's.
+# An interlayer is detected if its error out of contact is below this fraction of the bare stone's.
 _ERROR_TO_BEAT = 0.98
 
 # model, statistic, estimate, against
@@ -85,29 +86,28 @@ def summarise(
     interlayer : xarray.Dataset or None
         From `gstlib.wear.interlayer.fit_interlayer`; None without an interlayer.
     seed, resamples : int
-        Of the intervals and permutations; bootstrap samples of patches.
+        Seed of the intervals and permutations; number of bootstrap samples of patches.
     expected_most_worn : sequence of str
-        Patches stated beforehand to be the worst worn.
+        Patches that were expected, before the analysis, to be the most worn.
 
     Returns
     -------
     pandas.DataFrame
-        ``model, statistic, x, y, value, low, high, p_value, n, against``, with 95 % intervals,
-        over the patches that are in the statistics; a statistic of x and y is named ``f(x, y)``
-        here. Of each prediction ``mean(mcc)``,
-        ``mean(attainable_mcc)``, and against the best baseline ``gain(mcc)``, a mean difference,
-        ``relative(volume_error)`` and ``relative_to_best(map_error)``, ratios of summed absolute
-        errors; of all models ``mean(mcc)`` and, against no loss, ``relative(map_error)``. Two-sided
-        tests exchange the two patch by patch. ``tested_mean(mcc)``: over those on which chance can
-        be tested, against the predictions of other patches, one-sided. ``spearman(a, b)``: rank
-        correlation over patches of the pressure under the use as stated with the lost area, and of
-        whether it touches a patch (``touched``) with the lost volume; the latter of patches in and
-        out of the study.
-        ``expected_most_worn(5+8, column)``: share of these patches among the equally many largest
-        (a tie counts against it), with the p-value of a random ranking. With an interlayer
-        ``interlayer_ratio``, its coefficient over that of the bare stone, and
-        ``relative(out_of_contact)``, its error over 98 % of the bare stone's where that takes off
-        less than is detected.
+        ``model, statistic, x, y, value, low, high, p_value, n, against``, with 95 % intervals, over
+        the patches that are in the statistics; a statistic of x and y is named ``f(x, y)`` here.
+        Each prediction has ``mean(mcc)`` and ``mean(attainable_mcc)``. Against the best baseline,
+        it has ``gain(mcc)``, a mean difference, and ``relative(volume_error)`` and
+        ``relative_to_best(map_error)``, ratios of summed absolute errors. All models have
+        ``mean(mcc)`` and, against no loss, ``relative(map_error)``. Two-sided tests exchange the
+        two patch by patch. ``tested_mean(mcc)`` is the mean over the patches with a test against
+        chance, compared one-sided with the predictions of other patches. ``spearman(a, b)`` is a
+        rank correlation over patches. One relates the pressure under the prior load case to the
+        lost area. The other relates the fact that this load case touches a patch (``touched``) to
+        the lost volume, also of patches outside the study. ``expected_most_worn(5+8, column)``:
+        fraction of these patches among the equally many largest (a tie counts against it), with the
+        p-value of a random ranking. With an interlayer, ``interlayer_ratio`` is its coefficient
+        over the bare stone's. ``relative(out_of_contact)`` is its error over 98 % of the bare
+        stone's, at points where the bare stone's loss is below detection.
     """
     draws = Draws(np.random.default_rng(seed), resamples)
     in_statistics = patches[patches.in_statistics]
@@ -139,7 +139,7 @@ def summarise(
 
 
 def separated(summary: pd.DataFrame) -> pd.DataFrame:
-    """The table with ``statistic``, ``x`` and ``y`` in place of statistics such as ``f(x, y)``.
+    """The table with ``statistic``, ``x`` and ``y`` instead of statistics such as ``f(x, y)``.
 
     Examples
     --------
@@ -181,11 +181,11 @@ def statistic_names(summary: pd.DataFrame) -> pd.Series:
 def patch_statistics(
     patches: pd.DataFrame, registration: pd.DataFrame, pressures: pd.DataFrame
 ) -> pd.DataFrame:
-    """What is predicted and measured of each patch, as `summarise` takes it.
+    """Predicted and measured values of each patch, for `summarise`.
 
-    The tables are ``validation_patches``, ``registration`` and ``patch_pressures``. A row for each
-    patch with a known change, also where no loss is predicted. Pressures are those under the use as
-    stated: the wear has shaped those of a use that was read from it.
+    The tables are ``validation_patches``, ``registration`` and ``patch_pressures``. There is a row
+    for each patch with a known change, even without a predicted loss. Pressures belong to the prior
+    load case, because the wear influences the pressures of an inferred one.
     """
     of_registration = ["patch", "loss_fraction", "mean_wear_depth_um", "above_noise"]
     measured = registration.loc[registration.known_fraction > 0, of_registration]
@@ -195,7 +195,7 @@ def patch_statistics(
     predicted = patches.reindex(
         columns=["patch", "contact_fraction", "predicted_loss_um"]
     )
-    # a table without rows has no types, and pandas merges text with nothing but text
+    # A table without rows has no types, and pandas merges text only with text.
     measured = measured.astype({"patch": str})
     predicted = predicted.astype({"patch": str})
     table = where.merge(measured, on="patch").merge(predicted, on="patch", how="left")
@@ -211,14 +211,14 @@ def _by_model(scored: pd.DataFrame, name: str) -> pd.DataFrame:
 
 
 def _model_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
-    """How right the predictions are, beside their baselines."""
+    """Scores of the predictions, beside their baselines."""
     volume_error = (scored.predicted_volume_um3 - scored.measured_volume_um3).abs()
     scored = scored.assign(volume_error=volume_error)
     mcc, attainable, map_error, volume = (
         _by_model(scored, name)
         for name in ("mcc", "attainable_mcc", "map_error_um", "volume_error")
     )
-    # no place is right or wrong where nothing was lost: so it is for all models alike
+    # Without a loss, no position is right or wrong, for all models alike.
     mcc, attainable = mcc.dropna(), attainable.dropna()
     baselines = [name for name in BASELINES if name != _NONE]
     for model in (*_PREDICTIONS, *BASELINES, ORACLE):
@@ -245,7 +245,7 @@ def _model_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
 
 
 def _depth_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
-    """How wrong the predicted depths are, against the best baseline."""
+    """Errors of the predicted depths, against the best baseline."""
     errors = _by_model(scored, "map_error_um")
     for model in _PREDICTIONS:
         if model in errors:
@@ -256,7 +256,7 @@ def _depth_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
 def _relative_to_best(
     errors: pd.DataFrame, model: str, draws: Draws
 ) -> tuple[Estimate, str]:
-    """Summed errors (patches, models) of a model over those of the best baseline, and which."""
+    """Summed errors (patches, models) of a model over the best baseline's, and its name."""
     best = str(errors[list(BASELINES)].sum().idxmin())
     both = errors[model].to_numpy(), errors[best].to_numpy()
     p = _against_best(both[1] - both[0], draws)
@@ -270,9 +270,9 @@ def _against_best(gain: np.ndarray, draws: Draws) -> float:
 
 
 def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:
-    """The mean MCC against that by chance, over the patches on which chance can be tested.
+    """The mean MCC against the mean MCC by chance, over the patches with a test against chance.
 
-    A draw takes one prediction at random for each patch. One patch is not tested by itself.
+    A draw takes one random prediction for each patch. A single patch is not tested by itself.
     """
     values = np.array([null[0] for null in nulls])
     p = math.nan
@@ -290,7 +290,7 @@ def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:
 def _interlayer_rows(
     scored: pd.DataFrame, interlayer: xr.Dataset, draws: Draws
 ) -> Iterator[_Row]:
-    """Whether there was an interlayer between the stones, and how much of the wear it did."""
+    """Whether there was an interlayer between the stones, and its part of the wear."""
     error = _by_model(scored, "out_of_contact_um").fillna(0.0)
     errors = error[INTERLAYER].to_numpy(), _ERROR_TO_BEAT * error[BARE].to_numpy()
     p = exchange_p_value(errors[1] - errors[0], draws.generator)
@@ -314,7 +314,7 @@ def _correlation(
 
 
 def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> _Row:
-    """Share of the expected patches among the equally many largest; NaN if one has no value."""
+    """Fraction of expected patches among the equally many largest; NaN if a value is missing."""
     values = table.set_index("patch")[column].dropna()
     is_expected = values.index.isin(expected)
     share = p = math.nan
@@ -344,26 +344,26 @@ def score_wear(
     seed: int | Sequence[int],
     resamples: int,
 ) -> dict[str, pd.DataFrame]:
-    """Score the loss that is predicted of each patch by the measured one, beside fair baselines.
+    """Score the predicted loss of each patch against the measured loss, beside fair baselines.
 
     Parameters
     ----------
     contacts, changes : mapping
-        By patch: contact before use, and height change.
+        Contact before use and height change, by patch.
     prediction : Prediction
     pressures, registration : pandas.DataFrame
         The tables ``patch_pressures`` and ``registration``.
     expected_most_worn : sequence of str
-        Patches that were said beforehand to be the worst worn.
+        Patches that were expected, before the analysis, to be the most worn.
     seed, resamples : int
-        Of the intervals and permutations; bootstrap samples of patches.
+        Seed of the intervals and permutations; number of bootstrap samples of patches.
 
     Returns
     -------
     dict of pandas.DataFrame
         ``patches`` and ``wear``, with a row for each patch with a known change and for each of its
-        models; ``profile``; and ``summary``, over the patches in the study whose loss is above
-        the noise.
+        models; ``profile``; and ``summary``, over the patches in the study whose loss is above the
+        noise.
 
     Examples
     --------
