@@ -1,5 +1,5 @@
 """A synthetic specimen like the paper's: mesh, scans before and after use, and the truth.
 
-With it, the whole study can run, and every stage can be scored, without measured files. Its results
-say something about the software, never about a stone.
+It lets the whole study run, and every stage be scored, without measured files. Its results are
+evidence about the software, never about a stone.
 """

@@ -1,8 +1,8 @@
-"""Makes the synthetic specimen: mesh, scans before and after use, and the truth about them.
+"""The synthetic specimen: mesh, scans before and after use, and the truth about them.
 
 The truth is a dataset. Maps of scans have the dims ``(patch, epoch, y, x)`` or ``(patch, y, x)``
-(then on the T0 scan) and are oriented as on the stone, not the mould. The macroscale surface has
-the dims ``(macroscale_y, macroscale_x)``.
+(then on the T0 scan). They are oriented like the stone, not like the mould. The macroscale surface
+has the dims ``(macroscale_y, macroscale_x)``.
 """
 
 import io
@@ -49,16 +49,17 @@ __all__ = [
 ]
 __all__ += ["within_square", "write_specimen"]
 
-# Depth (µm) from which a point counts as worn: what preparation can distinguish from noise.
+# Depth (µm) from which a point counts as worn, which preparation can distinguish from noise.
 _WEAR_THRESHOLD_UM = 0.5
-# True heights are kept to about 1 nm: a tenth or less of any error they are compared with, and
-# they compress twice as well.
+# True heights are kept to about 1 nm, at most a tenth of any error they are compared with. They
+# then compress twice as well.
 _HEIGHT_STEP_MM = 2.0**-20
 
-# ASSUME: the generated active tool is as round as the default study's active tool.
+# ASSUME: Radius of a generated active tool. A generated active tool has the radius of the active
+# tool in the default study. Reason: The tool then matches the prior of that study.
 _ACTIVE_RADIUS_MM = 200.0
 
-# What is true of the surface, and of each patch: units and meaning.
+# True properties of the surface and of each patch: units and meaning.
 _TRUTH = {
     "macroscale_height": (
         "mm",
@@ -90,16 +91,16 @@ _DIMS = [(), ("epoch",), ("y", "x"), ("epoch", "y", "x")]
 
 
 class Specimen(NamedTuple):
-    """A synthetic specimen in memory, exactly as its files are read back.
+    """A synthetic specimen in memory, exactly as its files are read.
 
     Attributes
     ----------
     stl : bytes
         Binary STL of the mesh: mm, use-face up (+z), the square centred on x = y = 0.
     scans : dict of (patch, epoch) to (n, n) xarray.DataArray
-        Moulds as measured, mm, NaN where unmeasured; as from `gstlib.io.scans.read_scan`. A patch
-        that was not scanned after use has no ``"T1"``; one scanned twice before use has a
-        ``"repeat"``.
+        Moulds as measured, mm, NaN if unmeasured, as from `gstlib.io.scans.read_scan`. A patch that
+        was not scanned after use does not have ``"T1"``. A patch that was scanned twice before use
+        has ``"repeat"``.
     truth : xarray.Dataset
         The truth about both.
     surface : (n, n) xarray.DataArray
@@ -122,9 +123,9 @@ class Specimen(NamedTuple):
 
 
 def counterface_stl(parameters: SpecimenParameters, square_mm: float) -> bytes:
-    """Binary STL of the active tool: of the same kind, use-face up, from ``counterface_seed``.
+    """Binary STL of a similar active tool, use-face up, from ``counterface_seed``.
 
-    It is bent to a round one: two dished stones would only touch at their rims.
+    It is bent to a round shape, because two dished stones would touch only at their rims.
     """
     assert parameters.counterface_seed is not None
     own = replace(parameters, seed=parameters.counterface_seed)
@@ -153,34 +154,34 @@ def make_specimens(
     around: int = 0,
     wear: Mapping[str, Callable[[Stone], np.ndarray]],
 ) -> dict[str, Specimen]:
-    """Make specimens of one stone that differ only in where wear lies.
+    """Make specimens of one stone that differ only in the positions of wear.
 
-    They share the STL and the scans before use (the same objects). The same arguments give the
-    same specimens. A patch's scans depend on the seed and on the patch's own name and place, not on
-    the other patches, except that a fixed share of all T1 scans is badly misplaced.
+    They share the STL and the scans before use (the same objects). The same arguments give the same
+    specimens. The scans of a patch depend on the seed and on its own name and position, not on the
+    other patches. But a fixed fraction of all T1 scans is badly misplaced.
 
     Parameters
     ----------
     patches : pandas.DataFrame
-        The patch table; an empty ``t1`` means not scanned after use, an empty or missing ``repeat``
-        not scanned again before it.
+        The patch table. An empty ``t1`` means that the patch was not scanned after use. An empty or
+        missing ``repeat`` means that it was not scanned again before use.
     parameters : SpecimenParameters
         Its ``wear_placement`` is not used.
     square_mm : float
         Side of the analysed square. Its frame has its origin at (square/2, square/2, 0) of the
         mesh, its x axis along -x and its y axis along -y.
     grid : int
-        Elements along each side of the grid on which the true macroscale surface is kept.
+        Number of elements along each side of the grid of the true macroscale surface.
     around : int
-        Elements of the face on every side of the square.
+        Number of elements of the face on every side of the square.
     wear : mapping of str to callable
-        By the specimen's name, what gives the depth that a stone lost, as
-        `gstlib.specimen.law.wear_depth` does.
+        By name of the specimen, a function that returns the depth lost by a stone, such as
+        `gstlib.specimen.law.wear_depth`.
 
     Raises
     ------
     InputError
-        A scan would stick out of the surface.
+        A scan would extend beyond the surface.
     ConfigError
         The square is larger than the use-face.
     """
@@ -276,11 +277,11 @@ def make_specimen(
     square_mm: float,
     **grids: int,
 ) -> Specimen:
-    """The specimen that the parameters ask for; arguments and errors are as in `make_specimens`.
+    """Make the specimen of the parameters; arguments and errors are as in `make_specimens`.
 
     Examples
     --------
-    A coarse one with a single patch, which was scanned before and after use:
+    A coarse specimen with a single patch, scanned before and after use:
 
     >>> import gstlib
     >>> lengths = {"mesh_edge_mm": 3.0, "cut_off_wavelength_mm": 1.2, "unmeasured_size_um": 60.0}
@@ -309,8 +310,9 @@ def write_specimen(
 ) -> None:
     """Write a specimen as measured files; the same specimen gives the same bytes.
 
-    `mesh` is the binary STL file to write, `scan_folder` is that of the scans (``.plu``); `truth`
-    and `surface` are HDF5 files: the truth about mesh and scans, and the true surface before use.
+    `mesh` is the binary STL file to write, and `scan_folder` the folder of the scans (``.plu``).
+    `truth` and `surface` are HDF5 files: the truth about mesh and scans, and the true surface
+    before use.
     """
     note = "generated by gstlib: not a measured stone"
     write_whole(mesh, made.stl)
@@ -327,7 +329,7 @@ def _rounded(heights: np.ndarray) -> np.ndarray:
 
 
 def _overlap(t0: PatchPosition, t1: PatchPosition, size_mm: float) -> float:
-    """Share of the T0 scan's area inside the T1 scan; their relative turn is neglected."""
+    """Fraction of the T0 scan's area inside the T1 scan; their relative rotation is neglected."""
     return float(
         np.prod([max(0.0, 1 - abs(shift) / size_mm) for shift in relocation(t0, t1)])
     )
@@ -373,7 +375,7 @@ def _truth(
 
 
 def _use_of(stone: Stone) -> dict[str, Any]:
-    """The use that wore a stone, if a law did."""
+    """The load case that wore a stone, if a law did."""
     if stone.parameters.wear_placement not in LAWS:
         return {}
     y, x = load_point_of(stone)

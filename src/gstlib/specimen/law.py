@@ -1,9 +1,9 @@
-"""Wear of the synthetic stone by Archard's law, to test whether the study finds it again.
+"""Wear of the synthetic stone by Archard's law, to test whether the study recovers it.
 
-The stone comes to rest on a rounded active tool under a force that is off its middle. Its square
-then wears at the scans' resolution, as one piece, in the place and under the force that it has
-there. Nothing of this is what the study assumes: constants, force, form of the active tool, point
-of force and elements of the face are others.
+The stone is in equilibrium on a rounded active tool under a force off its middle. Its square then
+wears at the scans' resolution, as one piece, at its position and under its force in the face. All
+of this differs from the assumptions of the study: constants, force, form of the active tool, load
+point and elements of the face.
 """
 
 import numpy as np
@@ -18,20 +18,21 @@ from gstlib.validation.single_scale import placed_whole
 
 __all__ = ["LAWS", "load_point_of", "wear_depth", "worn_by_law"]
 
-# Placements of wear that a law makes.
+# Placements of wear by a law.
 LAWS = "archard", "interlayer"
-# Mean depth of wear by a law over that of wear by rules, if the square bears all the force. It lies
-# on fewer patches; with as much, T1 no longer looks like T0 on some of them.
+# Mean depth of wear by a law over the mean depth of wear by rules, if the square carries the whole
+# force. It is concentrated on fewer patches; with more, T1 would no longer match T0 on some of
+# them.
 _LAW_FRACTION = 0.5
 
-# ASSUME: wear made by a law has these constants; the default study has 10,346 MPa, 550 N, 200 mm,
-# the middle of the square and elements of 50 µm. The interlayer is as stiff as hide or wood, and
-# does half of the wear. A gain on wear made by the law that predicts it is a check of the code,
-# not evidence.
+# ASSUME: Constants of wear by a law. The constants differ from the default study, which has 10,346
+# MPa, 550 N, 200 mm, the middle of the square and elements of 50 µm. The interlayer is as stiff as
+# hide or wood, and does half of the wear. Reason: A gain on wear made by the law that predicts it
+# is a check of the code, not evidence.
 _CONTACT_MODULUS_MPA, _PRESSURE_MPA = 1e4, 20.0
 _ELEMENTS, _AROUND = 64, 64  # of the face: in the square, and on each side of it
 _STEPS = 4
-# So close that processors make the same T1, but for the last bit of a few points in ten million.
+# All processors then make the same T1, except for the last bit of a few points in ten million.
 _TOLERANCE = 1e-11
 _INTERLAYER, _INTERLAYER_FRACTION = Layer(young=300.0, poisson=0.3, thickness=0.3), 0.5
 
@@ -40,7 +41,7 @@ def wear_depth(stone: Stone, placement: str) -> np.ndarray:
     """Depth of the material lost between T0 and T1, mm, float32, on the grid of its detail.
 
     `placement` is "summits", for wear by rules, or a law: "archard" or "interlayer". Wear by a law
-    has half the mean depth of wear by rules, or less where the square bears a part of the force.
+    has half the mean depth of wear by rules, or less if the square carries a part of the force.
     """
     depth = stone.worn_by_rules()
     if placement not in LAWS:
@@ -50,7 +51,7 @@ def wear_depth(stone: Stone, placement: str) -> np.ndarray:
 
 
 def load_point_of(stone: Stone) -> tuple[float, float]:
-    """Where (y, x), mm, on the square the stone was pressed."""
+    """Load point (y, x), mm, on the square."""
     y, x = (stone.square_mm / 2 + off for off in stone.parameters.worn_off_middle_mm)
     return y, x
 
@@ -58,8 +59,8 @@ def load_point_of(stone: Stone) -> tuple[float, float]:
 def worn_by_law(stone: Stone, mean_loss: float, *, with_interlayer: bool) -> np.ndarray:
     """Depth lost on the grid of the stone's detail (n, n), mm.
 
-    Its mean is `mean_loss` where the square bears the whole force, and in proportion to its share
-    of it elsewhere. With an interlayer, it takes turns with the bare stone.
+    Its mean is `mean_loss` if the square carries the whole force, and in proportion to its share
+    otherwise. An interlayer alternates with the bare stone.
     """
     size_mm = stone.square_mm
     spacing = size_mm / _ELEMENTS

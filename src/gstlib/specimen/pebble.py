@@ -1,13 +1,13 @@
 """The pebble: its smooth shape, and a closed mesh of it with edges of similar length.
 
-The shape is an egg in plan, rounded below; its upper side, the use-face, is nearly flat and
-slightly dished. With rho the distance from the centre, 1 at the rim, the upper side is
-``rise (1 - rho^6)^q - concavity (1 - rho^2)^2`` and the lower ``-depth (1 - rho^2)^q``. The
-exponent q sets the rim, between that of a cylinder (0) and that of a lens (1).
+The shape is an egg in plan, rounded below. Its upper side, the use-face, is nearly flat and
+slightly dished. With rho the distance from the centre, 1 at the rim, the upper side is ``rise (1 -
+rho^6)^q - concavity (1 - rho^2)^2`` and the lower ``-depth (1 - rho^2)^q``. The exponent q sets the
+rim, between a cylinder (0) and a lens (1).
 
 Mesh vertices lie on a spiral of the golden angle, spread so that each has the same area of stone.
-The convex hull of their images on a sphere joins them. The map to the sphere keeps angles for the
-body of revolution closest to the pebble, so the triangles stay well shaped.
+The convex hull of their images on a sphere joins them. The map to the sphere preserves angles for
+the body of revolution closest to the pebble, so the triangles stay well shaped.
 """
 
 import numpy as np
@@ -23,18 +23,18 @@ __all__ = [
 
 # Published outer size of M12 along x, y and z; the use-face looks along +z.
 OUTER_SIZE_MM = (100.38, 80.57, 29.5)
-# ASSUME: the paper gives the outer size and a slightly concave use-face; the rest of the shape is
-# free, and far from the analysed square.
+# ASSUME: Shape of the pebble. The outer size and a slightly concave use-face are as in the paper,
+# and the rest of the shape is chosen freely. Reason: It is far from the analysed square.
 
 # Depth of the dish at the centre of the use-face.
 _CONCAVITY_MM = 0.5
-# Egg shape: the pebble is wider by this share at the +x end than in the middle, before scaling.
+# Egg shape: the pebble is wider by this fraction at the +x end than in the middle, before scaling.
 _TAPER = 0.25
 # Height of the use-face over the rim, without the dish; exponent q of the rim.
 _RISE_MM, _RIM_EXPONENT = 0.2 * OUTER_SIZE_MM[2], 0.75
 # Area of a vertex over the square of the mean edge length, measured on this kind of mesh.
 _AREA_PER_EDGE_SQUARED = 0.8008
-# Cells along the meridian and around, on which area is summed.
+# Cells along the meridian and around it, over which area is summed.
 _TABLE_SIZE = (1024, 512)
 
 _HALF_X, _HALF_Y = OUTER_SIZE_MM[0] / 2, OUTER_SIZE_MM[1] / 2
@@ -44,7 +44,7 @@ _WIDTH_SCALE = float(np.sqrt(1 - _WIDEST**2) * (1 + _TAPER * _WIDEST))
 
 
 def rim_distance_squared(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """rho² of the place (x, y) in mm: 0 at the centre of the use-face, 1 at the rim."""
+    """rho² of the position (x, y) in mm: 0 at the centre of the use-face, 1 at the rim."""
     u = x / _HALF_X
     half_width = _HALF_Y * (1 + _TAPER * u)
     return u**2 + (y * _WIDTH_SCALE / half_width) ** 2
@@ -79,10 +79,10 @@ def surface_points(colatitude: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
 
 
 def even_triangulation(edge_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles of equal size all over the pebble.
+    """Triangles of equal size over the whole pebble.
 
-    Vertices (n, 3), mm, with a mean edge length of `edge_mm`; faces (m, 3), anticlockwise as seen
-    from outside; and whether a vertex is on the use-face's side of the rim.
+    Returns vertices (n, 3), mm, with a mean edge length of `edge_mm`; faces (m, 3), anticlockwise
+    seen from outside; and whether each vertex is on the use-face's side of the rim.
     """
     colatitude_nodes = np.linspace(0, np.pi, _TABLE_SIZE[0] + 1)
     azimuth_nodes = np.linspace(0, 2 * np.pi, _TABLE_SIZE[1] + 1)
@@ -105,14 +105,14 @@ def even_triangulation(edge_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
 def _even_spiral(area: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Colatitude and azimuth of `count` points with equal shares of `area`.
 
-    The spiral of the golden angle keeps its points well apart whatever the stretch along the
-    meridian (Vogel 1979, Math. Biosci. 44:179), so equal areas also mean equal edges.
+    The spiral of the golden angle keeps its points well apart for any stretch along the meridian
+    (Vogel 1979, Math. Biosci. 44:179), so equal areas also mean equal edges.
     """
     rows, columns = area.shape
     by_row = np.concatenate([[0.0], np.cumsum(area.sum(axis=1))])
     wanted = (np.arange(count) + 0.5) / count
     row = np.interp(wanted, by_row / by_row[-1], np.arange(rows + 1.0))
-    # share of the row's area up to each column, inverted once per row on a regular grid of shares
+    # Share of the row's area up to each column, inverted once per row on a regular grid of shares.
     shares = np.linspace(0, 1, 2 * columns + 1)
     inverse = np.empty((rows, len(shares)))
     for i, cells in enumerate(area):
@@ -128,11 +128,11 @@ def _even_spiral(area: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
 def _on_sphere(
     colatitude: np.ndarray, azimuth: np.ndarray, nodes: np.ndarray
 ) -> np.ndarray:
-    """Images on the unit sphere, with angles kept.
+    """Images on the unit sphere, with angles preserved.
 
-    With l the arc along the meridian and r = R sin(t) the distance from the axis, the map keeps
-    angles where d(ln tan(theta/2)) = dl / r, so theta/2 has the tangent
-    tan(t/2) exp(integral of (dl/dt / R - 1) / sin(t)).
+    Let l be the arc along the meridian and r = R sin(t) the distance from the axis. The map
+    preserves angles if d(ln tan(theta/2)) = dl / r. So theta/2 has the tangent tan(t/2)
+    exp(integral of (dl/dt / R - 1) / sin(t)).
     """
     radius = np.sqrt(_HALF_X * _HALF_Y)
     t = np.linspace(0, np.pi, len(nodes))

@@ -1,8 +1,8 @@
-"""The specimen's parameters, independent random streams, and random fields.
+"""The parameters of the specimen, independent random streams, and random fields.
 
-Fields are computed in double precision and rounded once to single. The rounding removes the last
-bits, in which powers and transforms differ between processors: a seed gives one specimen
-everywhere.
+Fields are computed in double precision and rounded once to single precision. The rounding removes
+the last bits, in which powers and transforms differ between processors. So a seed gives the same
+specimen everywhere.
 """
 
 import zlib
@@ -16,54 +16,55 @@ from gstlib.surfaces.filtering import radial_frequency
 
 __all__ = ["SpecimenParameters", "self_affine_field", "smooth_field", "stream"]
 
-# ASSUME: above this wavelength the spectrum is flat; half the square holds only a few longer waves.
+# ASSUME: Roll-off of the spectrum. The spectrum is flat above a wavelength of 2.5 mm. Reason: Half
+# the square holds only a few longer waves.
 ROLL_OFF_MM = 2.5
-# Shortest wavelength, in scan points: a scan resolves it with one spare point per half wave.
+# Shortest wavelength, in scan points. A scan resolves it with one spare point per half wave.
 _SHORTEST_POINTS = 4.0
 
 
 @dataclass(frozen=True)
 class SpecimenParameters:
-    """What a synthetic specimen is made from.
+    """Parameters of a synthetic specimen.
 
     Attributes
     ----------
     seed : int
-        Of everything random.
+        Seed of all random parts.
     counterface_seed : int, optional
-        Of an active tool of the same kind; None for a flat.
+        Seed of an active tool of the same kind; None for a flat.
     mesh_edge_mm : float
         Mean edge length of the mesh.
     cut_off_wavelength_mm : float
-        Longest wavelength that the mesh does not see.
+        Longest wavelength that the mesh does not resolve.
     scan_points : int
-        Along each side of a scan.
+        Number of points along each side of a scan.
     scan_spacing_um : float
-        Their distance.
+        Spacing of the points.
     unmeasured_size_um : float
-        Size of the blots that lack a value.
+        Size of the spots of unmeasured points.
     wear_placement : str
-        Where wear lies, as in ``gstlib.specimen.law.wear_depth``.
+        Origin of the wear, as in ``gstlib.specimen.law.wear_depth``.
     worn_off_middle_mm : (float, float)
-        Where the force of wear by a law acts, from the middle of the square along y and x.
+        Load point of wear by a law, relative to the middle of the square along y and x.
     worn_radius_mm, worn_angle_deg
-        Of the active tool of wear by a law, as in `gstlib.macroscale.active_tool.RoundedTool`.
+        Active tool of wear by a law, as in `gstlib.macroscale.active_tool.RoundedTool`.
     mesh_noise_um : float
-        R.m.s. of the mesh's own error in height.
+        R.m.s. error of the mesh in height.
     hurst_exponent : float
-        Of the self-affine surface.
+        Hurst exponent of the self-affine surface.
     macroscale_rms_um : float
-        R.m.s. height of the macroscale part on the square, its plane removed.
+        R.m.s. height of the macroscale part on the square, without its plane.
     placement_error_um : float
-        R.m.s. of the T0 scan's place about its nominal one, along each axis.
+        R.m.s. error of the T0 scan's position along each axis.
     relocation_error_um : float
-        R.m.s. of the T1 scan's place about that of T0, along each axis.
+        R.m.s. error of the T1 scan's position relative to T0, along each axis.
     noise_um : float
-        R.m.s. of the instrument's noise, point by point.
+        R.m.s. noise of the instrument at single points.
     spike_fraction : float
-        Share of points that are spikes.
+        Fraction of points that are spikes.
     wear_fraction : float
-        Share of the square where summits are worn to half of the full severity or more.
+        Fraction of the square with summits worn to half of the full severity or more.
 
     Raises
     ------
@@ -98,9 +99,9 @@ class SpecimenParameters:
     worn_off_middle_mm: tuple[float, float] = (0.5, -0.4)
     worn_radius_mm: float | tuple[float, float] = 170.0
     worn_angle_deg: float = 0.0
-    # ASSUME: the synthetic stone is like M12, whose data is not public: with this relief its square
-    # goes down by 27 µm to reach 22 MPa, as in the paper. The errors of mesh and scans are orders
-    # of magnitude; the paper states none.
+    # ASSUME: Similarity to M12. The relief is 12 µm (r.m.s.), with which the square moves down by
+    # 27 µm to reach 22 MPa, as in the paper. The errors of mesh and scans are orders of magnitude.
+    # Reason: The data of M12 is not public, and the paper does not state these errors.
     mesh_noise_um: float = 0.5
     hurst_exponent: float = 0.8
     macroscale_rms_um: float = 12.0
@@ -136,9 +137,9 @@ class SpecimenParameters:
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
-    """Random generator with this name, independent of all others and of the order of use.
+    """Random generator with this name, independent of all others and of the order of calls.
 
-    Adding a patch to the table therefore changes neither the surface nor the other patches.
+    So an additional patch in the table does not change the surface or the other patches.
     """
     key = tuple(zlib.crc32(name.encode("utf-8")) for name in names)
     return np.random.Generator(
@@ -158,9 +159,9 @@ def self_affine_field(
 ) -> np.ndarray:
     """A periodic Gaussian field with a self-affine spectrum, ``shortest <= wavelength < longest``.
 
-    The two-dimensional power spectral density is C (f/f_r)^(-2-2H) above the roll-off frequency
-    f_r = 1/roll_off and C = roll_off² below it. C does not depend on count and spacing: fields of
-    different grids and bands add up to one spectrum. All lengths have the same, arbitrary unit; the
+    The two-dimensional power spectral density is C (f/f_r)^(-2-2H) above the roll-off frequency f_r
+    = 1/roll_off and C = roll_off² below it. C does not depend on count and spacing, so fields of
+    different grids and bands add up to one spectrum. All lengths have the same, arbitrary unit. The
     heights (count, count), float32, have the unit in which the density at roll-off is roll_off².
 
     Examples
@@ -171,7 +172,7 @@ def self_affine_field(
     >>> field.shape, bool(abs(field.mean()) < 1e-3 * field.std())
     ((64, 64), True)
     """
-    # white noise of unit variance has the density spacing²
+    # White noise of unit variance has the density spacing².
     spectrum = scipy.fft.rfft2(_white_noise(generator, count))
     frequency = radial_frequency((count, count), spacing)
     outside = frequency <= 1 / longest

@@ -1,8 +1,8 @@
-"""Scanning the synthetic stone: where a scan is placed, and what the instrument records.
+"""Scans of the synthetic stone: their positions, and the records of the instrument.
 
-A placement has its centre in the square's frame; the scan's columns run along +x, its rows along +y
-of a frame turned with it. The instrument measures a mould: heights are inverted, the map is flipped
-along x. Truths are kept as they lie on the stone, before the mould flips them.
+A position has its centre in the frame of the square. The columns of the scan run along +x and its
+rows along +y of a frame that is turned with it. The instrument measures a mould, whose heights are
+inverted and whose map is flipped along x. Truths are kept as on the stone, before the mould.
 """
 
 import numpy as np
@@ -25,25 +25,25 @@ __all__ = [
     "take_scan",
 ]
 
-# ASSUME: all errors of placing and measuring are independent and normal; spikes and unmeasured
-# points occur anywhere; the paper gives no figures for them.
+# ASSUME: Errors of scans. All errors of position and measurement are independent and normal, and
+# spikes and unmeasured points occur anywhere. Reason: The paper does not give figures for them.
 
-# R.m.s. rotation of a scan about its nominal one, and tilt of a mould along each axis: what a
-# careful hand achieves.
+# R.m.s. rotation of a scan about its nominal rotation, and tilt of a mould along each axis, for
+# careful handling.
 _ROTATION_ERROR_DEG, _TILT_MRAD = 0.05, 3.0
-# Share of the patches whose T1 scan is badly misplaced, to give registration hard cases, and the
-# share of the T0 scan's area that such a scan misses.
+# Fraction of the patches whose T1 scan is badly misplaced, as hard cases for registration. Fraction
+# of the T0 scan's area that such a scan misses.
 _POOR_FRACTION, _POOR_MISSED = 0.2, (0.4, 0.7)
-# Points around a scan that the interpolation uses.
+# Number of points around a scan for the interpolation.
 _REACH = 16
-# A spike is a point or a small blot: probability of 1, 2, ... points along its side. It is higher
-# than any wave of the detail; its sign is random.
+# A spike is a point or a small spot: probability of 1, 2, ... points along its side. It is higher
+# than any wave of the detail, and its sign is random.
 _SPIKE_SIDES, _SPIKE_HEIGHT_UM = (0.7, 0.2, 0.1), (15.0, 60.0)
 _UNMEASURED_FRACTION = 0.01
 
 
 def poor_overlaps(patches: list[str], seed: int) -> set[str]:
-    """The patches whose T1 scan is badly misplaced: a fixed share, drawn at random."""
+    """The patches whose T1 scan is badly misplaced: a fixed fraction, drawn at random."""
     names = sorted(patches)
     chosen = stream(seed, "poor overlap").permutation(len(names))
     return {names[i] for i in chosen[: round(_POOR_FRACTION * len(names))]}
@@ -57,9 +57,10 @@ def place_scans(
     square_mm: float,
     poor_overlap: bool,
 ) -> tuple[PatchPosition, PatchPosition]:
-    """True places of a patch's T0 scan, near the nominal one, and of its T1 scan, near T0.
+    """True positions of a patch's T0 scan, near its nominal position, and of its T1 scan, near T0.
 
-    With `poor_overlap` T1 misses a good part of T0, along one edge, towards the square's middle.
+    With `poor_overlap`, T1 misses a good part of T0, along one edge, towards the middle of the
+    square.
     """
     p = parameters
     generator = stream(p.seed, "placement", patch)
@@ -68,7 +69,7 @@ def place_scans(
     turns = nominal.rotation_deg + generator.normal(0.0, _ROTATION_ERROR_DEG, 2)
     missed = generator.uniform(*_POOR_MISSED)
     axis = generator.integers(2)
-    # errors and moves are drawn along x first
+    # Errors and moves are drawn along x first.
     t0 = PatchPosition(nominal.y_mm + error[1], nominal.x_mm + error[0], turns[0])
     if poor_overlap:
         inwards = np.sign(square_mm / 2 - (t0.x_mm, t0.y_mm)[axis])
@@ -79,7 +80,7 @@ def place_scans(
 def place_again(
     patch: str, t0: PatchPosition, parameters: SpecimenParameters
 ) -> PatchPosition:
-    """True place of a second scan of a patch, off that of its T0 scan as a good T1 is."""
+    """True position of a second scan of a patch, with the error of a good T1."""
     generator = stream(parameters.seed, "repeat", patch)
     move_y, move_x = generator.normal(0.0, parameters.relocation_error_um * 1e-3, 2)
     turn = generator.normal(0.0, _ROTATION_ERROR_DEG)
@@ -87,7 +88,7 @@ def place_again(
 
 
 def relocation(t0: PatchPosition, t1: PatchPosition) -> tuple[float, float]:
-    """The centre of T1 (y, x) from that of T0, along the axes of T0, mm."""
+    """The centre of T1 (y, x) relative to T0, along the axes of T0, mm."""
     return t0.seen(t1.y_mm, t1.x_mm)
 
 
@@ -100,10 +101,10 @@ def sample(
     order: int,
     patch: str,
 ) -> np.ndarray:
-    """A field on the grid of ``stone.detail``, at the (points, points) of a scan.
+    """A field on the grid of ``stone.detail``, sampled at the (points, points) of a scan.
 
-    The interpolating spline's `order` is 3 for heights, and 1 for fields that must not overshoot. A
-    scan that sticks out of the grid raises an `InputError`.
+    The `order` of the interpolating spline is 3 for heights, and 1 for fields that must not
+    overshoot. A scan that extends beyond the grid raises an `InputError`.
     """
     steps = np.arange(points) - (points - 1) / 2
     start, end = stone.grid[[0, -1]]
@@ -131,7 +132,7 @@ def take_scan(
 ) -> tuple[xr.DataArray, dict[str, object]]:
     """Scan a mould of the true heights (n, n), mm.
 
-    The scan is as read from its file, mm, NaN where unmeasured. The truth has the angles
+    The scan is as read from its file, mm, NaN if unmeasured. The truth has the angles
     ``plane_x_mrad, plane_y_mrad`` and the masks ``outlier, unmeasured``, as on the stone.
     """
     p = parameters
@@ -153,8 +154,8 @@ def take_scan(
         "outlier": (spikes != 0) & ~unmeasured,
         "unmeasured": unmeasured,
     }
-    # The mould inverts heights and flips the map. Files hold single precision in µm; readers give
-    # seven digits of a spacing.
+    # The mould inverts heights and flips the map. Files store single precision in µm, and readers
+    # return seven digits of a spacing.
     stored_um = (-height[:, ::-1] * 1e3).astype(np.float32)
     read = stored_um.astype(float) * 1e-3
     spacing = float(f"{p.scan_spacing_mm:.7g}")
@@ -164,14 +165,14 @@ def take_scan(
 def _blots(
     generator: np.random.Generator, points: int, p: SpecimenParameters
 ) -> np.ndarray:
-    """Unmeasured points, clustered in blots: the highest of a smooth field."""
+    """Unmeasured points, clustered in spots: the highest points of a smooth field."""
     field = smooth_field(generator, points, p.scan_spacing_um, p.unmeasured_size_um)
     heights = field.ravel()
     count = round(_UNMEASURED_FRACTION * field.size)
     rank = heights.size - count
     lowest = np.partition(heights, rank)[rank]
     unmeasured = heights > lowest
-    # of equally high points, the last ones
+    # Among equally high points, the last ones count.
     equal = np.flatnonzero(heights == lowest)
     wanted = count - np.count_nonzero(unmeasured)
     unmeasured[equal[len(equal) - wanted :]] = True
@@ -181,7 +182,7 @@ def _blots(
 def _spikes(
     generator: np.random.Generator, points: int, p: SpecimenParameters
 ) -> np.ndarray:
-    """Heights (mm) that spikes add: single points and small blots, up or down; 0 elsewhere."""
+    """Heights (mm) added by spikes: single points and small spots, up or down; 0 elsewhere."""
     heights = np.zeros((points, points))
     sides = np.arange(1, len(_SPIKE_SIDES) + 1)
     mean_area = float(np.dot(_SPIKE_SIDES, sides**2))

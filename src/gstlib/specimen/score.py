@@ -1,4 +1,4 @@
-"""Scores what each stage of the study recovered against the synthetic specimen's truth.
+"""Scores of the results of each stage against the truth of the synthetic specimen.
 
 Every row is a quantity with its true and its recovered value. Scores of masks (precision, recall)
 have 1 as their true value; biases and r.m.s. errors have 0.
@@ -21,10 +21,10 @@ from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["score_truth", "true_contact", "true_face"]
 
-# Significant digits of the larger number that are kept in the difference of two.
+# Significant digits of the larger number that are kept in the difference of two numbers.
 _ERROR_DIGITS = 7
-# A missed spike is compared with the points up to this far from it. The counterface touches it
-# first if it stands so many robust standard deviations above them.
+# A missed spike is compared with the points up to this distance from it. The counterface touches it
+# first if it is this many robust standard deviations above them.
 _AROUND, _STANDS_OUT = 5, 3.0
 
 # quantity, unit, true, recovered
@@ -42,22 +42,22 @@ def score_truth(
     two_scales: pd.DataFrame | None,
     use: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
-    """Compare what the stages recovered with the truth.
+    """Compare the results of the stages with the truth.
 
-    The true pressure of a patch is that of the contact of the whole true surface at the scans'
-    resolution, at the patch's true place at T0.
+    The true pressure of a patch comes from the contact of the whole true surface at the scans'
+    resolution. It refers to the true position of the patch at T0.
 
     Parameters
     ----------
     truth : xarray.Dataset
-        Of `gstlib.specimen.generate.make_specimens`.
+        From `gstlib.specimen.generate.make_specimens`.
     face : xarray.Dataset
-        ``height`` (y, x) mm on the analysis grid, of the square and around it.
+        ``height`` (y, x), mm, of the square and its surroundings on the analysis grid.
     scans, changes : mapping to xarray.Dataset
         Prepared scans by patch and epoch, and height changes by patch; each is looked up once.
     placement, pressures, two_scales, use : pandas.DataFrame
-        ``placement.csv``, ``patch_pressures.csv`` and, if there is one, ``two_scales.csv``, which
-        has the true pressures, and ``use.csv``.
+        ``placement.csv``, ``patch_pressures.csv`` and, if they exist, ``two_scales.csv``, which has
+        the true pressures, and ``use.csv``.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def score_truth(
 
 
 def true_face(truth: xr.Dataset) -> xr.DataArray:
-    """The true heights of the face before use (y, x), mm, from a specimen's truth."""
+    """The true heights of the face before use (y, x), mm, from the truth of a specimen."""
     height = truth.face_height.rename(face_y="y", face_x="x")
     return height.drop_vars([name for name in height.coords if name not in height.dims])
 
@@ -122,7 +122,7 @@ def true_contact(
     *,
     source: str | Path = "truth",
 ) -> Contact:
-    """The contact of the true face where the measured one has `contact`: under the same load."""
+    """The contact of the true face under the load of `contact`, of the measured face."""
     return contact_at_pressure(
         Interface(true_face(truth), counterface),
         contact.load,
@@ -154,7 +154,7 @@ def _level(heights: xr.DataArray) -> np.ndarray:
 def _height_scores(
     epoch: str, true: np.ndarray, recovered: np.ndarray
 ) -> Iterator[_Row]:
-    """Levelled heights (µm) against the true ones."""
+    """Levelled heights (µm) against the true heights."""
     yield f"{epoch}Sq", "um", true.std(), recovered.std()
     yield f"{epoch}highest", "um", true.max(), recovered.max()
     yield f"{epoch}height_rms_error", "um", 0, (recovered - true).std()
@@ -173,7 +173,7 @@ def _macroscale_scores(
 
 
 def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterator[_Row]:
-    """A prepared scan: the tilt removed, the points filled, the outliers found."""
+    """A prepared scan: the removed tilt, the filled points, the detected outliers."""
     outlier = at.outlier.values
     unmeasured = at.unmeasured.values
     recovered = scan["outlier"].values.astype(bool)
@@ -185,7 +185,7 @@ def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterato
     scale_um = scan.attrs.get("outlier_scale_um", math.nan)
     if math.isnan(scale_um):  # the window rule has no scale of the surroundings
         return
-    # missed spikes that stand above the well-measured points around them, and so touch first
+    # Missed spikes that are above the well-measured points around them, and so touch first.
     heights = scan["measured"].values
     high = np.zeros_like(outlier)
     least = _STANDS_OUT * scale_um / MM_TO_UM
@@ -204,7 +204,7 @@ def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterato
 
 
 def _use_scores(truth: Mapping[str, float], use: pd.DataFrame | None) -> Iterator[_Row]:
-    """How the tool was used, if a law wore it and the study asked."""
+    """The load case, if a law wore the tool and the study inferred it."""
     if use is None or "use_x_mm" not in truth:
         return
     recovered = use.set_index("parameter")["posterior_mean"]
@@ -218,7 +218,7 @@ def _use_scores(truth: Mapping[str, float], use: pd.DataFrame | None) -> Iterato
 
 
 def _registration_scores(at: xr.Dataset, recovered: dict) -> Iterator[_Row]:
-    """The position found for T1, along the axes of the T0 scan."""
+    """The recovered position of T1, along the axes of the T0 scan."""
     t0, t1 = (PatchPosition.from_dataset(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     shift_y, shift_x = relocation(t0, t1)
     for axis, shift in (("x", shift_x), ("y", shift_y)):
@@ -233,10 +233,10 @@ def _registration_scores(at: xr.Dataset, recovered: dict) -> Iterator[_Row]:
 
 
 def _wear_scores(at: xr.Dataset, registered: xr.Dataset) -> Iterator[_Row]:
-    """The measured height change, where it is known.
+    """The measured height change, if it is known.
 
-    Wear shallower than the threshold need not be found; if found, it is not a false loss. Precision
-    counts all wear, recall only the deeper wear.
+    Wear below the threshold need not be detected; if it is, it does not count as a false loss.
+    Precision counts all wear, recall only the deeper wear.
     """
     threshold_um = at.attrs["wear_threshold_um"]
     change = registered["change"].values * MM_TO_UM

@@ -1,13 +1,13 @@
-"""The stone, before and after use: one surface that mesh and scans see, and its wear.
+"""The stone before and after use: the surface of mesh and scans, and its wear.
 
-Everything is in the square's frame: origin in the reference corner, x and y along its edges, mm.
-The surface has two parts. The *macroscale surface* holds the wavelengths above the cut-off and the
-smooth shape of the use-face; it exists all over the pebble. The *detail* holds the wavelengths
-below the cut-off; it exists on the square and a margin, at the spacing of the scans.
+All coordinates are in the frame of the square: origin in the reference corner, x and y along its
+edges, mm. The surface has two parts. The *macroscale surface* contains the wavelengths above the
+cut-off and the smooth shape of the use-face, all over the pebble. The *detail* contains the
+wavelengths below the cut-off, on the square and a margin, at the spacing of the scans.
 
-Use does three things. It flattens summits, more so where the macroscale surface is high, but partly
-at random. Chips break out, more of them in the same regions. Grit between the stones removes
-material anywhere, in valleys as on summits. Where these overlap, the deepest counts.
+Use has three effects. It flattens summits, more so at high places of the macroscale surface, but
+partly at random. Chips break out, more of them in the same regions. Grit between the stones removes
+material anywhere, in valleys and on summits. If these overlap, the deepest counts.
 """
 
 import numpy as np
@@ -32,64 +32,67 @@ from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["MARGIN_MM", "Stone", "surface_at"]
 
-# How far the detail reaches beyond the square: for misplaced scans at its edge.
+# Width of the margin of detail around the square, for misplaced scans at its edge.
 MARGIN_MM = 0.25
-# Points per shortest wavelength on the grid of the macroscale part: a cubic spline through so many
-# is right to about 1e-3 of the shortest waves' height.
+# Points per shortest wavelength on the grid of the macroscale part. A cubic spline through them has
+# an error of about 1e-3 of the height of the shortest waves.
 _POINTS_PER_WAVE = 6
-# Points of the macroscale grid beyond the crop on which it is interpolated: the spline's end
-# conditions die out before the crop.
+# Points of the macroscale grid beyond the crop for the interpolation. The end conditions of the
+# spline decay before the crop.
 _SPLINE_PAD = 16
-# Grid (points per side) on which the r.m.s. of the macroscale part over the square is computed.
+# Grid (points per side) for the r.m.s. of the macroscale part over the square.
 _CALIBRATION_POINTS = 200
-# Points a side over which the true macroscale surface is averaged in an element.
+# Points a side for the mean of the true macroscale surface in an element.
 _SUBSAMPLES = 5
-# The mesh's waves die out between these distances from the centre (1 is the rim): at the rim the
-# surface turns over, and a height above the use-face's plane has no meaning.
+# The waves of the mesh fade out between these distances from the centre (1 is the rim). At the rim
+# the surface turns over, and a height above the plane of the use-face has no meaning.
 _FADE_FROM, _FADE_TO = 0.8, 0.97
 
-# ASSUME: the three rules of wear and their sizes; the paper shows traces but does not measure them.
-# The rules do not use contact, so scoring predicted contact against them is not circular.
+# ASSUME: Wear by rules. The three rules of wear and their sizes are choices of this project, and
+# they do not use contact. Reason: The paper shows traces but does not measure them, and the score
+# of a predicted contact against these rules is not circular.
 
-# R.m.s. of the noise added to the macroscale height to decide where wear is severe (a good third
-# of the height's own), and the length over which the noise varies.
+# R.m.s. of the noise added to the macroscale height for the severity of wear (a good third of the
+# r.m.s. height), and the length over which the noise varies.
 _CHANCE_UM, _CHANCE_LENGTH_UM = 5.0, 250.0
 # Points of the coarse grid per length over which the severity varies.
 _POINTS_PER_LENGTH = 8
-# Severity falls from 3/4 to 1/4 over about twice this share of that sum's spread.
+# Severity falls from 3/4 to 1/4 over about twice this fraction of the spread of this sum.
 _SOFTNESS = 0.25
-# Summits stand out of the stone smoothed by a Gaussian with this standard deviation. They are cut
-# at so many r.m.s. heights above it: at full severity, and at none (then hardly ever).
+# Summits are heights above the stone smoothed by a Gaussian with this standard deviation. They are
+# cut at this many r.m.s. heights above it, at full severity and at none (then hardly ever).
 _REFERENCE_LENGTH_UM = 250.0
 _FULL_SIGMA, _UNWORN_SIGMA = 1.0, 3.5
-# Chips: number per area at full severity, median radius, depth over radius; spread of the radii
-# (standard deviation of their logarithm), and the largest radius over the median one.
+# Chips: number per area at full severity, median radius, depth over radius, spread of the radii
+# (standard deviation of their logarithm), and largest radius over the median radius.
 _CHIPS_PER_MM2, _CHIP_RADIUS_UM, _CHIP_DEPTH_FRACTION = 40.0, 15.0, 0.15
 _CHIP_SPREAD, _CHIP_LARGEST = 0.4, 3.0
-# Loss at any height: share of the area, greatest depth, length over which it varies.
+# Loss at any height: fraction of the area, greatest depth, length over which it varies.
 _VALLEY_FRACTION, _VALLEY_DEPTH_MM, _VALLEY_SIZE_MM = 0.02, 2e-3, 40e-3
 
 
 class Stone:
-    """The stone that `parameters` and their seed describe, drawn when it is made.
+    """The stone described by `parameters` and their seed, drawn when it is made.
 
     Attributes
     ----------
     parameters : SpecimenParameters
     square_mm : float
-        Side of the analysed square; its centre is the pebble's.
+        Side of the analysed square, in the centre of the pebble.
     waviness : (m, m) ndarray
-        Waves above the cut-off, mm, periodic; element m // 2 is at the square's centre.
+        Waves above the cut-off, mm, periodic; element m // 2 is at the centre of the square.
     waviness_spacing : float
         Spacing of their grid, mm.
     detail : (n, n) ndarray of float32
         Waves below the cut-off, mm, at the positions `grid` along y and x.
     grid : (n,) ndarray
-        mm, `spacing` apart.
+        Positions, mm, `spacing` apart.
     """
 
     def __init__(self, parameters: SpecimenParameters, square_mm: float):
-        # ASSUME: an isotropic Gaussian self-affine surface; a real stone also has grains and pits.
+        # ASSUME: Surface of the stone. The stone has an isotropic Gaussian self-affine surface.
+        # Reason: Its spectrum has few parameters. Alternative: Grains and pits, as on a real stone,
+        # could be added.
         p = self.parameters = parameters
         self.square_mm = square_mm
         self.spacing = p.scan_spacing_mm
@@ -119,8 +122,8 @@ class Stone:
             **self._spectrum,
         )
 
-        # One factor scales waves and detail alike: the waves get the requested r.m.s. on the
-        # square, and the spectrum has no step at the cut-off.
+        # One factor scales waves and detail alike. The waves get the required r.m.s. on the square,
+        # and the spectrum has no step at the cut-off.
         self._spline = scipy.ndimage.spline_filter(waves, order=3, mode="grid-wrap")
         step = square_mm / _CALIBRATION_POINTS
         places = (np.arange(_CALIBRATION_POINTS) + 0.5) * step
@@ -136,7 +139,7 @@ class Stone:
         return self.macroscale(self.grid, self.grid) + self.detail
 
     def waves(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Waves above the cut-off (mm) at any places (y, x) in mm, without the pebble's shape."""
+        """Waves above the cut-off (mm) at positions (y, x) in mm, without the pebble's shape."""
         places = [
             (position - self.square_mm / 2) / self.waviness_spacing
             + len(self._spline) // 2
@@ -147,7 +150,7 @@ class Stone:
         )
 
     def macroscale(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """The macroscale surface (ny, nx), mm, on increasing positions near the square, mm."""
+        """The macroscale surface (ny, nx), mm, at increasing positions near the square, mm."""
         count = len(self.waviness)
         nodes = []
         for positions in (y, x):
@@ -168,7 +171,7 @@ class Stone:
 
     def shape(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Smooth shape of the use-face (mm) at (y, x) in mm."""
-        # the frame is the mesh's turned by half a turn about the square's centre
+        # This frame is the frame of the mesh turned by half a turn about the centre of the square.
         return use_face(self.square_mm / 2 - x, self.square_mm / 2 - y)
 
     def macroscale_means(self, count: int) -> np.ndarray:
@@ -182,10 +185,12 @@ class Stone:
         """The true surface (mm), all waves, averaged over the elements of the face.
 
         The square has (count, count) elements, and the face `around` more on each side. Beyond the
-        square's margin the detail is a field of its own, with the waves that two points hold.
+        margin of the square, the detail is a field of its own, with the waves that two points
+        resolve.
         """
-        # ASSUME: waves shorter than two fifths of an element do not matter to what lies outside
-        # the square.
+        # ASSUME: Short waves outside the square. The face outside the square does not contain waves
+        # shorter than two fifths of an element. Reason: The macroscale contact uses means over
+        # elements.
         element = self.square_mm / count
         total = count + 2 * around
         step = element / _SUBSAMPLES
@@ -220,7 +225,7 @@ class Stone:
         return sums / np.outer(points, points)
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
-        """Closed mesh of the stone, as photogrammetry would have made it.
+        """Closed mesh of the stone, as if made by photogrammetry.
 
         Vertices (n, 3), mm, and faces (m, 3), anticlockwise as seen from outside. The use-face
         points along +z, and the square is centred on x = y = 0.
@@ -235,7 +240,9 @@ class Stone:
         offset = np.where(upper, 0.0, len(self.waviness) * self.waviness_spacing / 2)
         middle = self.square_mm / 2
         waves = self.waves(middle - y + offset, middle - x + offset)
-        # ASSUME: photogrammetry is a sharp low-pass at the cut-off, plus white noise in height.
+        # ASSUME: Photogrammetry. Photogrammetry is a sharp low-pass at the cut-off, plus white
+        # noise in height. Reason: A mesh does not resolve shorter waves, and the paper does not
+        # state the errors of its mesh.
         noise = stream(p.seed, "mesh").normal(
             0.0, p.mesh_noise_um * 1e-3, len(vertices)
         )
@@ -254,7 +261,7 @@ class Stone:
         level, _ = remove_plane(make_surface(self.macroscale(coarse, coarse), spacing))
         height = level.values
 
-        # high places are only likelier to be worn
+        # High places are only more likely to be worn.
         generator = stream(p.seed, "wear", "severity")
         chance = smooth_field(generator, len(height), spacing, _CHANCE_LENGTH_UM * 1e-3)
         decides = height + chance * _CHANCE_UM * 1e-3
@@ -263,7 +270,7 @@ class Stone:
         excess = (decides - threshold) / softness
         severity = 1 / (1 + np.exp(-excess))
 
-        # a summit stands out of the smoothed stone; the more severe the wear, the deeper the cut
+        # A summit is higher than the smoothed stone; the more severe the wear, the deeper the cut.
         smoothing = _REFERENCE_LENGTH_UM * 1e-3 / spacing
         waves = height - scipy.ndimage.gaussian_filter(
             height, smoothing, mode="nearest"
