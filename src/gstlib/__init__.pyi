@@ -1,5 +1,5 @@
-# The front door: the rooms, and what most users need of them, 60 names at most. `__init__.py`
-# reads this file, and imports each when it is first used.
+# The front door: the packages, and the names that most users need, 60 names at most. `__init__.py`
+# reads this file, and imports each name when it is first used.
 from . import bem as bem
 from . import change as change
 from . import coupling as coupling

@@ -1,50 +1,50 @@
-"""The method: all stages of the study, in the order of the paper, each in the room of its name.
+"""The method: all stages of the study, in the order of the paper.
 
-It follows section 2 of Marulli, Sorrentino & Paggi (2024, J. Archaeol. Sci. Rep. 104939) and goes
-on where the paper stops. A room is a folder beside this file; it imports only from rooms that come
-before it.
+It follows section 2 of Marulli, Sorrentino & Paggi (2024, J. Archaeol. Sci. Rep. 104939) and
+continues beyond the paper. Each stage is a folder beside this file, and imports only from earlier
+stages.
 
-1. `preprocess`: the use-face of the tool's mesh becomes heights on a grid (`mesh.grid_mesh`); scans
+1. `preprocess`: the use-face of the tool's mesh becomes heights on a grid (`mesh.grid_mesh`). Scans
    are cleaned, filled and levelled (`scans.prepare_patch`).
-2. `macroscale`: the face is the square and what is around it (`face.grid_macroscale`). The scans
-   are laid on it where they were taken (`composite.compose_surface`). A rounded active tool, or a
-   second mesh that was posed on it (`active_tool`), is pressed on the whole by the force of use,
-   and both come to rest (`gstlib.contact.contact_path`); the load point scatters, and the stone
-   moves (`gesture.press_poses`).
+2. `macroscale`: the face consists of the square and its surroundings (`face.grid_macroscale`). The
+   scans are positioned on it (`composite.compose_surface`). The force of use presses a rounded
+   active tool, or a second mesh with a pose (`active_tool`), on it. Both come to equilibrium
+   (`gstlib.contact.contact_path`). The load point may scatter, and the tool may move
+   (`gesture.press_poses`).
 3. `coupling`: each scanned patch carries the macroscale forces in its outline
-   (`pressures.couple_scales`): a pressure with an interval (`intervals.pressure_intervals`).
-   `placement.check_placement` checks where the patches lie.
+   (`pressures.couple_scales`), with an interval of its pressure (`intervals.pressure_intervals`).
+   `placement.check_placement` checks the positions of the patches.
 4. `microscale`: each patch, as it lies on the stone, is pressed at the scan's resolution up to its
    own pressure (`patches.solve_patches`). Stick and slip and a cap on the pressure are further
    cases (`slip_and_cap`).
-5. `change`: T1 is registered to T0, which gives the height that use took away
-   (`change.register_patch`), and the texture is measured before and after use
-   (`texture.measure_texture`). `selection.select_patches` says which patches enter the study.
-6. `wear`: the square and its patches wear by Archard's law (`fit.fit_wear`), which predicts the
-   loss of a patch from those of the others (`fit.predict_wear`).
-7. `validation`: the predicted loss is scored by the measured one, beside baselines that are given
-   the same data (`summary.score_wear`).
+5. `change`: T1 is registered to T0, which gives the height lost in use (`change.register_patch`).
+   The texture is measured before and after use (`texture.measure_texture`).
+   `selection.select_patches` selects the patches of the study.
+6. `wear`: the square and its patches wear by Archard's law (`fit.fit_wear`). The loss of a patch is
+   predicted from the losses of the others (`fit.predict_wear`).
+7. `validation`: the predicted loss is scored against the measured loss, beside baselines with the
+   same data (`summary.score_wear`).
 
-Two variants of the coupling exist. In `PAPER`, the square is cut out of the mesh,
-pressed flat on its mean plane up to a mean pressure, and a patch is pressed as its scan was
-levelled. In `EQUILIBRIUM`, the stone lies where its forces balance, the scans enter its face, and a
-patch keeps its plane in it and yields to the pressures around it. Both are held against one contact
-of the whole square at the scans' resolution, which is placed in the face likewise
-(`validation.single_scale.solve_reference`).
+The coupling has two variants. In `PAPER`, the square is cut out of the mesh and pressed flat on its
+mean plane up to a mean pressure. A patch is pressed as its scan was levelled. In `EQUILIBRIUM`, the
+forces on the stone balance, and the scans are part of its face. A patch keeps its plane in the
+stone and yields to the pressures around it. Both are compared with one contact of the whole square
+in its face, at the scans' resolution (`validation.single_scale.solve_reference`).
 
-The functions take and return datasets and tables, and read and write no file of results: the
-workflow's scripts do, one stage each. `Study` runs the same stages in memory, for sweeps over
-settings and for many synthetic specimens.
+The functions take and return datasets and tables. The scripts of the workflow, one per stage, read
+and write the files. `Study` runs the same stages in memory, for sweeps over settings and for many
+synthetic specimens.
 
-Lengths are in mm and pressures in MPa unless a name says otherwise. Words mean the same everywhere:
+Lengths are in mm and pressures in MPa unless a name indicates otherwise. These words have the same
+meaning everywhere:
 
-- a *surface* is heights on a grid, an array (y, x) in mm (`gstlib.surfaces.grid`);
-- the *face* is the dataset of `gstlib.macroscale.face.grid_macroscale`, the square and what is
-  around it; the *counterface* is what is pressed on it;
-- *patches* is the patch table, *pressures* that table with the pressure of each patch;
+- A *surface* is heights on a grid, an array (y, x) in mm (`gstlib.surfaces.grid`).
+- The *face* is the dataset of `gstlib.macroscale.face.grid_macroscale`, the square and its
+  surroundings. The *counterface* is the surface that is pressed on it.
+- *patches* is the patch table, and *pressures* is that table with the pressure of each patch.
 - *scans*, *contacts* and *changes* are prepared scans, contacts and height changes, each a dataset,
-  by patch; such a mapping may read them when they are looked up (`gstlib.io.store.Stored`);
-- a *contact* is the state of two faces at one load (`gstlib.contact`).
+  by patch. Such a mapping may read them on access (`gstlib.io.store.Stored`).
+- A *contact* is the state of two faces at one load (`gstlib.contact`).
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -85,7 +85,7 @@ __all__ = ["Study"]
 
 
 class _Stage(dict):
-    """What a stage gives for each patch, computed when it is first looked up."""
+    """Results of a stage by patch, each computed on first access."""
 
     def __init__(self, compute: Callable[[Any], Any]):
         super().__init__()
@@ -97,26 +97,25 @@ class _Stage(dict):
 
 
 class Study:
-    """A study in memory: each stage is computed when it is first asked for, and kept.
+    """A study in memory: each stage is computed on first access, and kept.
 
-    A stage is an attribute, or a mapping: `prepared`, the clean scans, by patch and epoch; height
-    `changes` and `contacts` by patch. To put something else in its place, assign it:
-    ``study.composite = surface``, ``study.contacts["5"] = contact``. Contacts are solved at the
-    load alone, without the path to it.
+    A stage is an attribute or a mapping: `prepared`, the clean scans, by patch and epoch; height
+    `changes` and `contacts` by patch. Assign a value to replace it: ``study.composite = surface``,
+    ``study.contacts["5"] = contact``. Contacts are solved at the load alone, without the path to
+    it.
 
     Parameters
     ----------
     settings : Settings or mapping
-        Those of the study, or the keys of its config, of which any may be left out. Wrong ones
-        raise a `pydantic.ValidationError`.
+        Settings of the study, or the keys of its config, all optional. Invalid ones raise a
+        `pydantic.ValidationError`.
     patches : pandas.DataFrame
-        The patch table, with ``t1``, empty where there is none; ``repeat``, likewise, and
-        ``flip`` may be missing.
+        The patch table. ``t1`` is empty if there is none; ``repeat`` and ``flip`` are optional.
     read_mesh, read_scan, read_face : callable
-        Give the stone's mesh, mm; the raw scan (y, x) of a patch at an epoch, ``("5", "T0")``, of
-        which a repeat is one; and that of the active tool's own face, if it was scanned.
+        Functions that return the mesh of the stone, mm; the raw scan (y, x) of a patch at an epoch
+        or a repeat, such as ``("5", "T0")``; and the scan of the active tool, if there is one.
     active_tool : ActiveTool, optional
-        By default the active tool is flat, or rounded as the config says.
+        By default, the active tool is flat or rounded, as in the config.
 
     Examples
     --------
@@ -167,7 +166,7 @@ class Study:
 
     @cached_property
     def face(self) -> xr.Dataset:
-        """The face, from `grid_macroscale`; the paper's is the square, under a flat."""
+        """The face, from `grid_macroscale`; in the paper, the square under a flat."""
         tool = self.active_tool or RoundedTool(*rounded_form(self.config))
         settings = self.settings["grid_macroscale"]
         with accepting(self.config["accept"]):
@@ -175,7 +174,7 @@ class Study:
 
     @cached_property
     def composite(self) -> xr.Dataset:
-        """What is pressed: the scans laid on the face, from `compose_surface`, or it alone."""
+        """The face with the scans, from `compose_surface`, or the face alone."""
         if self.config["coupling"] == PAPER:
             return self.face
         settings = self.settings["compose_surface"]
@@ -183,7 +182,7 @@ class Study:
 
     @cached_property
     def use(self) -> xr.Dataset | None:
-        """How the tool was used, from `use_of_study`; None where the study goes on as stated."""
+        """The inferred load case, from `use_of_study`; None if nothing is inferred."""
         config = self.config
         if config["use"] is None or config["coupling"] == PAPER or not self.worn:
             return None
@@ -192,7 +191,7 @@ class Study:
 
     @cached_property
     def contact(self) -> Contact:
-        """Contact of the stone in equilibrium under its load; the paper's of the square alone."""
+        """Contact of the stone in equilibrium under its load; in the paper, of the square alone."""
         settings = dict(self.settings["solve_macroscale"])
         face, settings["load_point"] = as_used(
             self.composite, self.use, settings["load_point"]
@@ -215,7 +214,7 @@ class Study:
 
     @cached_property
     def placement(self) -> pd.DataFrame:
-        """Whether the patches lie where the patch table says, from `check_placement`."""
+        """Check of the positions in the patch table, from `check_placement`."""
         settings = self.settings["check_placement"]
         return check_placement(self.face.height, self.patches, self._before, **settings)
 
@@ -240,7 +239,7 @@ class Study:
 
     @cached_property
     def registration(self) -> pd.DataFrame:
-        """How well T1 matches T0, and what was lost, from `registration_table`."""
+        """Quality of each registration, and the losses, from `registration_table`."""
         changes = {patch: self.changes[patch] for patch in self.worn}
         return registration_table(changes, **self.settings["select_patches"])
 
@@ -253,7 +252,7 @@ class Study:
 
     @cached_property
     def worn_square(self) -> WornSquare | None:
-        """The square as it wears, from `fit_wear`."""
+        """The worn square, from `fit_wear`."""
         stages = self.contact, self.selected, self.registration
         maps = PatchMaps(self.contacts, self.changes)
         return fit_wear(*stages, maps, **self.settings["fit_wear"])
@@ -282,9 +281,9 @@ class Study:
         )
 
     def scored(self, **drawn: Any) -> dict[str, pd.DataFrame]:
-        """The tables of `score_wear`, of the losses from `predict_wear`.
+        """The tables of `score_wear`, for the losses from `predict_wear`.
 
-        ``seed`` and ``resamples`` may differ from those of the config.
+        ``seed`` and ``resamples`` may differ from the config.
         """
         contacts = {patch: self.contacts[patch] for patch in self.worn}
         changes = {patch: self.changes[patch] for patch in self.worn}
