@@ -20,7 +20,7 @@ than each of them.
 # ASSUME: Two radii of the active tool. The ratio and the direction of two radii are taken as known.
 # Reason: A few losses hardly constrain further parameters.
 # ASSUME: Wear within one load case. A loss is proportional to the pressure after it, as in one
-# implicit step of Archard's law, in which each element yields by κ p. The κ of a load case
+# implicit step of Archard's law, which lowers each element by κ p. The κ of a load case
 # reproduces the sum of the losses, in the first round under the prior means. Reason: Wear unloads
 # the patches that wear most.
 
