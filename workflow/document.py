@@ -22,6 +22,11 @@ from gstlib.settings import json_schema
 ROOT = Path(__file__).parents[1]
 # A comment that begins with ASSUME, and the comment lines that continue it.
 ASSUMPTION = re.compile(r"# ASSUME: (.*(?:\n[ \t]*# (?!ASSUME).*)*)")
+# Its parts. A title is a noun phrase of a few words.
+PARTS = re.compile(
+    r"(?P<title>[A-Z0-9](?:(?!\. ).){1,79})\. (?P<choice>.+?\.)"
+    r" Reason: (?P<reason>.+?\.\)?)(?: Alternative: (?P<alternative>.+\.))?"
+)
 
 # The stages, in the order of the work: a module's folder, or its own name where it lies in none.
 STAGES = {
@@ -112,11 +117,23 @@ def choices() -> Iterator[str]:
         stage = stage_of(name)
         for match in ASSUMPTION.finditer(file.read_text(encoding="utf-8")):
             text = " ".join(line.strip(" \t#") for line in match[1].splitlines())
-            for choice in text.split(" ASSUME: "):
-                of_stage[stage].append(f"- {choice} (`{name}`)")
+            of_stage[stage].append(f"- {choice_of(text, name)} (`{name}`)")
     for stage, listed in of_stage.items():
         if listed:
             yield "\n".join([f"## {STAGES[stage]}", "", *listed])
+
+
+def choice_of(text: str, name: str) -> str:
+    """A choice in Markdown, from the text of its comment in the module `name`."""
+    parts = PARTS.fullmatch(text)
+    if parts is None or "ASSUME:" in text:
+        raise SystemExit(
+            f"{name}: '# ASSUME: {text[:60]}…' is not of the form 'Title. Choice. Reason: "
+            "Sentence. Alternative: Sentence.'; the alternative may be left out"
+        )
+    title, choice, reason, alternative = parts.groups()
+    other = f" *Alternative:* {alternative}" if alternative else ""
+    return f"**{title}.** {choice} *Reason:* {reason}{other}"
 
 
 def stage_of(name: str) -> str:

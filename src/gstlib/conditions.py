@@ -1,8 +1,9 @@
 """What a study is given: elastic constants, load, and the law of wear."""
 
-# ASSUME: a threshold and an exponent act on the mean pressure of a patch, at the scale at which the
-# losses are compared and experiments state a pressure. The pressures of summits reach the strength
-# of the rock and depend on the resolution. Inside a patch, the loss stays proportional to pressure.
+# ASSUME: Scale of other laws of wear. A threshold and an exponent act on the mean pressure of a
+# patch. Inside a patch, the loss stays proportional to pressure. Reason: Losses are compared and
+# experiments report pressures at this scale. Pressures of summits reach the strength of the rock
+# and depend on the resolution.
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -88,8 +89,9 @@ def study_poisson(material: Mapping) -> float:
     (2 − ν)/(2 (1 − ν)) is the sum of (2 − ν)/(4G) over the sum of (1 − ν)/(2G), tangential over
     normal compliance (Johnson, Contact Mechanics, §7.2).
     """
-    # ASSUME: where the two tools differ, their tangential compliances add; Dundurs' β, by which
-    # tangential tractions press unlike bodies apart, is neglected.
+    # ASSUME: Tangential compliance of different stones. If the two stones differ, their tangential
+    # compliances add. Dundurs' β, by which tangential tractions press unlike bodies apart, is
+    # neglected. Reason: Normal and tangential contact can then be solved separately.
     poisson = np.array([material["poisson_1"], material["poisson_2"]])
     young = np.array([material["young_1_MPa"], material["young_2_MPa"]])
     return float(np.average(poisson, weights=(1 + poisson) / young))

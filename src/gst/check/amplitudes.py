@@ -29,8 +29,9 @@ __all__ = ["UNIT_FACTOR", "WRONG_UNIT", "Amplitude", "other_units"]
 _log = logging.getLogger(__name__)
 
 WRONG_UNIT = "units"  # the fault's name, as which a config accepts it
-# ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
-# waves that both see, between scans and mesh, are in different units.
+# ASSUME: Factor between units. Heights of one stone that differ by a factor of 10 are in different
+# units. Two scans of a patch are compared, or scans and mesh in the waves that both resolve.
+# Reason: Units differ by a factor of 10 or more. A smaller factor may be a calibration.
 UNIT_FACTOR = 10.0
 # Where the mesh sees no waves of a patch, polish could be mistaken for a unit: only this is none.
 _FACTOR_UNSEEN = 100.0

@@ -35,12 +35,14 @@ UNMATCHED = "unmatched"  # the fault's name, as which a config accepts it
 _MOST_LAID = 4
 # Among so many trials, an unrelated scan is found by chance: `_match` seldom exceeds 0.3.
 _SURE_MATCH = 0.5
-# ASSUME: a T1 that shows at least this share of the T0 of another patch belongs to that patch.
+# ASSUME: T1 of another patch. A T1 that shows at least 60 % of the T0 of another patch belongs to
+# that patch. Reason: Scans of different patches overlap less.
 _MOSTLY = 0.6
 # Long waves that may have been removed from a scan: those longer than these shares of its side.
 _CUTS = 1 / 4, 1 / 13
-# ASSUME: if two scans match in their short waves alone, and one has less than this share of the
-# other's long waves, a filter removed them. Wear leaves more of them (see `gstlib.change.form`).
+# ASSUME: Filtered long waves. Two scans may match in their short waves alone. If the long waves of
+# one have less than 0.3 times the height of the other's, a filter removed them. Reason: Wear leaves
+# more of them (see `gstlib.change.form`).
 _MISSING = 0.3
 
 

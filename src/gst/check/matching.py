@@ -36,12 +36,15 @@ __all__ = ["LEAST_LEAD", "Match", "match_map", "match_together"]
 # Turns that are tried: a map of 2.5 mm that is turned by half a step too far is off by 50 µm at its
 # corners, a quarter of the shortest waves that a mesh shows.
 _TURNS = 72
-# ASSUME: a map is found if it correlates by this much, and more than at any other place, turn or
-# mirroring by this much, in Fisher's z (artanh r); several scans that the stage ties together, by
-# the second: benchmarks/finding.py has how far they lead on their own stones, and on others.
+# ASSUME: Acceptance of a match. A map is located if it correlates by at least 0.6. It must also
+# lead any other position, rotation or mirroring by 0.35 in Fisher's z (artanh r). Scans that are
+# tied together by their stage coordinates need a lead of 0.2. Reason: `benchmarks/finding.py` lists
+# the leads of scans on their own stones and on others.
 _LEAST_CORRELATION, LEAST_LEAD, _LEAST_LEAD_TOGETHER = 0.6, 0.35, 0.2
-# ASSUME: a scan that the stage ties to others was taken elsewhere if it correlates by less than
-# this where they lie, and in Fisher's z by so much less than they do.
+# ASSUME: Scans with wrong stage coordinates. A scan that is tied to others by stage coordinates was
+# taken elsewhere under two conditions. At the position that follows, it correlates by less than
+# 0.7, and its Fisher's z is lower by 0.6 than the z of the others. Reason: The other scans show how
+# strongly scans of this stone correlate at their own positions.
 _LEAST_OWN, _BELOW_TIED = 0.7, 0.6
 # The largest correlation whose z is used.
 _ONE = 1 - 1e-9

@@ -44,9 +44,11 @@ _PEAKS, _SAME = 8, 0.05
 _WRONG, _SURE = 0.1, 0.95
 # A scan of this place leaves as much as it does, or more, in so many of a hundred.
 _LEAST_CHANCE = 0.01
-# ASSUME: a scan near its place by hand was taken there if it correlates by this much, does not turn
-# farther by itself (degrees), and if its heights are as high beside the mesh's as those of the
-# others, up to a factor: benchmarks/finding.py has what is found so, in its place and elsewhere.
+# ASSUME: Acceptance of a position set by hand. A scan near a position set by hand was taken there
+# under three conditions. It correlates by at least 0.8, and it turns by at most 10 degrees. Its
+# heights relative to the mesh differ by a factor of at most 1.4 from the heights of the other
+# scans. Reason: `benchmarks/finding.py` lists the scans that are accepted with these limits, at
+# correct and at wrong positions.
 _LEAST_NEAR, _MOST_TURNED, _MOST_HIGHER = 0.8, 10.0, 1.4
 # A median of normal values tells as much as the mean of so many times as many.
 _MEDIAN_TELLS = 2 / math.pi

@@ -30,8 +30,9 @@ _FEWEST, _MOST = 12, 40
 # Below this share of the largest spread of a window, it is flat: its correlation means nothing.
 _FLAT = 1e-6
 
-# ASSUME: a mesh shows a stone as if smoothed by a Gaussian whose standard deviation is a third of
-# an edge: between photogrammetry that cuts sharply and one that averages over its edges.
+# ASSUME: Smoothing by the mesh. A mesh shows a stone as if smoothed by a Gaussian with a standard
+# deviation of a third of an edge. Reason: This lies between photogrammetry with a sharp cut-off and
+# photogrammetry that averages over its edges.
 _SMOOTHED = 1 / 3
 
 Pose = tuple[bool, float]  # mirrored, and turn in degrees

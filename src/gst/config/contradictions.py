@@ -18,7 +18,8 @@ __all__ = ["counterface_mesh", "file_problems", "improbable", "thinner_than_a_po
 
 # Corners are clicked or typed: the square's sides may be off by this share.
 _SIDE_TOLERANCE = 0.1
-# ASSUME: no stone bears a mean pressure (MPa) like this; quartzite is crushed at 150 to 300 MPa.
+# ASSUME: Largest mean pressure. A stone does not carry a mean pressure above 1000 MPa. Reason:
+# Quartzite is crushed at 150 to 300 MPa.
 _CRUSHING_MPA = 1000.0
 # Two patches that have more in common (share of a patch) are one, or one has a wrong position.
 _ONE_PATCH = 0.5

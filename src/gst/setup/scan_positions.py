@@ -22,8 +22,9 @@ __all__ += ["where_scanned"]
 OK, DOUBT, TO_DO = "ok", "look", "to do"
 # Sides of a patch that differ by less are equal: as `gstlib.io.scans.cut_scan` has it.
 SAME_SIZE = 0.01
-# ASSUME: two scans of different places have at most so much of their sides in common; stages that
-# say more were not read, or the stone was moved between the scans.
+# ASSUME: Least distance of scan positions. Scans of different patches share at most half of their
+# side. Reason: If stage coordinates are closer, they were not recorded, or the stone was moved
+# between the scans.
 _LEAST_APART = 0.5
 
 

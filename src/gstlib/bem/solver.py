@@ -48,7 +48,9 @@ from .window import Window
 
 __all__ = ["ContactProblem", "solve_contact"]
 
-# ASSUME: a stone's strength, if `pressure_cap` gives one, acts as a cap on the pressure.
+# ASSUME: Strength as a pressure cap. The strength of the stone limits the pressure of each element,
+# if `pressure_cap` gives it. Reason: Elastic pressures at summits exceed the strength of the rock.
+# Alternative: A purely elastic contact, which is the default.
 
 # Longest side of the coarsest grid, where a cold start costs next to nothing.
 _COARSEST = 64

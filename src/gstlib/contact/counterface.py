@@ -13,9 +13,10 @@ __all__ = ["check_grid", "turned_over"]
 # Spacings come from the instruments' files: up to this relative difference they are the same.
 _SAME_SPACING = 1e-6
 
-# ASSUME: the counterface is turned over about the patch's y axis, so that its scan's columns run
-# against the patch's x; the same piece of it, neither shifted nor worn, is pressed on every patch.
-# The paper's active tool is flat at both scales.
+# ASSUME: Counterface turned over and repeated. The counterface is turned over about the patch's y
+# axis, so that the columns of its scan run against the patch's x. The same piece, neither shifted
+# nor worn, is pressed on every patch. Reason: The paper's active tool is flat at both scales and
+# needs no position.
 
 
 def turned_over(

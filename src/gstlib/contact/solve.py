@@ -57,7 +57,8 @@ def contact_path(
         The load is not reached within `maximum_displacement_um`, or the solver gives up.
     """
     if load.load_point is not None:
-        # ASSUME: on the way to the target load a body has the tilt that it has in the end.
+        # ASSUME: Final tilt on the load path. On the way to the target load, a body has the tilt
+        # that it has at the target. Reason: All steps of the path then press the same surface.
         interface = contact_at_pressure(
             interface, load, modulus=modulus, tolerance=tolerance, source=source
         ).interface

@@ -38,7 +38,8 @@ UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4, "ft": 304.8
 _LIKELY_UNITS = "mm", "cm", "m", "um", "in"
 # Largest extent (mm) of a stone that a hand could grind with; outside it the unit is wrong.
 _SMALLEST_STONE, _LARGEST_STONE = 1.0, 1000.0
-# ASSUME: a stone of which only one unit makes a size (mm) within these is in that unit.
+# ASSUME: Unit of a mesh. If only one unit gives the stone a size of 20 to 300 mm, this is its unit.
+# Reason: A ground stone tool fits in a hand.
 _HAND_SIZED = 20.0, 300.0
 # Steps of the coordinates (mm) from which on heights between them are doubtful, and worthless: wear
 # is a few micrometres deep, and the relief that carries a contact some tens.

@@ -45,8 +45,9 @@ _LARGEST_FIELD, _LARGEST_RANGE = 50.0, 10.0
 _SMALLEST_SPACING, _LARGEST_SPACING = 1e-6, 0.5
 # Heights (mm) beyond this are the largest numbers of a format, in whatever unit.
 _LARGEST_NUMBER = 1e20
-# ASSUME: a height that ten points or more share, five interquartile ranges of the distinct heights
-# from their median, was written where nothing was measured.
+# ASSUME: Placeholder heights. A height that ten points or more share marks unmeasured points if it
+# is far from the others. Its distance from the median of the distinct heights is then at least five
+# interquartile ranges. Reason: Measured heights are not repeated so far from the others.
 _FEWEST_HELD, _FAR = 10, 5
 # A less distant height may be one too, if more than this share of the points has it, and ten times
 # as many as any other: heights measured in few steps are about equally frequent.

@@ -79,16 +79,18 @@ _SIZE_STATED = re.compile(
 GRID_TOLERANCE = 0.05
 # Lines that are looked at to see whether one is unlike the others.
 _SAMPLED = 200
-# ASSUME: a first row or column of five or more numbers in even steps holds coordinates, if most of
-# the others are uneven, because no measured profile is so even. If the steps were rounded, it has
-# 20 numbers or more and lies three times as far from the second line as that from the third. If it
-# only rises, it lies ten times as far, and is refused.
+# ASSUME: Coordinates in a matrix of heights. A first row or column of five or more evenly spaced
+# numbers contains coordinates, if most other rows or columns are uneven. If rounding makes the
+# steps uneven, it needs 20 numbers or more. Its distance from the second line must then be three
+# times the distance from the second to the third. If it only rises, ten times this distance is
+# needed, and the file is refused. Reason: Measured profiles are not so even.
 _FEWEST_TICKS, _MORE_TICKS = 5, 20
 _ROUNDED, _APART, _FAR_APART = 0.5, 3, 10
 # Coordinates and a spacing in the config that differ by more contradict each other.
 SPACING_TOLERANCE = 0.01
-# ASSUME: if half of the neighbouring heights differ by more than ten steps of the grid, heights and
-# coordinates have two units, because no stone is so steep.
+# ASSUME: Different units of heights and coordinates. If half of the neighbouring heights differ by
+# more than ten steps of the grid, heights and coordinates have different units. Reason: No stone is
+# so steep.
 _STEEPEST = 10.0
 # Columns of fewer than so many points each are those of a table, such as x, y, z and intensity.
 _MOST_COLUMNS, _LONG = 6, 20

@@ -9,9 +9,9 @@ down to a frame of the active mesh: that of the square as seen on the active fac
 the passive one turned over about the square's y axis, so that its x runs against the other's.
 """
 
-# ASSUME: an active tool that is not a mesh is a paraboloid of one or two radii, or flat. Its
-# summit may be anywhere: to move it is to tilt the stone, and at rest the stone finds its tilt
-# itself.
+# ASSUME: Paraboloid as the active tool. An active tool without a mesh is a paraboloid of one or two
+# radii, or flat. Its summit may be anywhere. Reason: Moving the summit is equivalent to tilting the
+# stone, and in equilibrium the stone finds its own tilt. Alternative: A mesh of the active tool.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -9,11 +9,14 @@ Measured against one contact of the whole square at the scans' resolution, these
 prediction inside a patch needs most (docs/explanation/evidence.md).
 """
 
-# ASSUME: detail that was not scanned is Gaussian, isotropic and alike all over the face. Waves
-# longer than a patch have the density of those as long as one.
-# ASSUME: the mesh errs at each vertex by about as much as its other vertices mispredict it,
-# independently from vertex to vertex.
-# ASSUME: where outlines overlap, the surface is the mean of their scans.
+# ASSUME: Statistics of detail between scans. Detail that was not scanned is Gaussian and isotropic,
+# with the same statistics all over the face. Waves longer than a patch have the spectral density of
+# waves as long as a patch. Reason: A scan does not contain waves longer than its patch.
+# ASSUME: Errors of the mesh. The height error of each vertex is about the error with which the
+# other vertices predict it. Errors of different vertices are independent. Reason: No other measure
+# of these errors is available for one mesh.
+# ASSUME: Overlapping scans. If outlines overlap, the surface there is the mean of their scans.
+# Reason: All of them show the same surface.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict

@@ -43,7 +43,8 @@ _log = logging.getLogger(__name__)
 
 # Largest share of the face that may have no stone.
 _MOST_ABSENT = 0.5
-# ASSUME: no ground stone tool is thinner (mm): points that see less lie on an edge or a speck.
+# ASSUME: Thinnest tool. A ground stone tool is at least 1 mm thick. Reason: Points over thinner
+# stone lie on an edge or a speck of the mesh.
 _THINNEST_MM = 1.0
 
 

@@ -8,10 +8,12 @@ which is what Archard's law takes. Poses that follow each other are alike, so th
 starts from the one before.
 """
 
-# ASSUME: each pose is a contact at rest under its own force, whose point moves with the active
-# tool; from one to the next the stones slide by the distance that the pose states.
-# ASSUME: the load point scatters about the stated one normally, alike along both axes, and the
-# stone slides by the same distance wherever the hand pushes.
+# ASSUME: Poses as separate contacts. Each pose is a contact in equilibrium under its own force, and
+# the load point moves with the active tool. Between poses, the stones slide by the distance given
+# for the pose. Reason: Archard's law needs only the pressure and the sliding distance of each pose.
+# ASSUME: Scatter of the load point. The load point scatters normally about the given one, equally
+# along both axes. The sliding distance does not depend on the load point. Reason: The config gives
+# one scatter for both axes and one sliding distance.
 
 import logging
 from collections.abc import Collection, Iterable

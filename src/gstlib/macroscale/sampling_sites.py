@@ -4,9 +4,12 @@ T0 has to be moulded before use, when the mesh is all there is. A gesture on the
 stones will rub; from its exposure come places of a patch's size, and controls beside them.
 """
 
-# ASSUME: places are taken one after the other, each the most exposed that overlaps no earlier one,
-# upright in the square, with centres at whole elements. Others may hold a little more together.
-# ASSUME: what a finite number of poses does not touch counts as never touched.
+# ASSUME: Greedy choice of scan positions. Positions are chosen one after the other. Each is the
+# most exposed position that does not overlap an earlier one. Positions are not rotated in the
+# square, and their centres are at whole elements. Reason: One pass over the exposure is enough.
+# Alternative: A joint choice, which may contain a little more exposure.
+# ASSUME: Untouched in a finite number of poses. An element that the computed poses do not touch
+# counts as never touched. Reason: Only a finite number of poses can be computed.
 
 import logging
 from typing import NamedTuple

@@ -21,19 +21,20 @@ __all__ = ["capped_numbers", "case_table", "slip_numbers", "solve_capped", "solv
 
 _log = logging.getLogger(__name__)
 
-# ASSUME: the grinding force grows at constant normal force and along one direction, from rest, so
-# that stick and slip are those before the stones slide as a whole; the paper has no friction.
+# ASSUME: Grinding force from rest. The grinding force grows from rest in one direction, at constant
+# normal force. Stick and slip are therefore computed for the moment before the stones slide as a
+# whole. Reason: The paper does not include friction.
 
-# ASSUME: under a tangential load the bodies are elastically similar, so that tangential tractions
-# do not press them apart; the displacement across the load is neglected (it vanishes with Poisson's
-# ratio), and that along it taken as the mean over all directions of the load: exact for a circle
-# and for isotropic roughness, 5 % too small along a contact five times as long as wide, 5 % too
-# large across it.
+# ASSUME: Elastic similarity under tangential load. The bodies are elastically similar, so
+# tangential tractions do not press them apart. The displacement across the load, which vanishes
+# with Poisson's ratio, is neglected. The displacement along the load is its mean over all
+# directions of the load. Reason: This mean is exact for a circle and for isotropic roughness. Along
+# a contact five times as long as wide it is 5 % too small, across it 5 % too large.
 
-# ASSUME: one hardness for every element. The default study's 2 GPa is an order of magnitude: quartz
-# indents at 11 to 12 GPa (Broz, Cook & Whitney 2006, Am. Mineral. 91:135), quartzite as a whole is
-# crushed at 150 to 300 MPa, and the strength of an element as small as a scan's point is in
-# between. The paper has none.
+# ASSUME: Uniform hardness. Every element has the same hardness. The 2 GPa of the default study are
+# an order of magnitude. Reason: The paper gives no hardness. Quartz indents at 11 to 12 GPa (Broz,
+# Cook & Whitney 2006, Am. Mineral. 91:135), and quartzite as a whole is crushed at 150 to 300 MPa.
+# The strength of an element as small as a scan's point lies in between.
 
 # The cases, in the order of the table. The first is the study itself.
 _STUDY, _GRINDING, _CAP = "study", "grinding", "cap"

@@ -25,8 +25,8 @@ __all__ = ["elements_around", "grid_mesh", "gridding_table"]
 
 _log = logging.getLogger(__name__)
 
-# ASSUME: holes of the mesh up to this share of the square are pin-holes of the scanner. They are
-# bridged by the interpolation, as the paper's would be.
+# ASSUME: Pin-holes of the mesh. Holes of the mesh up to 1 % of the square are pin-holes of the
+# scanner. Reason: The interpolation bridges them, as the paper's interpolation would.
 _BRIDGED_FRACTION = 1e-2
 # Fewest vertices in the square: fewer say little about the errors between them.
 _FEWEST = 30

@@ -53,12 +53,15 @@ def window_outliers(
     k : float
         The smallest threshold that keeps to `share`.
     """
-    # ASSUME: σ is that of the levelled surface. The tilt comes from the placement, not the stone,
-    # and on a smooth surface σ would measure nothing else.
+    # ASSUME: Deviation from the levelled surface. In the paper's outlier rule, σ is computed from
+    # the levelled surface. Reason: The tilt results from the placement of the stone. On a smooth
+    # surface, σ would measure only this tilt.
     heights = remove_plane(surface)[0].values
     # The variance is a difference of sums: a large common height would swamp it.
     heights = heights - heights.mean()
-    # ASSUME: the window includes its centre, and is mirrored at the edges of the map.
+    # ASSUME: Extent of the outlier window. The window includes its centre, and the map is mirrored
+    # at its edges. Reason: The paper does not state this. All windows then have the same number of
+    # points.
     mean, square = (
         scipy.ndimage.uniform_filter(values, 2 * half_width + 1, mode="reflect")
         for values in (heights, heights**2)
@@ -104,8 +107,8 @@ def median_outliers(
     unmeasured = np.where(above, np.inf, -np.inf)
     entered = np.where(measured, heights, unmeasured)
     off = np.abs(heights - _medians(_windows(entered, half_width)))
-    # ASSUME: S is no less than that of the whole map. Without this bound, a spot much smoother than
-    # the rest would have its small unevenness marked as outliers.
+    # ASSUME: Lower bound of the local scale. S is at least the value of the whole map. Reason:
+    # Otherwise, the small unevenness of a much smoother spot would be marked as outliers.
     scale = max(
         MAD_TO_SIGMA * float(np.median(off[measured])),
         _DOUBLE_ROUNDING * float(np.nanmax(np.abs(surface.values))),

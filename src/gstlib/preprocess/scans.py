@@ -26,8 +26,8 @@ __all__ = [
     "preprocessing_table",
 ]
 
-# ASSUME: r of the paper's windows, in points, is not published. At 5 a window of 121 points finds
-# spikes of up to 15 points.
+# ASSUME: Window of the paper's outlier rule. The window's half-width r is 5 points. Reason: The
+# paper does not publish r. With r = 5, a window has 121 points and finds spikes of up to 15 points.
 _WINDOW_HALF_WIDTH = 5
 # That of the windows of medians: of 49 points, a spike may take nearly half.
 _MEDIAN_HALF_WIDTH = 3
@@ -44,8 +44,9 @@ _DONE = [
     "Sq_after_um",
 ]
 
-# ASSUME: once a mould is undone, rows of a scan run along the square's +y and columns along its +x,
-# up to the patch's rotation. The paper says which axis is flipped, not how the instrument lies.
+# ASSUME: Orientation of scans. Once a mould is undone, the rows of a scan run along the square's +y
+# and its columns along +x. The rotation of the patch is added. Reason: The paper states which axis
+# is flipped, but not how the instrument lies.
 
 
 def prepare_scan(
@@ -131,8 +132,9 @@ def prepare_scan(
             stone, half_width=_MEDIAN_HALF_WIDTH, threshold=threshold
         )
         of_rule["outlier_scale_um"] = MM_TO_UM * scale
-    # ASSUME: an outlier, like an unmeasured point, gets the value interpolated linearly from the
-    # good points around it. On a slope, a mean over the window would differ from its neighbours.
+    # ASSUME: Replacement of outliers. An outlier, like an unmeasured point, gets the value that is
+    # interpolated linearly from the good points around it. Reason: On a slope, a mean over the
+    # window would differ from the neighbouring points. Alternative: The mean of the window.
     clean = stone.copy(data=interpolate_holes(stone.values, unmeasured | outlier))
     level, plane = remove_plane(clean)
     level.attrs = {"units": "mm", "long_name": "height of the stone, level"}

@@ -23,9 +23,11 @@ __all__ = ["Layout", "UseFace", "find_use_face"]
 
 _log = logging.getLogger(__name__)
 
-# ASSUME: beyond the square, what the mesh does not show or shows twice is no stone: the use-face
-# ends or turns away there. In the square it is a fault.
-# ASSUME: overhangs up to this share of the square are specks of the scanner and are accepted.
+# ASSUME: End of the use-face. Beyond the square, elements that the mesh covers not at all or twice
+# contain no stone. In the square they are a fault. Reason: Outside the square, the use-face ends or
+# turns away there.
+# ASSUME: Small overhangs. Overhangs up to 0.1 % of the square are accepted. Reason: They are specks
+# of the scanner.
 _FOLDED_FRACTION = 1e-3
 # Heights of one element that differ by less (mm) count as one: the element lies on an edge.
 _SAME_HEIGHT = 1e-6
@@ -35,8 +37,9 @@ _DOUBLE_MM = 0.5
 _JOINED = 0.5
 # A face seen edge-on (area in mm²) covers nothing.
 _EDGE_ON = 1e-12
-# ASSUME: a stone is as thick as the thinnest twentieth of it under the square, in percent: what
-# fewer rays meet is a flap, a speck or the rim, and does not let the whole bend.
+# ASSUME: Thickness of a stone. The thickness of a stone is the 5th percentile of its thickness
+# under the square. Reason: Thinner parts are a flap, a speck or the rim, and do not make the whole
+# stone bend.
 _THIN_PERCENTILE = 5.0
 # How far beyond the grid the cloud is cropped: the paper says "bigger than the square".
 _MARGIN_MM = 1.0

@@ -153,8 +153,9 @@ def covered_areas(
     `patches` is from `with_t1`, and `size_mm` is the side of T0. Patches without a known place of
     T1 are left out.
     """
-    # ASSUME: the points of the two scans without a height of their own lie evenly over the area
-    # that both cover, so that they change neither its mean loss nor its mean pressure.
+    # ASSUME: Evenly spread points without a height. The points of T0 and T1 that were not measured
+    # are evenly spread over the area that both scans cover. Reason: They then change neither the
+    # mean loss nor the mean pressure of this area.
     if not {*_T1} <= {*patches.columns}:
         return {}
     import shapely
