@@ -1,9 +1,9 @@
 """Two faces in, a contact out: at one load, or along the path to it.
 
-`gstlib.bem` computes with arrays. Here are the study's surfaces, with names and units, and the
-solver's errors in the study's words: an `Interface` under a `Load` gives a `Contact`, or a
-`ContactPath`. Where no pressure is asked for, the contact is empty: its pressure, displacement and
-stiffness are 0, and shares of the contact are NaN.
+`gstlib.bem` computes with arrays. This package uses the study's surfaces, with names and units, and
+explains the solver's errors. An `Interface` under a `Load` gives a `Contact`, or a `ContactPath`.
+If the pressure is zero, the contact is empty: its pressure, displacement and stiffness are 0, and
+shares of the contact are NaN.
 """
 
 from .counterface import check_grid, turned_over

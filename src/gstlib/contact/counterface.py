@@ -28,7 +28,7 @@ def turned_over(
 ) -> xr.DataArray:
     """Heights of the active tool's own face where it is pressed on a patch.
 
-    `counterface` (ny, nx) has its heights, mm, positive out of it, seen from above its own face.
+    `counterface` (ny, nx) contains its heights, mm, positive out of it, seen from above its face.
     The result is positive towards the patch, on the patch's grid: mirrored along x. `source` and
     `patch_source` are their files, for the error message.
 

@@ -12,7 +12,7 @@ __all__ = ["LEVEL", "Interface"]
 
 # Spacings come from coordinates: up to this relative difference they are the same.
 _SAME_SPACING = 1e-6
-# The plane of a surface that lies as it is.
+# The plane of a surface that is not tilted.
 LEVEL = Plane(0.0, 0.0, 0.0)
 
 
@@ -23,18 +23,19 @@ class Interface:
     Attributes
     ----------
     height : (y, x) xarray.DataArray
-        A surface, level, mm; NaN where there is none.
+        A levelled surface, mm, NaN where it is missing.
     counterface : (y, x) xarray.DataArray
-        What is pressed on it, mm, positive towards it, as from `turned_over`; NaN where there is
-        none, 0 of a flat.
+        The face pressed on it, mm, positive towards it, as from `turned_over`. It is NaN where it
+        is missing, and 0 for a flat.
     plane : Plane
-        On which the surface is laid; only its slopes count.
+        The plane on which the surface is placed. Only its slopes matter.
     surroundings : (ny, nx) ndarray or None
-        Displacement (mm, into the stone) by what presses around it; None of one that is alone.
+        Displacement (mm, into the stone) by pressures around it. None for a surface without
+        surroundings.
 
     Examples
     --------
-    A flat that lies on a plane rises along it:
+    A flat on a plane rises along it:
 
     >>> import numpy as np
     >>> import gstlib
@@ -65,14 +66,14 @@ class Interface:
 
     @classmethod
     def from_dataset(cls, stored: xr.Dataset) -> "Interface":
-        """From what `Contact.to_dataset` gives."""
+        """The interface in a dataset from `Contact.to_dataset`."""
         plane = Plane(0.0, float(stored.slope_y), float(stored.slope_x))
         around = stored.surroundings.values if bool(stored.placed) else None
         return cls(stored.height, stored.counterface, plane, around)
 
     @property
     def laid(self) -> xr.DataArray:
-        """Heights (mm) of the surface as it lies on the stone, with those of the face on it.
+        """Heights (mm) of the surface on its plane, plus the heights of the face on it.
 
         Notes
         -----
@@ -88,7 +89,7 @@ class Interface:
     def pressed(self) -> xr.DataArray:
         """Heights (mm) of the surface that touches a flat as the two faces touch each other.
 
-        Those of `laid` less the displacement by the surroundings.
+        The heights `laid` minus the displacement by the surroundings.
         """
         laid = self.laid
         if self.surroundings is None:
@@ -97,7 +98,7 @@ class Interface:
 
     @property
     def for_solver(self) -> tuple[np.ndarray, tuple[float, float]]:
-        """Heights and spacing, as `gstlib.bem` takes them: where a face is missing, −∞."""
+        """Heights and spacing for `gstlib.bem`. Heights are −∞ where a face is missing."""
         heights = self.pressed
         missing = np.isnan(heights.values)
         return np.where(missing, -np.inf, heights.values), spacing_of(heights)

@@ -1,4 +1,4 @@
-"""What presses two faces on each other: a mean pressure, and the point through which it acts."""
+"""The load on two faces: a mean pressure, and the point through which it acts."""
 
 from typing import NamedTuple
 
@@ -11,15 +11,15 @@ __all__ = ["Load", "from_corner"]
 
 
 class Load(NamedTuple):
-    """What presses two faces on each other.
+    """The load that presses two faces on each other.
 
     Attributes
     ----------
     mean_pressure : float
         MPa, over the nominal area.
     load_point : (float, float) or None
-        Place (y, x), mm, on the surface, through which the force acts on a body that is free to
-        tilt; without one its plane stays as it is.
+        Point (y, x), mm, on the surface, through which the force acts on a body that is free to
+        tilt. If it is None, the plane is fixed.
 
     Examples
     --------
@@ -48,7 +48,7 @@ class Load(NamedTuple):
 def from_corner(
     place: tuple[float, float], surface: xr.DataArray
 ) -> tuple[float, float]:
-    """A place (y, x), mm, on a surface, counted from the corner of its grid."""
+    """A point (y, x), mm, on a surface, counted from the corner of its grid."""
     y, x = (
         along - (float(surface[axis][0]) - step / 2)
         for along, axis, step in zip(place, "yx", spacing_of(surface), strict=True)

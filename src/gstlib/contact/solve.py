@@ -105,9 +105,9 @@ def contact_at_pressure(
 ) -> Contact:
     """Contact of two faces at a load alone, without the path to it.
 
-    Parameters and errors are those of `contact_path`; `springs` is as in
-    `gstlib.bem.solve_contact`; `initial_pressure` (ny, nx), MPa, of a contact that is much like
-    this one, is where the solver starts.
+    See `contact_path` for the other parameters and the errors, and `gstlib.bem.solve_contact` for
+    `springs`. The solver starts from `initial_pressure` (ny, nx), MPa, the pressure of a similar
+    contact.
     """
     load_point = (
         None
@@ -139,9 +139,9 @@ def solve_again(
     solver: Callable[..., Any] = solve_contact,
     **options: Any,
 ) -> Any:
-    """What a solver of `gstlib.bem` gives of the interface of a contact, to its tolerance.
+    """Result of a solver of `gstlib.bem` for the interface of a contact, to its tolerance.
 
-    The body stays on its plane; `options` are the solver's. Errors are those of `contact_path`.
+    The body stays on its plane. `options` are passed to the solver. See `contact_path` for errors.
     """
     pressed = contact.interface, contact.load, contact.modulus
     return _run(solver, *pressed, source, tolerance=contact.tolerance, **options)
@@ -155,10 +155,10 @@ def _run(
     source: str | Path,
     **options: Any,
 ) -> Any:
-    """What a solver gives, logged; an `InputError` in the study's words where it gives up.
+    """Result of a solver, which is logged; an `InputError` for the user if the solver fails.
 
-    Its doubts are for users without a study: here a patch's surroundings are in its heights, a face
-    ends where it ends, and `plausibility_warnings` says what is odd.
+    Warnings of the solver are meant for users without a study. In a study, the heights of a patch
+    contain its surroundings, a face may end, and `plausibility_warnings` reports oddities.
     """
     try:
         with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""The solver's state of an interface under a load, and the path to it; as they are stored."""
+"""The state of an interface under a load, and the path to it, as they are stored."""
 
 import math
 from collections.abc import Mapping
@@ -17,11 +17,11 @@ from gstlib.contact.load import Load
 
 __all__ = ["Contact", "ContactPath", "load_path_table"]
 
-# Of the solver's state at one load, and along the path to it: what is stored under the same names.
+# Fields that are stored under the same names at one load and along the path to it.
 _FIELDS = "pressure", "gap"
 _NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
 _CURVE = "displacement", "mean_pressure", "contact_fraction", "stiffness"
-# Prefix of a variable along a load path, beside that of the state at its end.
+# Prefix of a variable along a load path. The variable of the final state has no prefix.
 _PATH = "path_"
 
 # Unit and long name of each variable.
@@ -62,21 +62,21 @@ _DIMS: tuple[tuple[str, ...], ...] = ((), ("step",), ("y", "x"), ("step", "y", "
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Contact(ContactState):
-    """The solver's state of an interface at one load, with its fields on the interface's grid.
+    """The state of an interface at one load, with its fields on the grid of the interface.
 
-    Of a contact that was stored, what is not stored is as in a state that took no work.
+    If a contact was read from a file, fields that are not stored have default values.
 
     Attributes
     ----------
     interface : Interface
-        Of a body that is free to tilt, on the plane at which it is in equilibrium.
+        A body that is free to tilt is on the plane at which it is in equilibrium.
     load : Load
     modulus : float
         Contact modulus E*, MPa.
     tolerance : float
         Largest residual asked for, as in `gstlib.bem.solve_contact`.
     pressure, gap : (y, x) xarray.DataArray
-        MPa and mm; the gap is NaN where a face is missing.
+        MPa and mm. The gap is NaN where a face is missing.
 
     Examples
     --------
@@ -98,7 +98,7 @@ class Contact(ContactState):
     def of_state(
         cls, state: ContactState, interface: Interface, **settings: Any
     ) -> "Contact":
-        """What the solver gives of an interface; `settings` are the other attributes."""
+        """The contact in a state of the solver; `settings` are the other attributes."""
         fields = {
             name: xr.DataArray(
                 _finite(getattr(state, name)), interface.height.coords, ("y", "x")
@@ -135,7 +135,7 @@ class Contact(ContactState):
 
     @classmethod
     def from_dataset(cls, stored: xr.Dataset) -> "Contact":
-        """From what `to_dataset` gives, or `ContactPath.to_dataset`."""
+        """The contact in a dataset from `to_dataset`, or from `ContactPath.to_dataset`."""
         load_point = float(stored.load_point_y), float(stored.load_point_x)
         is_free = not math.isnan(load_point[0])
         values: dict[str, Any] = {name: stored[name] for name in _FIELDS}
@@ -160,14 +160,14 @@ class ContactPath(LoadPath):
     final : Contact
         At the end of the path.
     interface_stiffness : (step,) ndarray or None
-        MPa/mm, of the interface alone; known of a patch.
+        MPa/mm, of the interface alone, for a patch.
     """
 
     final: Contact
     interface_stiffness: np.ndarray | None = None
 
     def to_dataset(self) -> xr.Dataset:
-        """As it is stored: the contact at the end, and what is along the path as ``path_…``."""
+        """The stored dataset: the contact at the end, and the path as ``path_…``."""
         along = {name: getattr(self, name) for name in (*_NUMBERS, "stiffness")}
         if self.interface_stiffness is not None:
             along["interface_stiffness"] = self.interface_stiffness
@@ -189,12 +189,12 @@ def load_path_table(path: xr.Dataset) -> pd.DataFrame:
 
 
 def _finite(field: np.ndarray) -> np.ndarray:
-    """A field (ny, nx) of a contact, NaN in place of infinite where a face is missing."""
+    """A field (ny, nx) of a contact, NaN instead of infinite where a face is missing."""
     return np.where(np.isinf(field), np.nan, field)
 
 
 def _variables(values: Mapping[str, Any], prefix: str = "") -> dict[str, tuple]:
-    """Variables with units and long names; their dimensions follow from how many they have."""
+    """Variables with units and long names. The number of dimensions determines their names."""
     described = {}
     for name, value in values.items():
         units, long_name = _VARIABLES[name]
