@@ -1,1 +1,1 @@
-"""Heights on a grid: levelled, filtered, and where they lie."""
+"""Heights on a grid: levelling, filtering and positions."""

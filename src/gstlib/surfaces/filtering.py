@@ -12,7 +12,7 @@ __all__ = ["low_pass", "radial_frequency", "s_filtered"]
 
 
 def s_filtered(height: xr.DataArray, nesting_um: float | None) -> xr.DataArray:
-    """Heights (y, x) without waves shorter than the nesting index; unchanged if that is None.
+    """Heights (y, x) without waves shorter than the nesting index, or unchanged if it is None.
 
     Examples
     --------
@@ -57,8 +57,8 @@ def low_pass(
     for axis, step in enumerate(spacing):
         heights = np.moveaxis(heights, axis, 0)
         count = len(heights)
-        # The line between both ends is long-wave; what is left is zero there, odd about both
-        # ends, and so a sum of sines, of which each has its exact weight.
+        # The line between both ends is long-wave. The remainder is zero at the ends and odd about
+        # them. It is a sum of sines, and each has its exact weight.
         first, last = heights[0], heights[-1]
         along = np.linspace(0, 1, count)[:, None]
         low = first + along * (last - first)

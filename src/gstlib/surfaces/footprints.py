@@ -1,4 +1,4 @@
-"""Where things lie: places on the square, their outlines, and the square's frame on the stone.
+"""Positions on the square, their outlines, and the square's frame on the stone.
 
 On the square, y comes before x everywhere, as rows come before columns.
 """
@@ -32,12 +32,12 @@ __all__ = [
     "with_t1",
 ]
 
-# The place of T1 on T0 and its size, in the table of the patches.
+# The position of T1 on T0 and its size, in the table of the patches.
 _T1 = ["t1_y_um", "t1_x_um", "t1_rotation_deg", "t1_size_y_um", "t1_size_x_um"]
 
 
 def rotated(v: Any, u: Any, rotation_deg: float) -> tuple[Any, Any]:
-    """Offsets along y and x of what lies (v, u) along axes that are turned from x towards y."""
+    """Offsets along y and x of a point (v, u) on axes that are rotated from x towards y."""
     turn = np.radians(rotation_deg)
     cosine = np.cos(turn)
     sine = np.sin(turn)
@@ -47,7 +47,7 @@ def rotated(v: Any, u: Any, rotation_deg: float) -> tuple[Any, Any]:
 
 
 class PatchPosition(NamedTuple):
-    """Where a scan lies on the square: its centre (mm) and its turn from x towards y."""
+    """Position of a scan on the square: its centre (mm) and its rotation from x towards y."""
 
     y_mm: float
     x_mm: float
@@ -55,21 +55,21 @@ class PatchPosition(NamedTuple):
 
     @classmethod
     def from_dataset(cls, at: xr.Dataset) -> "PatchPosition":
-        """The place of one patch, from its ``y_mm, x_mm, rotation_deg``."""
+        """The position of one patch, from its ``y_mm, x_mm, rotation_deg``."""
         return cls(*(float(at[name]) for name in cls._fields))
 
     def points(self, v: Any, u: Any) -> tuple[Any, Any]:
-        """Places (y, x) on the square of points (v, u) from the scan's centre, mm."""
+        """Coordinates (y, x) on the square of points (v, u) from the scan's centre, mm."""
         dy, dx = rotated(v, u, self.rotation_deg)
         return self.y_mm + dy, self.x_mm + dx
 
     def seen(self, y: Any, x: Any) -> tuple[Any, Any]:
-        """Places (v, u) from the scan's centre of points (y, x) on the square, mm."""
+        """Coordinates (v, u) from the scan's centre of points (y, x) on the square, mm."""
         return rotated(y - self.y_mm, x - self.x_mm, -self.rotation_deg)
 
 
 def places_of(patches: pd.DataFrame) -> dict[str, PatchPosition]:
-    """Place of each patch, from ``patch, x_mm, y_mm, rotation_deg``."""
+    """Position of each patch, from ``patch, x_mm, y_mm, rotation_deg``."""
     table = patches[["patch", "y_mm", "x_mm", "rotation_deg"]]
     places = {}
     for patch, *place in table.itertuples(index=False):
@@ -78,9 +78,9 @@ def places_of(patches: pd.DataFrame) -> dict[str, PatchPosition]:
 
 
 def spline_of(field: xr.DataArray) -> "scipy.interpolate.RectBivariateSpline":
-    """Cubic spline of a field (y, x) through its element centres; it is constant beyond them.
+    """Cubic spline of a field (y, x) through its element centres, constant beyond them.
 
-    Where the field is NaN, it takes the nearest value.
+    NaN is replaced by the nearest value.
     """
     spacing_of(field)  # refuses what is no surface
     values = _filled(field.values)
@@ -98,7 +98,7 @@ def _filled(values: np.ndarray) -> np.ndarray:
 
 
 def square_of(field: xr.DataArray | xr.Dataset, size_mm: float) -> Any:
-    """The part of a field (..., y, x) of the face that lies in the square of this side."""
+    """The part of a field (..., y, x) of the face within the square of this side."""
     inside = {}
     for axis in "yx":
         along = field[axis].values
@@ -112,7 +112,7 @@ def on_patch(
     shape: tuple[int, ...],
     size_mm: float,
 ) -> np.ndarray:
-    """A field of the square at the points, of this `shape`, of the scan that lies at a place."""
+    """A field of the square at the points, of this `shape`, of a scan at a position."""
     half = size_mm / 2
     v, u = (axis_coordinates(count, size_mm / count) - half for count in shape)
     if place.rotation_deg == 0:  # many times as fast
@@ -123,7 +123,7 @@ def on_patch(
 def outline(place: PatchPosition, size_mm: float | tuple[float, float]) -> np.ndarray:
     """Corners (4, 2), x and y (mm), of a footprint, the lower left first.
 
-    `size_mm` is its side, or its extents along its own y and x.
+    `size_mm` is the side of the scan, or its extents along its y and x.
     """
     signs = np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]])
     half = np.divide(size_mm, 2)
@@ -133,7 +133,7 @@ def outline(place: PatchPosition, size_mm: float | tuple[float, float]) -> np.nd
 
 
 def with_t1(patches: pd.DataFrame, registration: pd.DataFrame) -> pd.DataFrame:
-    """The patches with the place of T1 on T0; it is NaN where T1 was not found on T0.
+    """The patches with the position of T1 on T0, which is NaN if T1 was not located on T0.
 
     `registration` is the table of this name.
     """
@@ -150,8 +150,8 @@ def covered_areas(
 ) -> dict[str, "shapely.Polygon"]:
     """The area on the square that T0 and T1 of a patch both cover, by patch.
 
-    `patches` is from `with_t1`, and `size_mm` is the side of T0. Patches without a known place of
-    T1 are left out.
+    `patches` is from `with_t1`, and `size_mm` is the side of T0. Patches without a position of T1
+    are left out.
     """
     # ASSUME: Evenly spread points without a height. The points of T0 and T1 that were not measured
     # are evenly spread over the area that both scans cover. Reason: They then change neither the
@@ -177,7 +177,7 @@ def footprint_weights(
 ) -> np.ndarray:
     """Share (ny, nx), from 0 to 1, of each element's area inside a square footprint, exactly.
 
-    `grid` is any field on the grid, dims (..., y, x); `size_mm` is the footprint's side.
+    `grid` is any field on the grid, dims (..., y, x), and `size_mm` is the side of the footprint.
     """
     if place.rotation_deg != 0:
         import shapely
@@ -191,7 +191,7 @@ def footprint_weights(
 
 
 def _overlap(at: np.ndarray, step: float, centre: float, size_mm: float) -> np.ndarray:
-    """The length of each element that lies within a side of a footprint."""
+    """The length of each element within a side of a footprint."""
     half = size_mm / 2
     low = np.maximum(at - step / 2, centre - half)
     high = np.minimum(at + step / 2, centre + half)
@@ -231,9 +231,9 @@ def moved(
     face: xr.DataArray,
     size_mm: float,
 ) -> pd.DataFrame:
-    """The patches moved along y and x, all alike or each by itself; none leaves the face.
+    """The patches moved along y and x, together or separately; they stay on the face.
 
-    `face` is any field on it; `size_mm` is the side of a patch.
+    `face` is any field on the face, and `size_mm` is the side of a patch.
     """
     half = half_extent(size_mm, patches.rotation_deg.to_numpy())
     places = {}

@@ -24,7 +24,7 @@ __all__ = [
     "stored_frame",
 ]
 
-# Variables of a square that hold its frame.
+# Variables of a square that contain its frame.
 FRAME = "origin", "x_axis", "normal"
 
 
@@ -161,7 +161,7 @@ def find_frame(
 def over_face(
     mesh: "trimesh.Trimesh", frame: Frame, face: xr.DataArray, margin: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices of a mesh in the square's frame, and which of them lie over the face on its side.
+    """Vertices of a mesh in the square's frame, and which of them are over the face on its side.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def over_face(
     face : (y, x) xarray.DataArray
         Any field on the square, or on the face around it.
     margin : float
-        How far beyond it a vertex may lie (mm).
+        Largest distance (mm) of a vertex beyond it.
 
     Returns
     -------
@@ -188,14 +188,14 @@ def over_face(
     is_inside = (x_and_y >= low - margin) & (x_and_y <= high + margin)
     is_over = is_inside.all(axis=1)
     over = z[is_over & faces_out]
-    # If an arm of the stone lies above or below, the face is on the side nearest to its plane.
+    # If an arm of the stone is above or below, the face is on the side nearest to its plane.
     nearest = over[np.argmin(np.abs(over))]
     near = np.abs(z - nearest) < (high - low).max()
     return places, is_over & faces_out & near
 
 
 def on_mesh(field: xr.DataArray, mesh: "trimesh.Trimesh", frame: Frame) -> np.ndarray:
-    """A field (y, x) of the face at each vertex of a mesh: that of its element, 0 elsewhere."""
+    """A field (y, x) of the face at each vertex of a mesh: the value of its element, or 0."""
     places, is_over = over_face(mesh, frame, field)
     x, y, _ = places[is_over].T
     dy, dx = spacing_of(field)
@@ -207,6 +207,6 @@ def on_mesh(field: xr.DataArray, mesh: "trimesh.Trimesh", frame: Frame) -> np.nd
 
 
 def _nearest(places: np.ndarray, centres: np.ndarray, step: float) -> np.ndarray:
-    """Indices of the element centres that are nearest to places."""
+    """Indices of the element centres that are nearest to given coordinates."""
     index = ((places - centres[0]) / step + 0.5).astype(int)
     return np.clip(index, 0, len(centres) - 1)

@@ -1,6 +1,6 @@
-"""The one data type of the study: heights on a regular grid.
+"""The data type of the study: heights on a regular grid.
 
-A surface is an `xarray.DataArray` with dimensions ``("y", "x")``; coordinates ``y`` and ``x`` hold
+A surface is an `xarray.DataArray` with dimensions ``("y", "x")``. Coordinates ``y`` and ``x`` are
 the element centres in mm, both increasing in even steps. Heights are float64 in mm, positive out of
 the stone; unmeasured elements are NaN. A surface of n elements is n spacings long.
 """
@@ -41,12 +41,12 @@ def make_surface(
     Parameters
     ----------
     heights : (ny, nx) array_like
-        Heights in mm, positive out of the stone, NaN where unmeasured. A `DataArray` is moved to
-        where its first element begins at 0.
+        Heights in mm, positive out of the stone, NaN where unmeasured. A `DataArray` is moved so
+        that its first element begins at 0.
     spacing : float or (dy, dx)
-        Element size in mm, which must be that of the coordinates of a `DataArray`.
+        Element size in mm. For a `DataArray` it must agree with the coordinates.
     long_name : str
-        Its description; further attributes may follow.
+        Its description. Further attributes may follow.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
 
 
 def coarser(surface: xr.DataArray, times: int) -> xr.DataArray:
-    """A surface on elements so many times as long; each is the mean of those that are known."""
+    """A surface on elements so many times as long, each the mean of its measured elements."""
     means = surface.coarsen(y=times, x=times, boundary="trim").mean()
     return means.assign_attrs(surface.attrs)
 

@@ -30,12 +30,12 @@ class Plane:
 
     @property
     def tilt_x_mrad(self) -> float:
-        """Angle of the plane along x, mrad, positive where it rises with x."""
+        """Angle of the plane along x, mrad, positive if it rises with x."""
         return 1e3 * math.atan(self.slope_x)
 
     @property
     def tilt_y_mrad(self) -> float:
-        """Angle of the plane along y, mrad, positive where it rises with y."""
+        """Angle of the plane along y, mrad, positive if it rises with y."""
         return 1e3 * math.atan(self.slope_y)
 
     def heights(self, surface: xr.DataArray) -> np.ndarray:
@@ -50,7 +50,7 @@ def remove_plane(surface: xr.DataArray) -> tuple[xr.DataArray, Plane]:
     Parameters
     ----------
     surface : (ny, nx) xarray.DataArray
-        Heights, mm; NaN are ignored.
+        Heights, mm. NaN are ignored.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def fit_plane(
 ) -> Plane:
     """The least-squares plane of the measured heights (ny, nx), mm.
 
-    `y` (ny,) and `x` (nx,) are counted from the centre of the grid, mm; `source` is named if no
+    `y` (ny,) and `x` (nx,) are counted from the centre of the grid, mm. Errors name `source` if no
     plane can be fitted. See `remove_plane`.
     """
     used = np.isfinite(heights)
