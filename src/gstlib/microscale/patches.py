@@ -1,4 +1,4 @@
-"""Each patch, as it lies on the stone, pressed at its scan's resolution up to its own pressure."""
+"""Each patch on its plane in the stone, pressed to its pressure at the resolution of its scan."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -49,7 +49,7 @@ class Microscale(NamedTuple):
     s_filter_um : float or None
         Nesting index of the S-filter that the scans pass.
     steps : int or None
-        Steps of the load path of the first variant; None for the target pressure alone.
+        Steps of the load path of the first variant, or None for the target pressure alone.
     maximum_displacement_um : float
         As in `gstlib.contact.contact_path`.
     """
@@ -76,14 +76,14 @@ def solve_patches(
     Parameters
     ----------
     scans : mapping of str to xarray.Dataset
-        The prepared T0 scans by patch; each is looked up once.
+        The prepared T0 scans by patch. Each is looked up once.
     pressures : pandas.DataFrame
-        From `gstlib.coupling.pressures.couple_scales`.
+        The table from `gstlib.coupling.pressures.couple_scales`.
     settings : Microscale
     variants : sequence of str
         `PLACED`, `LEVELLED` or both, the study's own first.
     composite, contact : xarray.Dataset
-        As in `gstlib.coupling.embedding.place_patch`; for `PLACED`.
+        As in `gstlib.coupling.embedding.place_patch`, for `PLACED`.
     counterface : (y, x) xarray.DataArray, optional
         The prepared scan of the active tool's own face.
 
@@ -91,8 +91,7 @@ def solve_patches(
     ------
     patch, variant : str
     contact : ContactPath or Contact
-        Of the first variant with the path to it and the stiffness of the interface, if there are
-        steps.
+        If `steps` is given, the first variant has the path and the stiffness of the interface.
 
     Examples
     --------
@@ -149,9 +148,9 @@ def solve_patch(
     variant: str,
     **around: Any,
 ) -> Contact:
-    """The contact of one patch at its own pressure in one variant, without the path to it.
+    """The contact of one patch at its pressure in one variant, without the path to it.
 
-    `scan` is its prepared T0; `around` and the other parameters are as in `solve_patches`.
+    `scan` is its prepared T0. The other parameters are as in `solve_patches`.
     """
     settings = settings._replace(steps=None)
     solved = solve_patches(
@@ -176,11 +175,10 @@ LOAD_PATHS = (
 def with_interface_stiffness(path: ContactPath) -> ContactPath:
     """A path with the stiffness of the rough interface alone along its path.
 
-    A patch is cut out of the stone. Its displacement under a mean pressure has two parts: that of
-    the interface, and that of the half-space under a load on the patch alone, which the
-    surrounding stone does not share in the computation. The second is the compliance of a flat
-    punch of the patch's outline, pressed in with the same solver; compliances in series add. Where
-    nothing touches, the stiffness is 0.
+    A patch is cut out of the stone. Its displacement under a mean pressure has two parts: the
+    displacement of the interface, and of the half-space under a load on the patch alone. The second
+    part results from the compliance of a flat punch with the outline of the patch. It is computed
+    with the same solver, and compliances in series add. Without contact, the stiffness is 0.
     """
     height, stiffness = path.final.interface.height, path.stiffness
     punch = _punch_stiffness(height.shape, spacing_of(height), path.final.modulus)
@@ -208,11 +206,10 @@ def _punch_stiffness(
 def microscale_tables(
     contacts: Mapping[str, xr.Dataset],
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The state of each patch at its own pressure, and its load path.
+    """The state of each patch at its pressure, and its load path.
 
-    `contacts` are those of `solve_patches` by patch, as stored (`ContactPath.to_dataset`).
-    The residual is rounded up to a power of ten: its digits are rounding, which differs from
-    processor to processor.
+    `contacts` are the contacts from `solve_patches` by patch, as stored (`ContactPath.to_dataset`).
+    The residual is rounded up to a power of ten, because its digits differ between processors.
     """
     states, paths = [], []
     for patch, contact in contacts.items():

@@ -1,8 +1,8 @@
-"""Cases beside the study's own contacts: what would change, had it been asked otherwise?
+"""Cases beside the study's contacts: a grinding force, and a cap on the pressure.
 
-A grinding force, and a cap on the pressure, act on each patch in the study. The table of cases
-has one number a row, with the study's own beside it where the two are compared. Fields are not
-stored: `solve_slip` and `solve_capped` give them from a stored contact.
+Both act on each patch in the study. The table of cases has one number in each row, beside the
+number of the study if the two are compared. Fields are not stored. `solve_slip` and `solve_capped`
+compute them from a stored contact.
 """
 
 import logging
@@ -51,7 +51,7 @@ _UNITS = {
     "share at the cap": "1",
     "deepest yield": "um",
 }
-# Unit and long name of what a case consists of.
+# Unit and long name of each quantity of a case.
 _VARIABLES = {
     "pressure": ("MPa", "contact pressure"),
     "gap": ("mm", "gap between the bodies; minus the depth of yield"),
@@ -77,11 +77,11 @@ def solve_slip(
     poisson: float,
     source: str | Path = "patch",
 ) -> xr.Dataset:
-    """Stick and slip of a solved contact under a tangential load; its normal part stays as it is.
+    """Stick and slip of a solved contact under a tangential load. Its normal part does not change.
 
-    With Coulomb friction μ and a tangential force Q that grows at constant normal force P, the
-    tractions are q = μ [p(P) − p(P₀)], P₀ = P − Q/μ: full friction less that of the contact under
-    the reduced load. That smaller contact sticks; the rest of the contact slips.
+    A tangential force Q grows at constant normal force P, with Coulomb friction μ. The tractions
+    are q = μ [p(P) − p(P₀)], P₀ = P − Q/μ: full friction minus the friction of the contact under
+    the reduced load. This smaller contact sticks, and the rest slips.
 
     Parameters
     ----------
@@ -99,8 +99,8 @@ def solve_slip(
     Returns
     -------
     xarray.Dataset
-        ``traction`` (y, x) MPa, along the load; ``stick``, ``slip`` (y, x) bool, which together
-        are the contact; ``tangential_displacement`` mm.
+        ``traction`` (y, x) MPa, along the load. ``stick``, ``slip`` (y, x) bool, which together are
+        the contact. ``tangential_displacement`` mm.
 
     Raises
     ------
@@ -147,17 +147,17 @@ def solve_capped(
 ) -> xr.Dataset:
     """A solved contact solved again with a cap on its pressure, at the same mean pressure.
 
-    An elastic solution puts pressures on the summits of a stone that far exceed what any stone
-    bears. The contact with p ≤ H says how much of the prediction rests on them.
+    In an elastic solution, pressures at the summits far exceed the strength of any stone. The
+    contact with p ≤ H shows how much of the prediction depends on them.
 
-    `pressure_cap` is the largest pressure that an element bears; the rest is as in `solve_slip`.
+    `pressure_cap` is the largest pressure of an element. The rest is as in `solve_slip`.
 
     Returns
     -------
     xarray.Dataset
-        ``pressure`` (y, x) MPa; ``gap`` (y, x) mm, where the pressure is at the cap minus the
-        depth of the yield; ``displacement`` mm, ``capped_fraction`` (of the contact), ``residual``
-        and ``pressure_cap`` MPa.
+        ``pressure`` (y, x) MPa. ``gap`` (y, x) mm; at the cap, it is minus the depth of the yield.
+        ``displacement`` mm, ``capped_fraction`` (of the contact), ``residual`` and ``pressure_cap``
+        MPa.
 
     Examples
     --------
@@ -196,18 +196,18 @@ def case_table(
     Parameters
     ----------
     contacts : mapping of str to Contact
-        Those of the patches in the study; each is looked up once.
+        The contacts of the patches in the study. Each is looked up once.
     grinding : mapping, optional
-        The arguments ``friction``, ``tangential_ratio`` and ``poisson`` of `solve_slip`; without
-        it the case is left out.
+        The arguments ``friction``, ``tangential_ratio`` and ``poisson`` of `solve_slip`. If it is
+        None, the case is left out.
     pressure_cap : float, optional
-        That of `solve_capped`, likewise. A patch that bears more on average is left out, with a
+        The cap of `solve_capped`, likewise. A patch with a larger mean pressure is left out, with a
         warning.
 
     Returns
     -------
     pandas.DataFrame
-        ``case, patch, quantity, unit, value``; ``patch`` is empty where a row is of all patches.
+        ``case, patch, quantity, unit, value``. ``patch`` is empty if a row describes all patches.
     """
     numbers: dict[tuple[str, str], dict[str, float]] = {}
     if grinding is not None:
@@ -249,7 +249,7 @@ def case_table(
 def slip_numbers(slip: xr.Dataset) -> dict[str, float]:
     """One patch under a grinding force, from `solve_slip`, by quantity.
 
-    The rest of the contact sticks. Without contact the share that slips is NaN.
+    The rest of the contact sticks. If the patch has no contact, the share that slips is NaN.
     """
     sticking, slipping = int(slip.stick.sum()), int(slip.slip.sum())
     return {
@@ -266,7 +266,7 @@ def capped_numbers(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """One patch without and with a cap on its pressure, from its contact and `solve_capped`.
 
-    Without contact, the share at the cap is 0.
+    If the patch has no contact, the share at the cap is 0.
     """
     at_cap = limited.pressure.values >= float(limited.pressure_cap)
     elastic = {
