@@ -1,4 +1,4 @@
-"""What a study is given: elastic constants, load, and the law of wear."""
+"""The conditions of a study: elastic constants, load, and the law of wear."""
 
 # ASSUME: Scale of other laws of wear. A threshold and an exponent act on the mean pressure of a
 # patch. Inside a patch, the loss stays proportional to pressure. Reason: Losses are compared and
@@ -46,7 +46,7 @@ class Law(NamedTuple):
         )
 
     def rate(self, pressure: Any) -> Any:
-        """Loss at each pressure (MPa), but for a coefficient."""
+        """Loss at each pressure (MPa), up to a coefficient."""
         if self.is_archard:
             return pressure
         excess = np.maximum(np.asarray(pressure) - self.threshold_MPa, 0.0)
@@ -56,7 +56,7 @@ class Law(NamedTuple):
         """Pressures (MPa) at which Archard's law would remove as much.
 
         The mean over the patches, which are the last axis, is kept at the pressures `before` use.
-        These are by default the pressures themselves. So a wear coefficient keeps its unit.
+        These are by default the pressures themselves. A wear coefficient therefore keeps its unit.
 
         Examples
         --------
@@ -85,9 +85,9 @@ def study_modulus(material: Mapping) -> float:
 def study_poisson(material: Mapping) -> float:
     """Poisson's ratio of two like stones as compliant tangentially as the study's two are.
 
-    The mean of both ratios weighted by the stones' shear compliance 1/G = 2 (1 + ν)/E: with it,
-    (2 − ν)/(2 (1 − ν)) is the sum of (2 − ν)/(4G) over the sum of (1 − ν)/(2G), tangential over
-    normal compliance (Johnson, Contact Mechanics, §7.2).
+    The mean of both ratios is weighted by the stones' shear compliance 1/G = 2 (1 + ν)/E. The ratio
+    of tangential to normal compliance is then (2 − ν)/(2 (1 − ν)). It equals the ratio of the
+    sums of (2 − ν)/(4G) and of (1 − ν)/(2G) (Johnson, Contact Mechanics, §7.2).
     """
     # ASSUME: Tangential compliance of different stones. If the two stones differ, their tangential
     # compliances add. Dundurs' β, by which tangential tractions press unlike bodies apart, is
@@ -105,7 +105,7 @@ def load_force(load: Mapping[str, Any], size_mm: float) -> float:
 
 
 def resolved_load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float, float]:
-    """Where (y, x), mm, the force acts: where the section says, or in the middle of the square."""
+    """The load point (y, x), mm: as in the section, or the middle of the square."""
     x, y = load["at_mm"] or 2 * [size_mm / 2]
     return float(y), float(x)
 
@@ -113,7 +113,7 @@ def resolved_load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float,
 def rounded_form(
     config: Mapping[str, Any],
 ) -> tuple[float | Sequence[float] | None, float]:
-    """What `gstlib.macroscale.active_tool.RoundedTool` takes; the paper's tool is a flat."""
+    """Arguments of `gstlib.macroscale.active_tool.RoundedTool`. The paper's tool is a flat."""
     counterface = config["counterface"] or {}
     if config["coupling"] != "equilibrium":
         counterface = {}
@@ -121,7 +121,7 @@ def rounded_form(
 
 
 def study_radius(config: Mapping[str, Any]) -> float | None:
-    """Radius of the active tool, mm, of two the geometric mean; None of a flat."""
+    """Radius of the active tool, mm; the geometric mean of two radii; None for a flat."""
     radius_mm, _ = rounded_form(config)
     if isinstance(radius_mm, Sequence):
         return float(np.sqrt(np.prod(radius_mm)))

@@ -1,8 +1,8 @@
 """Errors in a study's input. Each message names the file or key, the value and the remedy.
 
-What a study reports has three levels, those of its log. A fault makes the result wrong: it is an
-error, and stops the study unless the config accepts it. A warning may make it wrong. A note is good
-to know.
+A study reports messages at the three levels of its log. A fault makes the result wrong: it is an
+error, and stops the study unless the config accepts it. A warning may make it wrong. A note is
+useful.
 """
 
 import copy
@@ -34,7 +34,7 @@ logging.addLevelName(NOTE, "NOTE")
 
 # A message lists no more patches that can be accepted one by one.
 _MOST_LISTED = 3
-# What each fault says, by the name under which a config accepts it.
+# Meaning of each fault, by the name under which a config accepts it.
 FAULTS = {
     "placement": "patches do not lie on the mesh as the table and the config say",
     "heights": "T1 matches T0, but its heights are half or twice as large",
@@ -57,7 +57,7 @@ FAULTS = {
 
 
 class GstError(Exception):
-    """Base of the errors that gstlib raises on purpose; the message is meant for the user.
+    """Base of the errors that gstlib raises on purpose, with a message for the user.
 
     Examples
     --------
@@ -78,9 +78,9 @@ class InputError(GstError):
     source : str or Path
         The file, or the config key, at fault.
     problem : str
-        What is wrong, with the offending value.
+        The problem, with the offending value.
     remedy : str
-        What to do about it.
+        The action that solves it.
 
     Examples
     --------
@@ -128,7 +128,7 @@ class ConfigError(InputError):
 
 
 class FaultError(InputError):
-    """What makes a result wrong, unless a user who knows better accepts it.
+    """A problem that makes a result wrong, unless the config accepts it.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class FaultError(InputError):
     source, problem, remedy
         As of an `InputError`.
     patches : sequence of str
-        The patches that the fault concerns; empty if it does not concern single patches.
+        The patches that the fault concerns. It is empty if it does not concern single patches.
     """
 
     def __init__(
@@ -177,9 +177,9 @@ class OutputError(InputError):
 
 
 class InputsError(GstError):
-    """Several errors at once, given as a sequence; the message lists them all.
+    """Several errors at once, as a sequence. The message lists them all.
 
-    What is wrong with several files in the same way is one error of all of them.
+    If several files have the same problem, it is one error for all of them.
     """
 
     def __str__(self) -> str:
@@ -212,33 +212,33 @@ def _as_one(errors: list[GstError]) -> GstError:
 
 
 def unaccepted(errors: Iterable[GstError], accepted: Container[str]) -> list[GstError]:
-    """The errors that stop a study; each fault that is `accepted` is logged as an error.
+    """The errors that stop a study. Each fault that is `accepted` is logged as an error.
 
-    `accepted` holds names of faults, and ``name:patch`` for single patches.
+    `accepted` contains names of faults, and ``name:patch`` for single patches.
     """
     return [error for error in errors if not _passes(error, accepted)]
 
 
 def _passes(error: GstError, accepted: Container[str]) -> bool:
-    """Whether an error is a fault that is accepted; it is then logged."""
+    """Whether an error is a fault that is accepted. If so, it is logged."""
     if passes := isinstance(error, FaultError) and error.is_accepted(accepted):
         _log.error("%s", InputError.__str__(error))
     return passes
 
 
 def raise_unless_accepted(errors: Iterable[GstError], accepted: Container[str]) -> None:
-    """Raise the errors that stop a study, as one; `accepted` is that of `unaccepted`."""
+    """Raise the errors that stop a study, as one. For `accepted`, see `unaccepted`."""
     if stopping := unaccepted(errors, accepted):
         raise InputsError(stopping)
 
 
-# What is accepted, and the patches that are concerned, for checks deep within a reader.
+# The accepted faults and the patches concerned, for checks deep within a reader.
 _ACCEPTED: ContextVar[Container[str]] = ContextVar("accepted", default=())
 _CONCERNED: ContextVar[Sequence[str]] = ContextVar("concerned", default=())
 
 
 def accepting(accepted: Container[str]) -> AbstractContextManager[None]:
-    """Let `refuse` accept these faults; `accepted` is that of `unaccepted`."""
+    """Let `refuse` accept these faults. For `accepted`, see `unaccepted`."""
     return _set(_ACCEPTED, accepted)
 
 
@@ -258,7 +258,7 @@ def _set(variable: ContextVar, value: object) -> Iterator[None]:
 
 
 def refuse(fault: FaultError) -> None:
-    """Raise a fault, unless it is accepted where this is called (`accepting`)."""
+    """Raise a fault, unless the caller accepts it (`accepting`)."""
     fault.patches = fault.patches or tuple(_CONCERNED.get())
     if not _passes(fault, _ACCEPTED.get()):
         raise fault
