@@ -1,1 +1,1 @@
-"""The face of the stone, what is pressed on it, and how it comes to rest."""
+"""The face of the stone, the active tool on it, and their equilibrium."""

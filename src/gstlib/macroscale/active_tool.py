@@ -1,12 +1,12 @@
 """The active tool's own face over the square: posed on the passive tool, and moved on it.
 
-Only the gap between two faces enters a contact of half-spaces, so that the heights of both add
-(Bemporad & Paggi, Int. J. Solids Struct. 69-70 (2015) 465). All that a contact needs of the second
-stone is its heights over the square, positive towards the first.
+A contact of half-spaces depends only on the gap between two faces, so the heights of both add
+(Bemporad & Paggi, Int. J. Solids Struct. 69-70 (2015) 465). A contact needs only the heights of the
+second stone over the square, positive towards the first.
 
-A pose says where the active tool stands on the passive one. Whichever way it is given, it comes
-down to a frame of the active mesh: that of the square as seen on the active face, which is laid on
-the passive one turned over about the square's y axis, so that its x runs against the other's.
+A pose is the position of the active tool on the passive one. In either form it defines a frame of
+the active mesh: the frame of the square as seen on the active face. The active face is turned over
+about the square's y axis, so that its x runs against the other x.
 """
 
 # ASSUME: Paraboloid as the active tool. An active tool without a mesh is a paraboloid of one or two
@@ -45,7 +45,7 @@ __all__ = [
 ]
 
 _KEY = "counterface.pose"
-# A pose moves the stone and neither stretches nor mirrors it; typed digits deviate by less.
+# A pose moves the stone and neither stretches nor mirrors it. Typed digits deviate by less.
 _RIGID = 1e-3
 
 
@@ -55,9 +55,9 @@ class RoundedTool(NamedTuple):
     Attributes
     ----------
     radius_mm : float, (float, float) or None
-        Its radius, or that along an axis and that across it; None of a flat.
+        Its radius, or the radii along and across an axis. None for a flat.
     angle_deg : float
-        Of that axis, from x towards y.
+        Direction of this axis, from x towards y.
     """
 
     radius_mm: float | Sequence[float] | None
@@ -68,7 +68,7 @@ FLAT = RoundedTool(None)
 
 
 class ActiveTool(NamedTuple):
-    """The mesh of an active tool, and where it stands on the passive one.
+    """The mesh of an active tool, and its pose on the passive one.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class ActiveTool(NamedTuple):
     pose : mapping
         As in `pose_frame`.
     reach_mm : float
-        How far around the passive face its own is wanted.
+        Margin of its face around the passive face.
     source : str
         Name of the mesh's file, for messages.
     """
@@ -106,16 +106,16 @@ def stated_tool(
 def pose_frame(
     pose: Mapping, frame: Frame, mesh: "trimesh.Trimesh", *, size_mm: float, source: str
 ) -> Frame:
-    """The frame on the active mesh of the square that is laid on the passive one, turned over.
+    """The frame, on the active mesh, of the square that is turned over onto the passive one.
 
     Parameters
     ----------
     pose : mapping
-        ``points_mm``, three points of the active mesh as in
-        `gstlib.surfaces.frames.frame_from_points`: its own square; or ``matrix``, which takes
-        points of the active mesh to the passive mesh (4 × 4, mm).
+        Either ``points_mm``, three points of the square on the active mesh (see
+        `gstlib.surfaces.frames.frame_from_points`), or ``matrix``, which maps points of the active
+        mesh to the passive mesh (4 × 4, mm).
     frame : Frame
-        Of the square on the passive mesh.
+        Frame of the square on the passive mesh.
     mesh : trimesh.Trimesh
         The active tool, mm.
     size_mm : float
@@ -126,7 +126,7 @@ def pose_frame(
     Raises
     ------
     ConfigError
-        The pose is none.
+        The pose is invalid.
     """
     if "points_mm" in pose:
         try:
@@ -154,9 +154,9 @@ def pose_frame(
 
 
 def posed_mesh(stone: ActiveTool, frame: Frame, *, size_mm: float) -> "trimesh.Trimesh":
-    """The active tool (mm) where it stands on the passive one, but for its tilt, to be looked at.
+    """The active tool (mm) in its pose on the passive one, for display. Its tilt is not included.
 
-    `frame` is that of the square, of side `size_mm`, on the passive tool.
+    `frame` is the frame of the square, of side `size_mm`, on the passive tool.
     """
     own = pose_frame(
         stone.pose, frame, stone.mesh, size_mm=size_mm, source=stone.source
@@ -173,10 +173,9 @@ def rounded_counterface(
     middle: tuple[float, float],
     angle_deg: float = 0.0,
 ) -> xr.DataArray:
-    """The face of a rounded active tool over a surface (y, x), mm; 0 of a flat.
+    """The face of a rounded active tool over a surface (y, x), mm; 0 for a flat.
 
-    `radius_mm` and `angle_deg` are as in `RoundedTool`; `middle` (y, x), mm, is where its summit
-    lies.
+    `radius_mm` and `angle_deg` are as in `RoundedTool`, and its summit is at `middle` (y, x), mm.
 
     Examples
     --------
@@ -203,7 +202,7 @@ def as_round_as(
 ) -> xr.DataArray:
     """The face of a rounded active tool of `radius_mm`, mm, with its radii in proportion.
 
-    `other_mm` is the radius that takes the place of `radius_mm`; of two radii, the geometric mean.
+    `other_mm` replaces the radius `radius_mm`, or the geometric mean of two radii.
 
     Examples
     --------
@@ -233,7 +232,7 @@ def grid_counterface(
     surface : (ny, nx) xarray.DataArray
         Heights of the passive tool over the square and the face around it, mm above `frame`.
     frame : Frame
-        Of the square on the passive tool.
+        Frame of the square on the passive tool.
     size_mm : float
         Side of the square.
     interpolation : str
@@ -242,14 +241,14 @@ def grid_counterface(
     Returns
     -------
     (my, mx) xarray.DataArray
-        Heights towards the passive tool, mm, in the square's coordinates, less the plane of those
-        over the square; NaN where there is no stone.
+        Heights towards the passive tool, mm, in the square's coordinates, minus their plane over
+        the square. They are NaN where stone is missing.
 
     Raises
     ------
     InputError, ConfigError
-        The active tool misses the square or looks away from it; the stones are apart, or in each
-        other, by more than their relief; or as in `grid_mesh` and `pose_frame`.
+        The active tool misses the square or faces away from it. The gap or overlap of the stones
+        exceeds their relief. See also `grid_mesh` and `pose_frame`.
     """
     mesh = stone.mesh
     pose = stone.pose
@@ -300,9 +299,9 @@ def face_in_pose(
 ) -> xr.DataArray:
     """The active face over the passive one after the stone was moved.
 
-    `face` is from `grid_counterface`; `height` (ny, nx) gives the grid, and `size_mm` is the side
+    `face` is from `grid_counterface`, `height` (ny, nx) gives the grid, and `size_mm` is the side
     of the square. The stone turns about the middle of the square, from x towards y, and is then
-    shifted by ``y_mm, x_mm`` of `pose`. Where there is no active tool, the result is NaN.
+    shifted by ``y_mm, x_mm`` of `pose`. The result is NaN where the active tool is missing.
 
     Raises
     ------

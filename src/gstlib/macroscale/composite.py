@@ -1,12 +1,13 @@
-"""The stone's surface at every scale: the mesh, the scans laid on it, and detail between them.
+"""The stone's surface at every scale: the mesh, the scans on it, and detail between them.
 
-The mesh shows how the stone runs and lacks the short waves, which decide where a flat touches. A
-scan has them, but not how its patch lies: the back of a mould is not flat. So each scan, level, is
-laid on the plane of the mesh's surface under its outline. Between the outlines, a random field with
-the spectrum of what the scans show beyond the mesh is added to the mesh's surface.
+The mesh shows the shape of the stone and lacks the short waves, which decide where a flat touches.
+A scan contains them, but not the tilt of its patch, because the back of a mould is not flat. Each
+levelled scan is therefore placed on the plane of the mesh's surface under its outline. Between the
+outlines, a random field is added to the mesh's surface. It has the spectrum of the detail that only
+the scans show.
 
-Measured against one contact of the whole square at the scans' resolution, these planes are what a
-prediction inside a patch needs most (docs/explanation/evidence.md).
+Compared with one contact of the whole square at the scans' resolution, these planes matter most for
+a prediction inside a patch (docs/explanation/evidence.md).
 """
 
 # ASSUME: Statistics of detail between scans. Detail that was not scanned is Gaussian and isotropic,
@@ -53,7 +54,7 @@ _PLANE_POINTS = 24
 _PLANE_DRAWS = 50
 # Sides, in patches, of the field on which the tilt of detail is measured.
 _TILT_PATCHES = 24
-# Where patches lie, and on which planes: unit and long name of each number.
+# Positions and planes of patches: unit and long name of each number.
 _LYING = {
     "x_mm": ("mm", "centre along x"),
     "y_mm": ("mm", "centre along y"),
@@ -99,30 +100,30 @@ def compose_surface(
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
     scans : mapping of str to xarray.Dataset
-        The prepared T0 scans by patch, with ``height`` (y, x), mm; each is looked up once.
+        The prepared T0 scans by patch, with ``height`` (y, x), mm. Each is looked up once.
     patch_mm : float
         Side of a patch.
     s_filter_um : float, optional
         Nesting index of the S-filter that the scans pass.
     placement_um : float
-        Standard deviation of a patch's place along each axis.
+        Standard deviation of a patch's position along each axis.
     seed : int
-        Of the random detail and of the draws for the planes' errors.
+        Seed of the random detail and of the draws for the planes' errors.
 
     Returns
     -------
     xarray.Dataset
-        ``height`` (y, x) mm; ``counterface`` and ``size_mm``, those of `face`; by patch
-        ``x_mm, y_mm, rotation_deg``; ``offset`` (mm), ``slope_y, slope_x``, the plane that the
-        patch is laid on, along its own axes; ``tilt_mrad``, that of the mesh's plane;
-        ``tilt_error_mrad``, the standard error along each axis; ``known``, whether the plane is
-        known better than by levelling: where it is not, the slopes are 0. ``scan`` (patch, v, u)
-        mm, the scans on a coarse grid; ``density`` (frequency) mm⁴, the power spectral density of
-        what they show beyond the mesh; ``patch_mm``.
+        ``height`` (y, x) mm, and ``counterface`` and ``size_mm`` of `face`. For each patch: ``x_mm,
+        y_mm, rotation_deg``, its plane ``offset`` (mm), ``slope_y, slope_x`` along its axes, the
+        tilt ``tilt_mrad`` of the mesh's plane, and its standard error ``tilt_error_mrad`` along
+        each axis. ``known`` is False if levelling is at least as accurate, and the slopes are then
+        0. ``scan`` (patch, v, u) mm contains the scans on a coarse grid. ``density`` (frequency)
+        mm⁴ is the power spectral density of the detail that only the scans show. ``patch_mm`` is
+        the side of a patch.
 
     Examples
     --------
-    A scan with waves of 0.2 mm, which a flat mesh does not show; most of the detail has them:
+    A scan has waves of 0.2 mm, which a flat mesh does not show. Most of the detail has them:
 
     >>> import gstlib
     >>> flat = gstlib.make_surface(np.zeros((20, 20)), 0.1)
@@ -208,8 +209,8 @@ def compose(
 ) -> xr.DataArray:
     """Heights (y, x), mm, of the composite surface on the points of any `grid`.
 
-    Inside an outline, the scan on its plane; elsewhere the surface of `spline` with random detail
-    of the given `density`.
+    Inside an outline it is the scan on its plane. Elsewhere it is the surface of `spline` with
+    random detail of this `density`.
     """
     y = grid.y.values
     x = grid.x.values
@@ -257,7 +258,7 @@ def compose_grid(
 
 
 def refined(surface: xr.DataArray, parts: int) -> xr.DataArray:
-    """A surface of zeros whose elements are those of a `surface`, each in so many parts a side."""
+    """A surface of zeros with each element of `surface` divided into so many parts a side."""
     shape = tuple(parts * count for count in surface.shape)
     steps = tuple(step / parts for step in spacing_of(surface))
     fine = make_surface(np.zeros(shape), steps)
@@ -300,7 +301,7 @@ def _plane_errors(
     placement_um: float,
     generator: np.random.Generator,
 ) -> np.ndarray:
-    """Standard error (mrad) of each patch's tilt: of the mesh, the place, and unseen waves."""
+    """Standard error (mrad) of each patch's tilt, by the mesh, the position and unseen waves."""
     slopes = np.empty((_PLANE_DRAWS, len(places), 2))
     height = square_of(face.height, float(face.size_mm))
     for draw, error in enumerate(
@@ -337,7 +338,7 @@ def _density(heights: np.ndarray, side_mm: float) -> tuple[np.ndarray, np.ndarra
     power = np.abs(waves) ** 2
     ring = np.rint(radial_frequency((count, count), step) * side_mm).astype(int)
     within = (ring > 0) & (ring <= count // 2)
-    # A term of the half plane stands for its conjugate too, but not where it lies on the edge.
+    # A term of the half plane also represents its conjugate, except on the edge.
     stands_for = np.full(power.shape, 2.0)
     stands_for[:, 0] = 1
     if count % 2 == 0:

@@ -1,8 +1,8 @@
 """One stone pressed many times, with something changed each time.
 
-The poses of a gesture, the errors that an interval draws and the uses that may have worn a stone
-differ in what they change: a pose, a height, a load point, a radius, a modulus. Each gives a
-sequence of cases; here they are pressed, and the pressure of every patch is taken.
+Poses of a gesture change the pose. Errors drawn for an interval and candidate load cases change a
+height, load point, radius or modulus. Each gives a sequence of cases. This module presses them and
+takes the pressure of every patch.
 """
 
 from collections.abc import Iterable, Iterator
@@ -27,10 +27,10 @@ __all__ = ["Case", "patch_means", "press_each"]
 
 
 class Case(NamedTuple):
-    """What is pressed once: two faces, their load, and their contact modulus (MPa).
+    """One case: two faces, their load, and their contact modulus (MPa).
 
-    `start` is a pressure (ny, nx), MPa, near that of the contact, from which it is found sooner;
-    `springs` (mm/MPa) is as in `gstlib.bem.solve_contact`.
+    The solver starts from `start`, a similar pressure (ny, nx), MPa, and converges sooner. See
+    `gstlib.bem.solve_contact` for `springs` (mm/MPa).
     """
 
     interface: Interface
@@ -43,7 +43,7 @@ class Case(NamedTuple):
 def press_each(
     cases: Iterable[Case], *, tolerance: float, source: str, in_order: bool = False
 ) -> Iterator[Contact | None]:
-    """The contact of each case, one at a time; None of a case that has none.
+    """The contact of each case, one at a time; None for a case without contact.
 
     A case has no contact if the stone tips over, or if the contact cannot be solved.
 
@@ -54,9 +54,9 @@ def press_each(
     tolerance : float
         As in `gstlib.contact.Contact`.
     source : str
-        What is pressed, for messages.
+        Name of the cases, for messages.
     in_order : bool
-        Cases that follow each other are alike: each contact starts from the one before.
+        Consecutive cases are similar, so each contact starts from the previous one.
     """
     start = None
     for case in cases:
@@ -83,8 +83,8 @@ def patch_means(
 ) -> "scipy.sparse.csr_array":
     """The matrix that takes a field on a grid to its mean over each patch.
 
-    The mean is over the area that T0 and T1 both cover where the place of T1 is known: a measured
-    loss is of this area. Otherwise it is over the outline of the patch.
+    If the position of T1 is known, the mean is over the area that T0 and T1 both cover, as for a
+    measured loss. Otherwise it is over the outline of the patch.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def patch_means(
     Returns
     -------
     scipy.sparse.csr_array, shape (patches, ny · nx)
-        Its product with the raveled field has the means; what lies beyond the grid counts as 0.
+        Its product with the raveled field contains the means. Areas beyond the grid count as 0.
     """
     element_mm2 = float(np.prod(spacing_of(grid)))
     covered = covered_areas(patches, size_mm)

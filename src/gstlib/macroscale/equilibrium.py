@@ -1,4 +1,4 @@
-"""The stone under its load, until its forces balance; the square alone stays on its plane."""
+"""The stone under its load, in equilibrium. The square alone stays on its plane."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ def face_under_load(
         `gstlib.macroscale.face.grid_macroscale` or `gstlib.macroscale.composite.compose_surface`.
     force_N : float
     load_point : (float, float) or None
-        As in `gstlib.contact.Load`: the whole face is free to tilt. Without it, the square is
+        As in `gstlib.contact.Load`: the whole face is free to tilt. If it is None, the square is
         pressed alone, on its mean plane.
     """
     interface = (

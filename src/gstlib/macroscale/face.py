@@ -1,7 +1,7 @@
-"""The use-face of a stone on a grid, and what is pressed on it.
+"""The use-face of a stone on a grid, and the active tool pressed on it.
 
-The *face* is the square and what is around it, as far as there is stone. The paper's square is cut
-out of it and pressed alone (`square_alone`).
+The *face* is the square and the stone around it. The paper's square is cut out of it and pressed
+alone (`square_alone`).
 """
 
 import logging
@@ -59,7 +59,7 @@ def grid_macroscale(
     interpolation: str = "best",
     source: str | Path = "mesh",
 ) -> tuple[xr.Dataset, xr.DataArray | None]:
-    """Heights of the use-face over the square and around it, and what is pressed on it.
+    """Heights of the use-face over the square and around it, and of the active tool.
 
     Parameters
     ----------
@@ -70,10 +70,10 @@ def grid_macroscale(
     size_mm, grid
         Side of the square, and elements along it.
     face_mm : float, optional
-        Side of the face, with the square in its middle; by default the square alone. It is made
-        of whole elements.
+        Side of the face, with the square in its middle. It is rounded to whole elements. The
+        default is the square alone.
     active_tool : ActiveTool or RoundedTool
-        The active tool; by default it is flat.
+        The active tool. The default is flat.
     interpolation : str
         As in `gstlib.preprocess.mesh.grid_mesh`.
     source : path
@@ -82,9 +82,9 @@ def grid_macroscale(
     Returns
     -------
     face : xarray.Dataset
-        That of `gstlib.preprocess.mesh.grid_mesh`, ``height`` without the plane of the square;
-        its frame, as in `gstlib.surfaces.frames.stored_frame`; ``counterface`` (y, x), mm, the
-        active tool over it, 0 of a flat; ``size_mm``, the side of the square.
+        The dataset of `gstlib.preprocess.mesh.grid_mesh`, with ``height`` minus the plane of the
+        square. It also contains the frame (see `gstlib.surfaces.frames.stored_frame`), the active
+        tool ``counterface`` (y, x), mm (0 for a flat), and the side ``size_mm`` of the square.
     counterface : (y, x) xarray.DataArray or None
         The mesh of an active tool, as far as it moves, from
         `gstlib.macroscale.active_tool.grid_counterface`.
@@ -140,9 +140,9 @@ def grid_macroscale(
 
 
 def without_curvature(face: xr.Dataset) -> xr.Dataset:
-    """The face without the curvature of its square, that of its least-squares quadric.
+    """The face without the curvature of its square, as in its least-squares quadric.
 
-    Use may have made it: a facet that is ground flat or hollow fits whatever ground it.
+    Use may have made it: a facet that is ground flat or hollow fits the tool that ground it.
 
     Examples
     --------
@@ -174,7 +174,7 @@ def without_curvature(face: xr.Dataset) -> xr.Dataset:
 
 
 def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> None:
-    """Refuse a face that is mostly beyond the stone; warn of one that is large for the stone."""
+    """Refuse a face that is mostly beyond the stone, and warn if it is large for the stone."""
     absent = float(np.isnan(height.values).mean())
     if absent > _MOST_ABSENT:
         problem = (
@@ -204,9 +204,9 @@ def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> N
 
 
 def largest_face(thickness_mm: float) -> float:
-    """The largest side (mm) of a face of which a stone is no thinner under its square.
+    """The largest side (mm) of a face that does not exceed the thickness of the stone.
 
-    It is the thickness that is said of a stone, too, in tenths of a millimetre.
+    It is the thickness under the square, rounded down to tenths of a millimetre.
 
     Examples
     --------

@@ -1,11 +1,10 @@
-"""A gesture: many poses of the active tool, and what their contacts leave on the face together.
+"""A gesture: many poses of the active tool, and the combined effect of their contacts.
 
-The active tool slides and turns on the passive one. A hand also scatters: the point through which
-it pushes is never quite the same, and the stone comes to rest elsewhere. Each pose is a contact of
-its own, at rest. Kept of all are, on each element and each patch, the mean and the highest
-pressure, how often it is touched, and the exposure: pressure times sliding, summed over the poses,
-which is what Archard's law takes. Poses that follow each other are alike, so that each contact
-starts from the one before.
+The active tool slides and turns on the passive one. A hand also scatters: its load point varies,
+and with it the equilibrium of the stone. Each pose is a separate contact in equilibrium. The
+results, for each element and each patch, are the mean and highest pressure, the fraction of poses
+that touch it, and the exposure. The exposure is pressure times sliding, summed over the poses, as
+in Archard's law. Consecutive poses are similar, so each contact starts from the previous one.
 """
 
 # ASSUME: Poses as separate contacts. Each pose is a contact in equilibrium under its own force, and
@@ -50,7 +49,7 @@ _COLUMNS = [
     "turning_deg",
     "weight",
 ]
-# What is kept of each pose.
+# Results that are kept for each pose.
 _BY_POSE = (
     "weight",
     "displacement",
@@ -80,16 +79,16 @@ class Gesture(NamedTuple):
     Attributes
     ----------
     counterface : (ny, nx) xarray.DataArray
-        Of a flat or rounded stone the heights over the face, for to move it is to move the load
-        point.
+        If the tool is flat or rounded, it contains its heights: moving it is moving the load point.
     mesh : (my, mx) xarray.DataArray or None
-        What is pressed in its place, from `gstlib.macroscale.active_tool.grid_counterface`.
+        The mesh that replaces it, from `gstlib.macroscale.active_tool.grid_counterface`.
     size_mm : float
         Side of the square, about whose middle a stone turns.
     load_point : (float, float)
-        Where (y, x), mm, the force acts in the pose at (0, 0).
+        Load point (y, x), mm, in the pose at (0, 0).
     poses : pandas.DataFrame
-        From `stroke_poses` or `scatter_poses`, or a table of their columns; the index numbers them.
+        The table from `stroke_poses` or `scatter_poses`, or one with the same columns. The index
+        numbers the poses.
     """
 
     counterface: xr.DataArray
@@ -105,7 +104,7 @@ class Gesture(NamedTuple):
         return face_in_pose(self.mesh, height, place, size_mm=self.size_mm)
 
     def case(self, height: xr.DataArray, pose: Any, modulus: float) -> Case:
-        """What is pressed in a pose, a row of `poses`."""
+        """The case that is pressed in a pose, a row of `poses`."""
         place = PatchPosition(pose.y_mm, pose.x_mm, pose.rotation_deg)
         load_point = self.load_point[0] + pose.y_mm, self.load_point[1] + pose.x_mm
         load = Load.of_force(pose.force_N, height, load_point)
@@ -113,7 +112,7 @@ class Gesture(NamedTuple):
 
 
 def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFrame:
-    """The poses of a stroke along x, with its middle where the active tool is posed.
+    """The poses of a stroke along x, with its middle at the pose of the active tool.
 
     Parameters
     ----------
@@ -122,14 +121,14 @@ def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFram
     poses : int
         Their number, in even steps.
     force_N : float
-        Of every pose.
+        Force in every pose.
 
     Returns
     -------
     pandas.DataFrame
-        ``x_mm, y_mm`` (shift of the active tool along the square's axes), ``rotation_deg`` (its
-        turn about the middle of the square, from x towards y), ``force_N``, ``sliding_mm`` and
-        ``turning_deg`` (how far it slides and turns in the pose) and ``weight``.
+        ``x_mm, y_mm``: shift of the active tool along the square's axes. ``rotation_deg``: its
+        rotation about the middle of the square, from x towards y. ``force_N``. ``sliding_mm`` and
+        ``turning_deg``: its sliding and rotation in the pose. ``weight``.
 
     Examples
     --------
@@ -201,7 +200,7 @@ def press_poses(
 
     Examples
     --------
-    A round tool, pressed on a flat in two places that are 2 mm apart, each in a patch:
+    A round tool, pressed on a flat at two points that are 2 mm apart, each in a patch:
 
     >>> import gstlib
     >>> from gstlib.macroscale.gesture import Gesture, stroke_poses
@@ -272,11 +271,11 @@ def press_poses(
 
 
 def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:
-    """What all poses leave together, from batches of `press_poses` in order.
+    """The exposure of all poses together, from batches of `press_poses` in order.
 
-    The result has ``mean_pressure``, ``highest_pressure`` (MPa), ``touched`` (share) and
-    ``exposure`` (N/mm) by element (y, x), ``pressure`` of the poses shown, and by ``pose`` what
-    `press_poses` gives.
+    For each element (y, x), the result contains ``mean_pressure``, ``highest_pressure`` (MPa),
+    ``touched`` (share) and ``exposure`` (N/mm). It also contains ``pressure`` of the poses shown,
+    and the results of `press_poses` by ``pose``.
     """
     parts = list(batches)
     of_poses = xr.concat(
@@ -302,8 +301,8 @@ def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:
 def exposure_table(exposed: xr.Dataset, pressures: pd.DataFrame) -> pd.DataFrame:
     """The table ``exposure.csv``: each patch over the gesture, beside its single pose.
 
-    `exposed` is from `exposure`; `pressures` has ``patch, pressure_MPa``. The result has ``patch,
-    pressure_MPa`` (in the single pose), ``mean_pressure_MPa, lowest_pressure_MPa,
+    `exposed` is from `exposure`, and `pressures` has ``patch, pressure_MPa``. The result has
+    ``patch, pressure_MPa`` (in the single pose), ``mean_pressure_MPa, lowest_pressure_MPa,
     highest_pressure_MPa, touched`` (share of the poses), ``exposure_N_per_mm``.
 
     Examples

@@ -1,6 +1,6 @@
-"""What a macroscale contact should make its reader doubt: each a sentence with number and remedy.
+"""Reasons to doubt a macroscale contact, each a sentence with number and remedy.
 
-None of it stops a study. All of it has stood behind numbers that looked right.
+They do not stop a study. Each has caused wrong numbers that looked right.
 """
 
 import math
@@ -15,28 +15,28 @@ from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["plausibility_warnings"]
 
-# Along an edge, so wide a strip (over the side) is told apart. Of a sound contact it bears next to
-# nothing; a square cut out of a stone and pressed alone bears a quarter of its load there
+# Width of the strip along an edge (over the side). In a sound contact it carries almost no load. A
+# square that is cut out of a stone and pressed alone carries a quarter of its load there
 # (docs/explanation/evidence.md).
 _EDGE, _MOST_AT_EDGE = 0.02, 0.05
 # Quartz, the hardest mineral of common stones, indents at 11 to 12 GPa.
 _STRONGEST_MPA = 12_000.0
-# Less of the force in the square, and its patches say nothing about the use of the stone.
+# With less of the force in the square, its patches do not show how the stone was used.
 _LEAST_IN_SQUARE = 0.1
 # Beyond this slope, heights along the normal are 2 % shorter than across the surface.
 _STEEP = 0.2
 # A patch's pressure is the sum over its elements: with fewer along a side, their edges decide it.
 _FEWEST_ELEMENTS = 5
-# A load point so close to the outline of what touches (over the side) is about to cross it.
+# A load point so close to the outline of the contact (over the side) is about to cross it.
 _NEAR = 0.02
 
 
 def plausibility_warnings(
     contact: Contact, *, size_mm: float, patch_mm: float | None = None
 ) -> Iterator[str]:
-    """Sentences about a contact at the macroscale, as stored; none if it is sound.
+    """Sentences about a stored contact at the macroscale. A sound contact gives no sentence.
 
-    `size_mm` is the side of the square; `patch_mm` is that of a patch, if there are any.
+    `size_mm` is the side of the square, and `patch_mm` the side of its patches, if any.
     """
     pressure = contact.pressure.values
     plane = contact.interface.plane
@@ -88,7 +88,7 @@ def plausibility_warnings(
 
 
 def _along_edge(contact: Contact) -> np.ndarray:
-    """Mask (ny, nx) of the elements near the edge of the grid, or of what there is of the stone."""
+    """Mask (ny, nx) of the elements near the edge of the grid, or of the stone."""
     reach = max(1, round(_EDGE * len(contact.pressure.y)))
     face = contact.interface
     there = np.isfinite(face.height.values + face.counterface.values)
@@ -99,9 +99,9 @@ def _along_edge(contact: Contact) -> np.ndarray:
 
 
 def _inside_outline(contact: Contact) -> float | None:
-    """How far (mm) the load point lies inside the convex outline of what touches.
+    """Distance (mm) of the load point from the convex outline of the contact, positive inside.
 
-    None for a contact on a fixed plane; NaN for one whose outline has no width.
+    None for a contact on a fixed plane, and NaN for a contact whose outline has no width.
     """
     if contact.load.load_point is None:
         return None

@@ -1,7 +1,7 @@
-"""Where to scan, before anything is scanned: places with the most exposure, and some with none.
+"""Scan positions, chosen before any scan: the most exposed ones, and controls without exposure.
 
-T0 has to be moulded before use, when the mesh is all there is. A gesture on the mesh says where the
-stones will rub; from its exposure come places of a patch's size, and controls beside them.
+T0 has to be moulded before use, when only the mesh exists. A gesture on the mesh predicts where the
+stones will rub. Its exposure gives positions of patches, and controls beside them.
 """
 
 # ASSUME: Greedy choice of scan positions. Positions are chosen one after the other. Each is the
@@ -34,18 +34,18 @@ __all__ = [
 _log = logging.getLogger(__name__)
 
 EXPOSED, CONTROL = "exposed", "control"
-# As many scans as a day at a microscope allows; a third of them controls.
+# As many scans as a day at a microscope allows. A third of them are controls.
 COUNTS = {EXPOSED: 8, CONTROL: 4}
 # Centres may differ from whole elements by rounding (mm).
 _ROUNDING = 1e-9
-# With a smaller share of the exposure inside, the square lies beside where the stones rub.
+# With a smaller share of the exposure inside, the stones rub beside the square.
 _LEAST_INSIDE = 0.5
 
 
 def propose_places(
     fields: xr.Dataset, *, size_mm: float, patch_mm: float
 ) -> pd.DataFrame:
-    """Places to scan in the square, with a warning where there are too few of a kind.
+    """Positions to scan in the square, with a warning if there are too few of a kind.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ def propose_places(
     -------
     pandas.DataFrame
         The table ``places.csv``: ``place, kind, x_mm, y_mm, exposure_N_per_mm`` (mean over the
-        place) and ``touched`` (its highest value in the place). E1 is the most exposed; C1 lies
-        farthest from what is touched.
+        position) and ``touched`` (its highest value there). E1 is the most exposed. C1 is farthest
+        from all touched elements.
 
     Examples
     --------
@@ -101,18 +101,18 @@ def propose_places(
 
 
 class _Candidates(NamedTuple):
-    """All places of a patch's size in the square, (n, n) by their centres along y and x.
+    """All positions of a patch in the square, (n, n) by their centres along y and x.
 
     Attributes
     ----------
     centres : (n,) ndarray
         Along either axis, mm.
     exposure : (n, n) ndarray
-        Mean over the place, N/mm.
+        Mean over the patch, N/mm.
     touched : (n, n) ndarray
-        Highest value in the place.
+        Highest value in the patch.
     away : (n, n) ndarray
-        How far (mm) the place lies from what is touched; 0 if it is touched itself.
+        Distance (mm) from the nearest touched element, 0 if the patch itself is touched.
     """
 
     centres: np.ndarray
@@ -121,7 +121,7 @@ class _Candidates(NamedTuple):
     away: np.ndarray
 
     def gaps(self, row: int, column: int, patch_mm: float) -> np.ndarray:
-        """How far (mm) one place lies from all others; below 0 where they overlap."""
+        """Distance (mm) of one position from all others, negative if they overlap."""
         apart_y = np.abs(self.centres - self.centres[row])
         apart_x = np.abs(self.centres - self.centres[column])
         return np.maximum.outer(apart_y, apart_x) - patch_mm + _ROUNDING
@@ -142,19 +142,19 @@ def _candidates(fields: xr.Dataset, size_mm: float, patch_mm: float) -> _Candida
 
 
 def _centres(element: float, size_mm: float, patch_mm: float) -> np.ndarray:
-    """Centres (mm), along either axis, of the places that fit in the square."""
+    """Centres (mm), along either axis, of the positions that fit in the square."""
     first = patch_mm / 2 - _ROUNDING
     last = size_mm - patch_mm / 2 + _ROUNDING
     steps = np.arange(np.ceil(first / element), np.floor(last / element) + 1)
     whole = steps * element
-    # of a patch as wide as the square there is one place only
+    # a patch as wide as the square has only one position
     return whole if len(whole) else np.array([size_mm / 2])
 
 
 def _shares(
     along: np.ndarray, step: float, centres: np.ndarray, patch_mm: float
 ) -> np.ndarray:
-    """Share (places, elements) of a place's side that lies in each element `along` an axis."""
+    """Share (positions, elements) of a patch's side in each element `along` an axis."""
     ends = (
         np.minimum(along + step / 2, centres[:, None] + patch_mm / 2),
         np.maximum(along - step / 2, centres[:, None] - patch_mm / 2),
@@ -166,7 +166,7 @@ def _shares(
 def _highest(
     values: np.ndarray, along_y: np.ndarray, along_x: np.ndarray
 ) -> np.ndarray:
-    """Highest of the values (ny, nx) in each place, from the elements in it along both axes."""
+    """Highest of the values (ny, nx) at each position, from its elements along both axes."""
     rows = np.stack([values[inside].max(axis=0) for inside in along_y])
     return np.stack([rows[:, inside].max(axis=1) for inside in along_x], axis=1)
 
@@ -192,11 +192,11 @@ class Concentration(NamedTuple):
     Attributes
     ----------
     in_square : float
-        Share of the face's exposure that lies in the square.
+        Share of the face's exposure in the square.
     half_area : float
-        Smallest share of the square's area that holds half of the square's exposure.
+        Smallest share of the square's area with half of the square's exposure.
     in_places, places_area : float
-        Share of the square's exposure, and of its area, in the exposed places.
+        Share of the square's exposure, and of its area, at the exposed positions.
     """
 
     in_square: float
@@ -208,9 +208,9 @@ class Concentration(NamedTuple):
 def concentration(
     fields: xr.Dataset, places: pd.DataFrame, *, size_mm: float, patch_mm: float
 ) -> Concentration:
-    """How the exposure is spread over face, square and places, from `propose_places`.
+    """Distribution of the exposure over face, square and positions from `propose_places`.
 
-    Warns if most of it lies beside the square.
+    Warns if most of it is beside the square.
     """
     inside = square_of(fields.exposure, size_mm).values
     in_square = float(inside.sum() / fields.exposure.sum())
