@@ -16,7 +16,7 @@ __all__ = ["Comparison", "compare", "interpolate"]
 _INTERPOLATIONS = ("linear", "clough-tocher", "cubic")
 # Nearest vertices that the cubic radial basis uses for a point.
 _NEIGHBOURS = 50
-# It takes 0.1 ms for a point, and between vertices it is smooth: so many points an edge hold it.
+# It takes 0.1 ms for a point. It is smooth between vertices, so this many points an edge suffice.
 _POINTS_PER_EDGE = 3
 # The vertices in the square are left out in so many random groups, one group at a time. If there
 # are more vertices than this, every second or third is left out: a few thousand take a second.
@@ -30,7 +30,7 @@ _TIE = 0.01
 def interpolate(
     interpolation: str, cloud: np.ndarray, along: np.ndarray, edge: float
 ) -> np.ndarray:
-    """Heights (n, n), mm, at places `along` (n,) both axes; `edge` is the mean one of the mesh."""
+    """Heights (n, n), mm, at points `along` (n,) both axes; `edge` is the mean edge of the mesh."""
     element = along[1] - along[0]
     wide = edge / _POINTS_PER_EDGE
     if interpolation != "cubic" or wide <= element:
@@ -47,8 +47,8 @@ def interpolate(
 class Comparison(NamedTuple):
     """How well interpolations predict vertices that were left out.
 
-    Those `tried`, the r.m.s. error `rms` (k,) of each, mm, and the one `chosen`; the `vertices`
-    (n, 3) left out, and its `errors` (n,) on them, mm.
+    The methods `tried`, the r.m.s. error `rms` (k,) of each, mm, and the method `chosen`. The
+    `vertices` (n, 3) left out, and its `errors` (n,) on them, mm.
     """
 
     tried: tuple[str, ...]
@@ -76,7 +76,7 @@ def compare(
 def _left_out(
     cloud: np.ndarray, inside: np.ndarray, tried: tuple[str, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Indices (n,) of vertices left out, and errors (k, n) on them of those tried, mm."""
+    """Indices (n,) of vertices left out, and errors (k, n) on them of each method, mm."""
     inside = inside[:: 1 + len(inside) // _MOST_LEFT_OUT]
     order = np.random.default_rng(_SEED).permutation(len(inside))
     group = order % _GROUPS
@@ -93,7 +93,7 @@ def _left_out(
 
 
 def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Heights (mm) at `places` (..., 2) from a cloud (n, 3); infinite where a cubic is impossible.
+    """Heights (mm) at `places` (..., 2) from a cloud (n, 3); infinite if a cubic is impossible.
 
     Outside the cloud, all but the cubic are NaN.
     """
@@ -118,6 +118,6 @@ def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.
 
 
 def _places(along: np.ndarray) -> np.ndarray:
-    """Places (n, n, 2), x and y, of a grid."""
+    """Points (n, n, 2), x and y, of a grid."""
     y, x = np.meshgrid(along, along, indexing="ij")
     return np.stack([x, y], axis=-1)

@@ -1,8 +1,8 @@
 """From a stone's mesh to the heights of its use-face on a regular grid.
 
-The use-face is separated from the rest of the stone; the cloud of its vertices is cropped larger
-than the grid and interpolated in the square's plane. The grid covers the square and, if asked for,
-the face around it, as far as there is stone.
+The use-face is separated from the rest of the stone. The cloud of its vertices is cropped larger
+than the grid and interpolated in the square's plane. The grid covers the square and, if requested,
+the stone around it.
 """
 
 import logging
@@ -28,12 +28,12 @@ _log = logging.getLogger(__name__)
 # ASSUME: Pin-holes of the mesh. Holes of the mesh up to 1 % of the square are pin-holes of the
 # scanner. Reason: The interpolation bridges them, as the paper's interpolation would.
 _BRIDGED_FRACTION = 1e-2
-# Fewest vertices in the square: fewer say little about the errors between them.
+# Fewest vertices in the square: from fewer, errors between them cannot be estimated.
 _FEWEST = 30
 
 
 def elements_around(size_mm: float, grid: int, face_mm: float | None) -> int:
-    """Elements of a face of this side on every side of its square; none without a larger face."""
+    """Elements of a face on every side of its square; 0 if the face is not larger."""
     return 0 if face_mm is None else max(0, round((face_mm / size_mm - 1) * grid / 2))
 
 
@@ -47,7 +47,7 @@ def grid_mesh(
     interpolation: str = "best",
     source: str = "mesh",
 ) -> xr.Dataset:
-    """Heights of the use-face over the analysed square and around it; how well vertices agree.
+    """Heights of the use-face over the analysed square and around it, and their errors.
 
     Parameters
     ----------
@@ -63,26 +63,26 @@ def grid_mesh(
     around : int
         Elements of the face on every side of the square.
     interpolation : {"linear", "clough-tocher", "cubic", "best"}
-        Linear over the Delaunay triangulation; smooth over it (Clough-Tocher); a cubic radial basis
-        of the 50 nearest vertices; or the one with the smallest error on left-out vertices.
+        Linear over the Delaunay triangulation, smooth over it (Clough-Tocher), or a cubic radial
+        basis of the 50 nearest vertices. "best" has the smallest error on left-out vertices.
     source : str
         Name of the mesh's file, for messages.
 
     Returns
     -------
     xarray.Dataset
-        ``height`` (y, x) along the normal, mm, above the frame's origin, at the element centres of
-        the face, the square's from 0 to `size_mm`; NaN where there is no stone. Its attributes
-        ``mesh_points`` (number interpolated), ``mesh_edge_mm`` (mean edge length in the crop),
-        ``interpolation``, and ``thickness_mm``, the stone's under the square, a low percentile
-        (NaN for a mesh without an underside). ``vertex_y, vertex_x`` (vertex), mm, of the vertices
-        left out, and ``left_out_error`` (vertex), mm: height less its prediction from the others.
+        ``height`` (y, x), mm, along the normal above the frame's origin, at the element centres of
+        the face. The square extends from 0 to `size_mm`. It is NaN where stone is missing.
+        Attributes: ``mesh_points`` (number interpolated), ``mesh_edge_mm`` (mean edge length in the
+        crop), ``interpolation``, and ``thickness_mm`` (a low percentile under the square, NaN for a
+        mesh without an underside). ``vertex_y, vertex_x`` (vertex), mm, of the vertices left out,
+        and ``left_out_error`` (vertex), mm: height minus its prediction from the others.
         ``left_out_rms`` (candidate), mm: the r.m.s. of these errors for each interpolation tried.
 
     Raises
     ------
     InputError
-        The square misses the stone or sticks out of it, or contains fewer than 30 vertices; the
+        The square misses the stone or sticks out of it, or contains fewer than 30 vertices. The
         mesh folds over within the square, or its faces point into the stone.
     """
     layout = Layout(size_mm, grid, around)
@@ -126,7 +126,7 @@ def grid_mesh(
 
 
 def _check_vertices(cloud: np.ndarray, size_mm: float, source: str) -> None:
-    """Refuse a mesh that is too coarse to say how well it is interpolated."""
+    """Refuse a mesh that is too coarse to estimate its interpolation error."""
     places = cloud[:, :2]
     in_square = ((places >= 0) & (places <= size_mm)).all(axis=1)
     if (count := int(in_square.sum())) < _FEWEST:
@@ -142,7 +142,7 @@ def _check_vertices(cloud: np.ndarray, size_mm: float, source: str) -> None:
 def _check_holes(
     heights: np.ndarray, bare: np.ndarray, layout: Layout, source: str
 ) -> None:
-    """Refuse a square without stone, by its interpolated heights and by what no ray meets."""
+    """Refuse a square without stone, by its interpolated heights and by rays that miss."""
     unknown = np.isnan(heights) & layout.in_square
     if unknown.any() or bare.sum() > _BRIDGED_FRACTION * layout.grid**2:
         problem = (

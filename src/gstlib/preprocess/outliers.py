@@ -2,17 +2,18 @@
 
 Both look at the (2r + 1)² points of a square window, ±r points around each point.
 
-``window`` is the paper's (Marulli, Sorrentino & Paggi 2024, section 2.2): a point is an outlier
-where |z - Z_ave| > kσ, with Z_ave and σ the mean and the r.m.s. deviation of its window. k is set
-so that at most a given share of the points is replaced. The rule therefore replaces that share of
-every scan, with or without spikes. The point is in its own window, so |z - Z_ave|/σ cannot exceed
-√(n - 1) for n points in the window, nor √((n - m)/m) for a cluster of m equal spikes: a window
-finds clusters of up to about an eighth of its points (ratio 2.6), which bounds r from below.
+``window`` is the paper's rule (Marulli, Sorrentino & Paggi 2024, section 2.2). A point is an
+outlier if |z - Z_ave| > kσ. Z_ave and σ are the mean and the r.m.s. deviation of its window. k is
+set so that at most a given share of the points is replaced. The rule therefore replaces that share
+of every scan, with or without spikes. The point is in its own window, so |z - Z_ave|/σ cannot
+exceed √(n - 1) for n points in the window. The limit for a cluster of m equal spikes is √((n -
+m)/m). A window therefore finds clusters of up to about an eighth of its points (ratio 2.6), which
+bounds r from below.
 
-``median`` is the Hampel identifier (Davies & Gather 1993): a point is an outlier where
-|z - M| > tS, with M the median of the window and S = 1.4826 median |z - M| over the window. S is
-the standard deviation of normal noise, and spikes do not raise it. t is fixed, so a scan without
-spikes loses next to nothing. Clusters of up to nearly half of the window's points are found.
+``median`` is the Hampel identifier (Davies & Gather 1993). A point is an outlier if |z - M| > tS. M
+is the median of the window, and S = 1.4826 median |z - M| over the window. S is the standard
+deviation of normal noise, and spikes do not raise it. t is fixed, so a scan without spikes loses
+almost no points. Clusters of up to nearly half of the window's points are found.
 """
 
 import numpy as np
@@ -134,7 +135,7 @@ def _windows(heights: np.ndarray, half_width: int) -> np.ndarray:
 
 
 def _medians(windows: np.ndarray) -> np.ndarray:
-    """Median (ny, nx) of each window, of which none has NaN.
+    """Median (ny, nx) of each window. The windows do not contain NaN.
 
     It takes half the time of `scipy.ndimage.median_filter`, row by row, which stay in cache.
     """

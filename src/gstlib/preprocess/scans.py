@@ -29,10 +29,10 @@ __all__ = [
 # ASSUME: Window of the paper's outlier rule. The window's half-width r is 5 points. Reason: The
 # paper does not publish r. With r = 5, a window has 121 points and finds spikes of up to 15 points.
 _WINDOW_HALF_WIDTH = 5
-# That of the windows of medians: of 49 points, a spike may take nearly half.
+# Half-width of the windows of medians. A spike may cover nearly half of their 49 points.
 _MEDIAN_HALF_WIDTH = 3
 
-# What was done to a scan, in the order of the table.
+# The preparation of a scan, in the order of the table.
 _DONE = [
     "unmeasured",
     "filled",
@@ -80,14 +80,13 @@ def prepare_scan(
     Returns
     -------
     xarray.Dataset
-        ``height`` (y, x), mm, level, without NaN; ``filled`` and ``outlier`` (replaced), (y, x)
-        bool; ``measured`` (y, x), mm, the heights before all of this, the mould undone, in
-        single precision.
-        Attributes: ``unmeasured``, ``filled``, ``outliers`` (counts), ``outlier_k`` (the rule's
-        threshold), ``outlier_scale_um`` (of `median_outliers`, with that rule only),
-        ``tilt_x_mrad``, ``tilt_y_mrad`` (of the plane removed), ``Sq_before_um`` (r.m.s. of the
-        measured heights about their mean) and ``Sq_after_um`` (of the prepared ones), and the raw
-        scan's own texts.
+        ``height`` (y, x), mm, level, without NaN. ``filled`` and ``outlier`` (replaced), (y, x)
+        bool. ``measured`` (y, x), mm, the heights before this preparation, with the mould undone,
+        in single precision. Attributes: ``unmeasured``, ``filled``, ``outliers`` (counts),
+        ``outlier_k`` (the rule's threshold), ``outlier_scale_um`` (of `median_outliers`, with that
+        rule only), ``tilt_x_mrad``, ``tilt_y_mrad`` (of the plane removed), ``Sq_before_um``
+        (r.m.s. of the measured heights about their mean), ``Sq_after_um`` (of the prepared
+        heights), and the texts of the raw scan.
 
     Raises
     ------
@@ -169,18 +168,18 @@ def prepare_scan(
 
 
 def crop_of(row: Any) -> tuple[float, float] | None:
-    """Centre (y, x), mm, of the piece to cut from the scans of a patch; `row` is its table's."""
+    """Centre (y, x), mm, of the piece to cut from the scans of a patch, a `row` of the table."""
     y, x = float(row.crop_y_mm), float(row.crop_x_mm)
     return None if math.isnan(x) else (y, x)
 
 
 def mould_of(mould: Mapping, flip: str) -> Mapping:
-    """The section ``scans.mould`` for a patch whose own `flip` is x, y, none, or empty."""
+    """The section ``scans.mould`` for a patch with a `flip` of x, y, none, or empty."""
     return mould if not flip else {**mould, "flip": None if flip == "none" else flip}
 
 
 def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
-    """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
+    """The preparation of each scan, from the attributes of its dataset, by patch and epoch."""
     rows = [
         {"patch": patch, "epoch": epoch} | {name: attrs[name] for name in _DONE}
         for (patch, epoch), attrs in scans.items()
@@ -207,11 +206,11 @@ def check_unmeasured(surface: xr.DataArray, maximum_fraction: float) -> None:
 
 
 def interpolate_holes(heights: np.ndarray, holes: np.ndarray) -> np.ndarray:
-    """Fill holes linearly from the points around each; in corners, with the nearest point.
+    """Fill each hole linearly from the points around it, or a corner from the nearest point.
 
-    The points that touch a hole fence it. Neighbours a grid step apart are joined in any Delaunay
-    triangulation of lattice points, so every triangle over a hole has its corners on that hole's
-    own fence, and only the fences have to be triangulated.
+    The points that touch a hole fence it. Any Delaunay triangulation of lattice points joins
+    neighbours that are a grid step apart. Every triangle over a hole therefore has its corners on
+    the fence of this hole, and only the fences are triangulated.
     """
     result = heights.copy()
     around = scipy.ndimage.binary_dilation(holes, np.ones((3, 3)))
@@ -240,9 +239,9 @@ def prepare_patch(
 ) -> xr.Dataset:
     """Cut the patch out of a scan, undo the mould, replace outliers, fill and level (section 2.2).
 
-    `raw` comes from `gstlib.io.scans.read_scan`; `crop` and `epoch` are as in `cut_patch`; `scans`
-    and `preprocessing` are these sections of the config; `flip` is the patch's own, as in the patch
-    table. The result is that of `prepare_scan`.
+    `raw` comes from `gstlib.io.scans.read_scan`, `crop` and `epoch` are as in `cut_patch`. `scans`
+    and `preprocessing` are sections of the config. `flip` is the column of the patch table. For the
+    result, see `prepare_scan`.
     """
     mould = mould_of(scans["mould"], flip)
     piece = cut_patch(
@@ -261,11 +260,12 @@ def cut_patch(
     epoch: str = "T0",
     mould_flip: str | None = None,
 ) -> xr.DataArray:
-    """The patch of a scan as measured; `mould_flip` is the axis along which it will be mirrored.
+    """The patch of a measured scan; `mould_flip` is the axis along which it will be mirrored.
 
-    Only T0 is cut, to the piece around `crop` (y, x), as in `gstlib.io.scans.cut_scan`. A scan of
-    another `epoch` was laid under the instrument anew, so its middle is another place of the stone;
-    it stays whole, and its coordinates are those of the piece that `crop` names.
+    Only T0 is cut, to the piece around `crop` (y, x), as in `gstlib.io.scans.cut_scan`. For another
+    `epoch`, the stone was placed under the instrument again, so the middle of its scan is another
+    point of the stone. This scan stays whole, and its coordinates are relative to the piece that
+    `crop` defines.
     """
     if epoch == "T0":
         return cut_scan(raw, crop, size_mm)

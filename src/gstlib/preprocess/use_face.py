@@ -1,8 +1,9 @@
-"""The use-face of a stone's mesh: the side of it that faces the square.
+"""The use-face of a stone's mesh: the side that faces the square.
 
-The normal through a point of the square meets a closed mesh twice, a hollow or damaged one more
-often. The faces near the square form connected bodies, each with an upper and a lower side. Of the
-sides that cover most of the square, the use-face is the one nearest to its plane.
+The normal through a point of the square meets a closed mesh twice, and a hollow or damaged mesh
+more often. The faces near the square form connected bodies, each with an upper and a lower side.
+The use-face is the side nearest to the square's plane among the sides that cover most of the
+square.
 """
 
 import logging
@@ -29,7 +30,7 @@ _log = logging.getLogger(__name__)
 # ASSUME: Small overhangs. Overhangs up to 0.1 % of the square are accepted. Reason: They are specks
 # of the scanner.
 _FOLDED_FRACTION = 1e-3
-# Heights of one element that differ by less (mm) count as one: the element lies on an edge.
+# Heights of one element that differ by less (mm) count as one: the element is on an edge.
 _SAME_HEIGHT = 1e-6
 # Two surfaces that look the same way and are less apart (mm) are one, scanned twice.
 _DOUBLE_MM = 0.5
@@ -41,7 +42,7 @@ _EDGE_ON = 1e-12
 # under the square. Reason: Thinner parts are a flap, a speck or the rim, and do not make the whole
 # stone bend.
 _THIN_PERCENTILE = 5.0
-# How far beyond the grid the cloud is cropped: the paper says "bigger than the square".
+# Margin of the cropped cloud around the grid. In the paper it is "bigger than the square".
 _MARGIN_MM = 1.0
 
 
@@ -84,7 +85,7 @@ class Layout:
         return mask
 
     def share_of_square(self, mask: np.ndarray) -> str:
-        """How much of the square a mask (n, n) covers, and where."""
+        """The share of the square that a mask (n, n) covers, and its position."""
         y, x = (centre[mask] for centre in self.centres)
         return (
             f"{100 * mask[self.in_square].mean():.3g} % of the square (x {x.min():.3g} to "
@@ -102,11 +103,11 @@ class UseFace(NamedTuple):
     edge : float
         Mean length of its edges.
     ends : (n, n) ndarray of bool
-        Elements beyond the square where there is no stone.
+        Elements beyond the square without stone.
     bare : (n, n) ndarray of bool
         Elements of the square that no face of it covers.
     thickness : float
-        The stone's under the square, a low percentile; NaN for a mesh without an underside.
+        Thickness of the stone under the square (low percentile), NaN for a mesh without underside.
     """
 
     cloud: np.ndarray
@@ -121,12 +122,12 @@ def find_use_face(
 ) -> UseFace:
     """The use-face of a mesh over a square and around it.
 
-    Parameters are those of `gstlib.preprocess.mesh.grid_mesh`.
+    For the parameters, see `gstlib.preprocess.mesh.grid_mesh`.
 
     Raises
     ------
     InputError
-        The square misses the stone; the use-face folds over within it, or looks into the stone.
+        The square misses the stone. The use-face folds over within it, or faces into the stone.
     """
     crop = _cropped(mesh, frame, layout)
     hits = _hits(crop, layout)
@@ -156,8 +157,8 @@ def find_use_face(
 class _Crop(NamedTuple):
     """The part of a mesh near a face, in the square's frame (mm).
 
-    `points` (n, 3), `faces` (m, 3), and their `areas` (m,) as the frame's normal sees them:
-    positive of those that look up. `bodies` (m,) numbers the connected parts of the whole mesh.
+    `points` (n, 3), `faces` (m, 3), and their `areas` (m,) projected along the frame's normal,
+    positive if a face points up. `bodies` (m,) numbers the connected parts of the whole mesh.
     """
 
     points: np.ndarray
@@ -167,7 +168,7 @@ class _Crop(NamedTuple):
 
 
 class _Hits(NamedTuple):
-    """Where normals through element centres meet a mesh: element, face and height (mm)."""
+    """Intersections of normals through element centres with a mesh: element, face, height (mm)."""
 
     element: np.ndarray
     face: np.ndarray
@@ -175,7 +176,7 @@ class _Hits(NamedTuple):
 
 
 def _cropped(mesh: "trimesh.Trimesh", frame: Frame, layout: Layout) -> _Crop:
-    """The faces that lie near the face of the layout."""
+    """The faces near the face of the layout."""
     from trimesh.graph import connected_component_labels
 
     vertices = frame.to_frame(mesh.vertices)
@@ -195,7 +196,7 @@ def _cropped(mesh: "trimesh.Trimesh", frame: Frame, layout: Layout) -> _Crop:
 
 
 def _hits(crop: _Crop, layout: Layout) -> _Hits:
-    """Where the normals through the element centres meet the faces that are not seen edge-on."""
+    """Intersections of the normals through the element centres with faces not seen edge-on."""
     # trimesh's rays miss hits on shared edges or count them twice, and need further packages.
     import shapely
 
@@ -215,7 +216,7 @@ def _hits(crop: _Crop, layout: Layout) -> _Hits:
 
 
 def _side_of_use(crop: _Crop, hits: _Hits, layout: Layout, source: str) -> np.ndarray:
-    """Which faces (m,) are those of the use-face: one side of one body."""
+    """Mask (m,) of the faces of the use-face: one side of one body."""
     from trimesh.graph import connected_component_labels
 
     edges = crop.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
@@ -252,10 +253,10 @@ def _side_of_use(crop: _Crop, hits: _Hits, layout: Layout, source: str) -> np.nd
 def _heights_met(
     crop: _Crop, hits: _Hits, is_own: np.ndarray, layout: Layout
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each element (n, n): lowest and highest of the use-face, and the underside below it.
+    """Lowest and highest height of the use-face at each element (n, n), and the underside.
 
-    The underside is that of the body of the use-face; of any other, if that has none, as where the
-    two sides of a stone were not joined.
+    The underside belongs to the body of the use-face. If this body has no underside, as when the
+    two sides of a stone were not joined, any other body is used.
     """
     count = layout.in_square.size
     lowest, highest, below = (np.full(count, np.nan) for _ in range(3))
@@ -292,7 +293,7 @@ def _missed(
 def _check_folds(
     folded: np.ndarray, apart: np.ndarray, layout: Layout, source: str
 ) -> None:
-    """Refuse a square of which more than specks has two heights, so far `apart`."""
+    """Refuse a square in which more than specks have two heights, so far `apart`."""
     folded = folded & layout.in_square
     if folded.sum() > _FOLDED_FRACTION * layout.grid**2:
         raise InputError(
