@@ -2,7 +2,7 @@
 
 A contact of half-spaces depends only on the gap between two faces, so the heights of both add
 (Bemporad & Paggi, Int. J. Solids Struct. 69-70 (2015) 465). A contact needs only the heights of the
-second stone over the square, positive towards the first.
+active tool over the square, positive towards the passive one.
 
 A pose is the position of the active tool on the passive one. In either form it defines a frame of
 the active mesh: the frame of the square as seen on the active face. The active face is turned over
@@ -320,7 +320,7 @@ def face_in_pose(
             raise InputError(
                 "gesture",
                 f"a pose moves the active tool by ({pose.x_mm:g}, {pose.y_mm:g}) mm and "
-                f"{pose.rotation_deg:g}°, farther than its face is known",
+                f"{pose.rotation_deg:g}°, beyond the known part of its face",
                 "Move it less.",
             )
 
