@@ -1,8 +1,8 @@
-"""Files that hold others, zip and HDF5: nothing that they state is trusted before it is read.
+"""Files that contain others, zip and HDF5: their headers are not trusted before they are read.
 
-A header can state any size, and an array can lie in another file. Zip files are copied into memory,
-no further than their headers state, so that other libraries read an honest copy. HDF5 files are
-refused if they lead out of themselves, or state arrays that they cannot hold.
+A header can state any size, and an array can be in another file. Zip files are copied into memory,
+up to the size in their headers, so that other libraries read an honest copy. HDF5 files are refused
+if they link to other files, or declare arrays larger than the file.
 """
 
 import io
@@ -22,8 +22,8 @@ __all__ = ["check_hdf5", "check_unpacked_size", "plain_zip", "read_member"]
 
 # Bytes that are unpacked of one file: a map of 8000² points.
 _LARGEST = 1 << 29
-# Measured heights shrink by less than 4 when packed, meshes in XML by less than 10: what shrank by
-# more than this is empty, unless it is small even so.
+# Measured heights shrink by less than 4 when packed, meshes in XML by less than 10. A member that
+# shrank by more than this is empty, unless it is small anyway.
 _PACKED_AT_MOST, _SMALL = 20, 1 << 24
 # Zeros in results shrink by 229, which is the most that the first level of deflate can do.
 _ZEROS_AT_MOST = 300
@@ -61,7 +61,7 @@ def _refuse_above(path: str | Path, size: int, largest: int) -> None:
 
 
 def plain_zip(path: str | Path) -> io.BytesIO:
-    """A copy of a zip file without compression, whose headers state the sizes of its members.
+    """A copy of a zip file without compression, with the sizes of its members in its headers.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def read_member(path: str | Path, archive: zipfile.ZipFile, name: str) -> bytes:
     Raises
     ------
     InputError
-        It is too large, or packed otherwise; or it is XML that would fill the memory.
+        It is too large or packed otherwise, or it is XML that would fill the memory.
     """
     member = archive.getinfo(name)
     check_unpacked_size(path, member.file_size)
@@ -115,7 +115,7 @@ def read_member(path: str | Path, archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _check_xml(path: str | Path, name: str, content: bytes) -> None:
-    """Refuse XML of which each byte may take hundred bytes of memory, or more."""
+    """Refuse XML if a byte of it may take a hundred bytes of memory or more."""
     text = content.replace(b"\0", b"")  # of UTF-16
     count = text.count(b"<") + text.count(b"=")
     problem = None
@@ -134,13 +134,13 @@ def _check_xml(path: str | Path, name: str, content: bytes) -> None:
 
 
 def check_hdf5(path: str | Path, file: h5py.File) -> None:
-    """Refuse an HDF5 file that leads to other files, or states more than it can hold.
+    """Refuse an HDF5 file that links to other files, or declares more than it can contain.
 
     Raises
     ------
     InputError
-        It has links that are not hard, arrays that are stored elsewhere or by other filters, more
-        bytes than its own could unpack to, or more text.
+        It has links that are not hard, arrays that are stored elsewhere or by other filters, or
+        more bytes or text than its contents could unpack to.
     """
     size = check_regular(path)
     arrays, texts, stored = 0, 0, 0
@@ -153,7 +153,7 @@ def check_hdf5(path: str | Path, file: h5py.File) -> None:
             stored += node.id.get_storage_size()
     largest = max(min(_ZEROS_AT_MOST * size, _LARGEST), _PACKED_AT_MOST * size)
     _refuse_above(path, arrays, max(_SMALL, largest))
-    # several of them may refer to the same text, which is in what is left of the file
+    # several of them may refer to the same text, which is in the rest of the file
     _refuse_above(path, texts * max(0, size - stored), _LARGEST)
 
 
@@ -182,7 +182,7 @@ def _nodes(path: str | Path, file: h5py.File) -> Iterator[h5py.Group | h5py.Data
 
 
 def _texts_of(node: h5py.Group | h5py.Dataset) -> int:
-    """How many texts and lists of any length stand in attributes, or in the cells of a table."""
+    """Number of texts and lists of any length in attributes, or in the cells of a table."""
     count = 0
     for number in range(h5py.h5a.get_num_attrs(node.id)):
         attr = h5py.h5a.open(node.id, index=number)

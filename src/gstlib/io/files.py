@@ -1,7 +1,7 @@
 """Files that are not too large to read, and result files that are whole or absent.
 
-A file is written next to its final place under a hidden name (``.NAME.PID.part``), which nothing
-reads, and renamed once all of it is on the disk. Links to files, modes and owners are kept.
+A file is written next to its final path under a hidden name (``.NAME.PID.part``). It is renamed
+once it is completely on the disk. Links to files, modes and owners are kept.
 """
 
 import contextlib
@@ -25,7 +25,7 @@ __all__ = [
 __all__ += ["check_writable", "megabytes", "sha256", "write_whole"]
 
 # Bytes that are read of one file: a stone of twenty million triangles. Tables and configs are far
-# smaller. What has more is damaged, or made to fill the memory.
+# smaller. A larger file is damaged, or made to fill the memory.
 _LARGEST = 1 << 30
 LARGEST_TABLE = 1_000_000
 
@@ -41,7 +41,7 @@ _IN_WORDS = {
 
 
 def check_regular(path: str | Path) -> int:
-    """The bytes of a file; refuse a folder, a device, or a pipe that nobody may ever write to.
+    """The bytes of a file; refuse a folder, a device, or a pipe without a writer.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def check_regular(path: str | Path) -> int:
 
 
 def check_size(path: str | Path, largest: int = _LARGEST) -> None:
-    """Refuse a file of more than `largest` bytes, or what is no file, before it is read.
+    """Refuse a file of more than `largest` bytes, or a path that is not a file, before reading.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def cannot_write(path: str | Path, error: OSError) -> OutputError:
 def cannot_read(path: str | Path, kind: str, error: Exception) -> InputError:
     """The `InputError` for an `error` in reading a result that should be of a `kind`.
 
-    Only a damaged file has to be deleted. The operating system numbers the errors that are its own.
+    Only a damaged file has to be deleted. Errors of the operating system have a number.
     """
     number = getattr(error, "errno", None)
     if "lock file" in str(error):
@@ -136,7 +136,7 @@ def check_writable(folder: str | Path) -> None:
 
 
 def write_whole(path: str | Path, content: bytes | memoryview) -> None:
-    """Write `content` to `path`; an old file is replaced once the new one is whole.
+    """Write `content` to `path`, and replace an old file once the new file is complete.
 
     If `path` is a link, the file that it leads to is replaced. The new file has the mode of the old
     one, and its owner and group if the system allows it. The file's folder is made if it does not

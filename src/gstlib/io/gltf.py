@@ -1,8 +1,8 @@
-"""What a GLB needs so that its positions are those of the stone.
+"""Conditions under which a GLB contains the positions of the stone.
 
-trimesh reads positions and nodes. It passes over compressed, sparse and normalised numbers, and
-over what moves vertices in other ways, so that the stone would have another shape or size. Such a
-file is refused by the name of what it uses.
+trimesh reads positions and nodes. It ignores compressed, sparse and normalised numbers, and
+features that move vertices in other ways. The stone would have another shape or size. Such a file
+is refused, and the message names the feature.
 """
 
 import json
@@ -15,10 +15,10 @@ from gstlib.io.files import megabytes
 
 __all__ = ["checked_header", "position_accessors"]
 
-# A stone is one part; each takes trimesh a quarter of a millisecond, whatever is in it.
+# A stone is one part. trimesh takes a quarter of a millisecond for each part.
 MOST_PARTS = 10_000
-# Bytes of a header, and lists and objects in it: that of a stone has some thousands, and ten times
-# as many with pictures.
+# Bytes of a header, and lists and objects in it. The header of a stone has some thousands, and ten
+# times as many with pictures.
 _LONGEST_HEADER, _MOST_LISTS = 1 << 24, 200_000
 # Extensions that a file may require and that change no position, by how their names begin.
 _HARMLESS = (
@@ -26,7 +26,7 @@ _HARMLESS = (
     *("KHR_xmp", "KHR_mesh_quantization"),
 )
 _MESHOPT = "EXT_meshopt_compression", "KHR_meshopt_compression"
-# Modes of a primitive; those below are points and lines, which have no faces, that above is fans.
+# Modes of a primitive. Lower modes are points and lines, without faces; the higher one is fans.
 _TRIANGLES, _STRIP = 4, 5
 _PLAIN = "Export it again without compression and extensions, or as binary PLY."
 
@@ -39,8 +39,8 @@ def checked_header(path: Path, content: bytes) -> _Header:
     Raises
     ------
     InputError
-        It uses what is not read here: an extension, compressed or sparse positions, fans of
-        triangles, or something else that moves vertices.
+        It uses a feature that is not read here: an extension, compressed or sparse positions, fans
+        of triangles, or another way to move vertices.
     ValueError
         It has very many parts, or more vertices and faces than the file has bytes.
     """
@@ -58,7 +58,7 @@ def checked_header(path: Path, content: bytes) -> _Header:
     if sum(counts) > len(content):
         raise ValueError("it states more numbers than it holds")
     for feature in _not_read(header):
-        raise InputError(path, f"uses {feature}: what it changes is not read", _PLAIN)
+        raise InputError(path, f"uses {feature}: its changes are not read", _PLAIN)
     return header
 
 
@@ -74,7 +74,7 @@ def _primitives(header: _Header) -> Iterator[_Header]:
 
 
 def _not_read(header: _Header) -> Iterator[str]:
-    """What of a file would be read wrongly."""
+    """The features of a file that would be read wrongly."""
     for name in header.get("extensionsRequired", ()):
         if not name.startswith(_HARMLESS):
             yield f"the extension {name}"
@@ -90,7 +90,7 @@ def _not_read(header: _Header) -> Iterator[str]:
 
 
 def _moved_otherwise(header: _Header) -> Iterator[str]:
-    """What moves vertices apart from the places of the nodes."""
+    """Features that move vertices, except the positions of the nodes."""
     for node in header.get("nodes", ()):
         if "skin" in node:
             yield "a skin that bends the mesh"
@@ -103,7 +103,7 @@ def _moved_otherwise(header: _Header) -> Iterator[str]:
 
 
 def _numbers_not_read(header: _Header, part: _Header) -> Iterator[str]:
-    """Which numbers of a part's places and corners are not in the file as trimesh reads them."""
+    """The numbers of a part's positions and corners that trimesh would read wrongly."""
     used = {
         "positions": part["attributes"]["POSITION"],
         "triangles": part.get("indices"),

@@ -1,7 +1,8 @@
 """Files of instruments, read through SurfaceTopography once they are seen to be whole.
 
-It reads heights from where the header puts them, whatever stands behind: a byte that was added
-before them shifts them all. Where a format says what follows its heights, that is checked here.
+It reads heights at the offset in the header and ignores the bytes behind them. A byte that was
+added before the heights therefore shifts them all. If a format defines the bytes that follow its
+heights, they are checked here.
 """
 
 import functools
@@ -30,20 +31,20 @@ _log = logging.getLogger(__name__)
 
 RawMap = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]
 
-# Formats that SurfaceTopography does not read for us: we read text more strictly; its `hgt` reader
-# checks no signature and takes any bytes for heights; its `nms` reader takes the field to be a
+# Formats for which SurfaceTopography is not used. Text is read more strictly here. Its `hgt` reader
+# does not check a signature and takes any bytes for heights. Its `nms` reader makes the field a
 # million times as large.
 _NOT_LEFT = {"asc", "hgt", "nms", "plu", "xyz"}
 _MOST_POINTS = 1 << 26
-# Measured heights take at least half a byte each, however packed; a small map may hold nothing.
+# Measured heights take at least half a byte each, however packed. A small map may be empty.
 _POINTS_PER_BYTE, _FEW_POINTS = 2, 1 << 22
 _LONGEST_TEXT = 200
 _AS_MEASURED = (
     "%s: an .mnt holds the map as it was measured; what was levelled, shifted or extracted from it "
     "in Mountains is not applied. Save that map as .sur"
 )
-# The header of a Digital Surf file, as far as it is needed here: what it holds, the bits of a
-# height, the lowest and the highest, the points, and the bytes of two zones that follow it.
+# The part of a Digital Surf header that is needed here: the kind of data, the bits of a height, the
+# lowest and the highest, the points, and the bytes of two zones that follow it.
 _SUR_MARKS = b"DIGITAL SURF", b"DSCOMPRESSED"
 _SUR_HEADER = np.dtype(
     {
@@ -64,7 +65,7 @@ _SUR_HEADER = np.dtype(
 )
 # Kinds without heights: binary, intensity and colour images, spectra.
 _SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
-# Unmeasured heights are 2 below the lowest; saturated ones are 1 below it or above the highest.
+# Unmeasured heights are 2 below the lowest. Saturated heights are 1 below it or above the highest.
 _SUR_BELOW, _SUR_ABOVE = 2, 1
 # Six units begin at byte 180, 16 bytes each, in Latin-1. Some programs write µ, or the Greek
 # letter, in UTF-8.
@@ -80,7 +81,7 @@ _SDF_HEADER = np.dtype(
         "itemsize": 81,
     }
 )
-# What may follow its heights: lines `name = value`, or tags.
+# Content that may follow its heights: lines `name = value`, or tags.
 _SDF_TRAILER = re.compile(rb"\s*(<\s*[A-Za-z]|[A-Za-z]\w*\s*=|\x1a|$)")
 _NO_HEIGHTS = "it holds no map of heights"
 _COPY_AGAIN = "Copy the file, or export the scan, again."
@@ -98,7 +99,7 @@ def read_instrument_file(path: Path) -> RawMap:
     known_as = _format_of(path)
     try:
         with warnings.catch_warnings():
-            # about odd dates and numbers; what matters is checked
+            # about odd dates and numbers; important values are checked
             warnings.simplefilter("ignore")
             return _first_map(path, known_as)
     except InputError:
@@ -111,7 +112,7 @@ def read_instrument_file(path: Path) -> RawMap:
 
 
 def plain_text(value: str) -> str:
-    """One short line of printable text: HDF5 attributes hold no NUL and no lone surrogate."""
+    """One short line of printable text: HDF5 attributes exclude NUL and lone surrogates."""
     text = value.encode("utf-8", "replace").decode("utf-8")
     printable = "".join(c if c.isprintable() else " " for c in text)
     return " ".join(printable.split())[:_LONGEST_TEXT]
@@ -119,7 +120,7 @@ def plain_text(value: str) -> str:
 
 @functools.cache
 def instrument_endings() -> dict[str, str]:
-    """What SurfaceTopography calls the format of files of each ending; empty without it."""
+    """SurfaceTopography's name of the format of each ending; empty if it is not installed."""
     try:  # here, for its import takes a second or two
         from SurfaceTopography.IO import readers
     except ImportError:
@@ -133,7 +134,7 @@ def instrument_endings() -> dict[str, str]:
 
 
 def _format_of(path: Path) -> str:
-    """What SurfaceTopography calls the format of files of this ending."""
+    """SurfaceTopography's name of the format of files of this ending."""
     formats = instrument_endings()
     if not formats:
         problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
@@ -163,7 +164,9 @@ def _first_map(path: Path, known_as: str) -> RawMap:
     masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
     heights: np.ndarray = masked.filled(np.nan).T
     if heights.shape != tuple(channel.nb_grid_pts)[::-1]:
-        raise ValueError(f"{heights.shape} points for {channel.nb_grid_pts} announced")
+        raise ValueError(
+            f"{heights.shape} points instead of the {channel.nb_grid_pts} announced"
+        )
     size_x, size_y = topography.physical_sizes
     ny, nx = heights.shape
     spacing = (float(size_y) / ny, float(size_x) / nx) if stated else None
@@ -187,7 +190,7 @@ def _refuse_many_points(path: Path, points: tuple[int, int]) -> None:
 
 
 def _instrument(info: Any) -> dict[str, str]:
-    """What the file says about the instrument and the time."""
+    """The instrument and the time, from the file."""
     instrument = info.get("instrument") or {}
     attrs = {"instrument": instrument.get("name"), "vendor": instrument.get("vendor")}
     attrs["acquired"] = info.get("acquisition_time")
@@ -195,7 +198,7 @@ def _instrument(info: Any) -> dict[str, str]:
 
 
 def _stage(known_as: str, header: Any) -> dict[str, str]:
-    """Where the map's axes begin, in formats whose header has a place for it."""
+    """The origin of the map's axes, in formats whose header contains it."""
     from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
 
     if known_as == "x3p":
@@ -206,7 +209,7 @@ def _stage(known_as: str, header: Any) -> dict[str, str]:
         return stage_attrs(header["origin_x"], header["origin_y"], 1e-3)
     if known_as == "sur":
         units = header["x_unit"], header["y_unit"]
-        # steps in another unit: the header does not say which of the two its offsets are in
+        # steps in another unit: the unit of the offsets is not in the header
         if units == (header["delta_x_unit"], header["delta_y_unit"]):
             x, y = (get_unit_conversion_factor(unit, "mm") for unit in units)
             return stage_attrs(x * header["x_offset"], y * header["y_offset"], 1.0)
@@ -261,7 +264,7 @@ def _unpacked_sur(path: Path, content: bytes, start: int) -> tuple[bytes, int]:
     at = start + 4 + pairs.nbytes
     for size, packed in sizes:
         stream = zlib.decompressobj()
-        # no more than is stated, whatever the stream holds, but for a byte that shows its end
+        # read no more than the stated size, and one byte that shows the end of the stream
         part = stream.decompress(content[at : at + packed], size + 1)
         if len(part) != size or not stream.eof:
             raise InputError(
@@ -275,7 +278,7 @@ def _unpacked_sur(path: Path, content: bytes, start: int) -> tuple[bytes, int]:
 def _check_sur(
     path: Path, header: np.void, plain: bytearray, start: int, behind: bytes
 ) -> None:
-    """Refuse heights, from byte `start` on, beyond the stated ones, or with odd bytes behind them.
+    """Refuse heights, from byte `start` on, beyond the stated range, or followed by odd bytes.
 
     A further object may follow, and begins with its mark.
     """

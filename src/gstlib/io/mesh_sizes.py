@@ -21,7 +21,7 @@ __all__ = [
 
 _log = logging.getLogger(__name__)
 
-# The units that files state, in any case; 3MF allows the first six.
+# The units in files, in upper or lower case. 3MF allows the first six.
 STATED_UNITS = {
     "micron": "um",
     "millimeter": "mm",
@@ -34,26 +34,26 @@ STATED_UNITS |= {"micrometer": "um", "inche": "in", "feet": "ft"}
 STATED_UNITS |= {unit: unit for unit in ("mm", "cm", "um", "m")}
 # Length of each unit in mm.
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4, "ft": 304.8}
-# Nobody exports stones in feet, but a 3MF may say so.
+# Nobody exports stones in feet, but a 3MF may use this unit.
 _LIKELY_UNITS = "mm", "cm", "m", "um", "in"
-# Largest extent (mm) of a stone that a hand could grind with; outside it the unit is wrong.
+# Largest extent (mm) of a stone that a hand could grind with. Outside this range the unit is wrong.
 _SMALLEST_STONE, _LARGEST_STONE = 1.0, 1000.0
 # ASSUME: Unit of a mesh. If only one unit gives the stone a size of 20 to 300 mm, this is its unit.
 # Reason: A ground stone tool fits in a hand.
 _HAND_SIZED = 20.0, 300.0
-# Steps of the coordinates (mm) from which on heights between them are doubtful, and worthless: wear
-# is a few micrometres deep, and the relief that carries a contact some tens.
+# Steps of the coordinates (mm) above which heights are doubtful, and worthless. Wear is a few
+# micrometres deep, and the relief that carries a contact some tens of micrometres.
 _DOUBTFUL_STEP, _LARGEST_STEP = 1e-3, 20e-3
-# Where a coordinate is so many times as large as the mesh, its distance has used up the digits.
+# If a coordinate is so many times as large as the mesh, its distance has used up the digits.
 _FAR = 10.0
-# No number (mm) says more than that the step does not matter.
+# Below this number (mm), the step does not matter.
 _NO_STEP = 1e-8
 
 
 def check_step_and_extent(
     path: Path, corners: np.ndarray, step_mm: float, unit: str
 ) -> None:
-    """Refuse coordinates with too few digits, or that span (in `unit`) what is no stone's size."""
+    """Refuse coordinates with too few digits, or with an extent (in `unit`) of no stone."""
     extent = float(np.ptp(corners, axis=(0, 1)).max())
     farthest = float(np.abs(corners).max())
     length_mm = UNITS[unit]
@@ -62,7 +62,7 @@ def check_step_and_extent(
         cause = f"the mesh lies {_length(farthest * length_mm)} from its origin"
     problem = f"its coordinates have steps of {_length(step_mm)} because {cause}"
     remedy = "Export it again with the origin on the tool, in double precision or with more digits."
-    # of a mesh in another unit than its own, the steps grow with the size
+    # if a mesh is read in a wrong unit, the steps grow with the size
     if step_mm > max(
         _LARGEST_STEP, _LARGEST_STEP / _LARGEST_STONE * extent * length_mm
     ):
@@ -90,7 +90,7 @@ def _length(mm: float) -> str:
 
 
 def _check_extent(path: Path, extent: float, unit: str) -> None:
-    """Refuse a mesh whose largest extent (in `unit`) is not that of a stone."""
+    """Refuse a mesh with a largest extent (in `unit`) that no stone has."""
     if _SMALLEST_STONE <= extent * UNITS[unit] <= _LARGEST_STONE:
         return
     remedy = (
@@ -110,9 +110,9 @@ def _check_extent(path: Path, extent: float, unit: str) -> None:
 
 
 def units_of_size(extent: float) -> list[str]:
-    """The units in which a largest extent is that of a stone as hands hold it.
+    """The units in which a largest extent fits a hand-held stone.
 
-    If there is none, those in which it is that of any ground stone tool.
+    If no unit does, the units in which it fits any ground stone tool.
 
     >>> [units_of_size(extent) for extent in (55.4, 0.0554, 8.0, 400.0)]
     [['mm'], ['m'], ['cm', 'in'], ['mm']]

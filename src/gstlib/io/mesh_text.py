@@ -1,7 +1,7 @@
 """Meshes in text (OBJ, OFF, ASCII PLY and STL), whose dialects are written as trimesh reads them.
 
-trimesh passes over lines that it does not know, and takes the rows that it needs. Here each row is
-therefore held against what the file states, before trimesh reads it.
+trimesh ignores lines that it does not recognise, and takes the rows that it needs. Each row is
+therefore compared with the header of the file, before trimesh reads it.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ __all__ += ["unit_word"]
 EXPORT_AGAIN = "Export the mesh again as triangles (binary STL or PLY)."
 # Bytes of a face in an OBJ: of a thousand corners, which trimesh needs a thousand times for.
 _LONGEST_FACE = 10_000
-# Bytes at the beginning of a file in which a comment may state the unit.
+# Bytes at the beginning of a file in which a comment may contain the unit.
 _HEAD = 1 << 14
 _BLANKS = bytes.maketrans(b"\t\v\f\r", b"   \n")
 _UTF_16 = b"\xff\xfe", b"\xfe\xff"
@@ -50,13 +50,13 @@ _ODD_IN_OBJ = (
 
 
 class PlainText(NamedTuple):
-    """A mesh as text that trimesh reads, and what the text shows.
+    """A mesh as text that trimesh reads, and the properties of the text.
 
     Attributes
     ----------
     content : bytes
     faces : int or None
-        How many triangles its faces make; None if it does not state how many there are.
+        Number of triangles of its faces. None if the file does not state a number.
     is_ended : bool
         Whether its last line has an end, without which it may be cut.
     """
@@ -67,7 +67,7 @@ class PlainText(NamedTuple):
 
 
 def unit_word(content: bytes) -> str:
-    """The word for a unit, without the s of a plural, in a comment at a file's head; or nothing."""
+    """The word for a unit, without a plural s, in a comment at a file's head; may be empty."""
     pattern = rb"^\s*(?:#|comment|obj_info|solid)[^\n]*?\bunits?\W+(?:are |in )?(\w+)"
     stated = re.search(pattern, content[:_HEAD], re.MULTILINE | re.IGNORECASE)
     word = stated[1] if stated else b""
@@ -92,7 +92,7 @@ def plain_obj(path: Path, content: bytes) -> PlainText:
 
 
 def plain_off(path: Path, content: bytes) -> PlainText:
-    """An OFF; other numbers of its vertices than their places are passed over by trimesh."""
+    """An OFF. trimesh ignores numbers of its vertices that are not coordinates."""
     text, is_ended = _tidied(path, content)
     header = re.match(rb"(?:ST)?C?N?OFF\s(\d+) (\d+)(?: \d+)?\n", text)
     if header is None:
@@ -107,7 +107,7 @@ def plain_off(path: Path, content: bytes) -> PlainText:
 
 
 def plain_ply(path: Path, content: bytes) -> PlainText:
-    """A PLY without comments; of a binary one, trimesh counts the faces."""
+    """A PLY without comments. trimesh counts the faces of a binary file."""
     header = re.match(
         rb"ply[^\S\r\n]*[\r\n](?:[^\r\n]*[\r\n])*?end_header[ \t]*(?:\r\n|\r(?!\n)|\n)",
         content,
@@ -198,9 +198,9 @@ def _elements(header: Sequence[bytes]) -> Iterator[tuple[bytes, int, list[bool]]
 
 
 def _corners(path: Path, row: bytes, is_list: Sequence[bool]) -> int:
-    """How long the longest list of a PLY's row is; a row with other cells than stated is refused.
+    """Length of the longest list of a PLY's row. A row that contradicts the header is refused.
 
-    trimesh takes all lists to be as long as the first, and drops what is left.
+    trimesh takes all lists to be as long as the first, and drops the rest.
     """
     cells = row.split()
     at = longest = 0

@@ -1,8 +1,8 @@
 """Triangle meshes of stones (STL, PLY, OBJ, OFF, GLB, 3MF), read through trimesh, in mm.
 
-trimesh reads some damaged files without complaint and returns the part that it understood. A cut
-file must never pass for a smaller stone, so its faces are counted and compared with the count that
-it states. Text comes in many dialects, which `gstlib.io.mesh_text` makes one.
+trimesh reads some damaged files without complaint and returns the part that it understood. A
+truncated file must never pass for a smaller stone, so its faces are compared with the count in the
+file. `gstlib.io.mesh_text` unifies the many dialects of text.
 """
 
 import io
@@ -69,8 +69,7 @@ _NOT_READ = (
 # A mesh whose area vectors cancel to this share is closed, except for pin-holes from the scanner.
 _CLOSED = 0.01
 # Faces and vertices that are zeros, as in a lost block of the file: so many, and ten times as many
-# as are in any other place, where one vertex is. Rounding shrinks triangles to points, too, but
-# everywhere.
+# as at any other point. Rounding shrinks triangles to points, too, but everywhere.
 _FEWEST_EMPTY, _ZEROS_TIMES = 3, 10
 _RECORD = np.dtype(
     [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
@@ -85,7 +84,7 @@ _WHOLE_NUMBERS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2"}
 
 
 class _Part(NamedTuple):
-    """A part of a scene in its place, in the unit of the file."""
+    """A part of a scene at its position, in the unit of the file."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -98,27 +97,27 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     Parameters
     ----------
     path : str or Path
-        STL (binary or ASCII), PLY, OBJ, OFF, 3MF or GLB; the parts of a scene keep their places.
+        STL (binary or ASCII), PLY, OBJ, OFF, 3MF or GLB. The parts of a scene keep their positions.
     unit : {"mm", "cm", "m", "um", "in", "ft"}, optional
-        Unit of the file's coordinates; None for the one that the file states, or else mm. 3MF
-        states it: another is refused. GLB prescribes metres: because exporters write other units,
-        another is accepted, with a warning, as is another than a comment of a text states. The
-        other formats do not state one.
+        Unit of the file's coordinates. If it is None, the unit in the file is used, or else mm. A
+        3MF contains its unit, and a different one is refused. GLB prescribes metres, but exporters
+        write other units. A different unit is therefore accepted with a warning, as for a unit in a
+        comment of a text. The other formats do not contain a unit.
 
     Returns
     -------
     trimesh.Trimesh
-        Vertices in mm, equal ones merged; colours, textures and normals are left out. A closed one
-        that is inside out is turned, with a warning. Its metadata ``file_unit`` is the unit of the
-        file, ``states_unit`` is whether it states one, and ``step_mm`` is the step of its
-        coordinates, found from these. Above 1 µm there is a warning.
+        Vertices in mm, with equal ones merged, and without colours, textures and normals. A closed
+        mesh that is inside out is turned, with a warning. In its metadata, ``file_unit`` is the
+        unit of the file, and ``states_unit`` is whether the file contains it. ``step_mm`` is the
+        step of the coordinates, inferred from them. Above 1 µm there is a warning.
 
     Raises
     ------
     InputError
-        The file is missing, cut, damaged or not a mesh; the mesh has no faces, or vertices
-        that are not finite; its size is not that of a stone, as when the unit is wrong; or the
-        step of its coordinates is above 20 µm.
+        The file is missing, truncated, damaged or not a mesh. The mesh has no faces, or vertices
+        that are not finite. Its size does not fit a stone, as when the unit is wrong. The step of
+        its coordinates is above 20 µm.
 
     Examples
     --------
@@ -166,8 +165,8 @@ def ply_with(
 ) -> bytes:
     """A binary PLY of a mesh (mm), in its file's own unit, with numbers (n,) at its vertices.
 
-    Each is a property of its own. CloudCompare takes properties for scalar fields by the prefix
-    ``scalar_``, which it does not show; MeshLab and Blender read properties of any name.
+    Each is a separate property. CloudCompare recognises scalar fields by the prefix ``scalar_``,
+    which it does not show. MeshLab and Blender read properties of any name.
     """
     import trimesh
 
@@ -188,7 +187,7 @@ def is_mesh(path: str | Path) -> bool:
 
 
 def _read_content(path: Path) -> bytes:
-    """All bytes of a mesh's file, if it is none that would fill the memory."""
+    """All bytes of a mesh's file, unless it would fill the memory."""
     if not path.is_file():
         raise InputError(
             path, "no such file", "Correct the path of the mesh in the config."
@@ -218,7 +217,7 @@ def _check_parts(path: Path, content: io.BytesIO) -> bytes:
 
 
 def _check_faces(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
-    """Refuse faces of vertices that are not there, or are no places."""
+    """Refuse faces with vertices that are missing or not finite."""
     are_there = faces.min() >= 0 and faces.max() < len(vertices)
     if not are_there:
         problem = f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged"
@@ -230,7 +229,7 @@ def _check_faces(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
 
 
 def _unit_to_read_in(path: Path, wanted: str | None, stated: str | None) -> str:
-    """The unit that the user wants or the file states, if they do not contradict each other."""
+    """The unit from the user or from the file, if they do not contradict each other."""
     unit = wanted or stated or "mm"
     if stated not in (None, unit):
         if path.suffix.lower() == ".3mf":
@@ -256,7 +255,7 @@ def _turn_outwards(mesh: "trimesh.Trimesh") -> None:
 
 
 def is_closed(mesh: "trimesh.Trimesh") -> bool:
-    """Whether a mesh has an underside, too, but for pin-holes."""
+    """Whether a mesh has an underside, too, apart from pin-holes."""
     areas = mesh.triangles_cross
     whole_area = np.linalg.norm(areas, axis=1).sum()
     open_area = np.abs(areas.sum(axis=0)).max()
@@ -283,7 +282,7 @@ def _mind_cut_end(
         else "its last face is odd"
     )
     if is_ended:
-        # an OBJ does not state how many faces follow
+        # an OBJ does not contain its number of faces
         if unused and path.suffix.lower() == ".obj":
             _log.warning("%s: %s. If it was cut, copy it again", path, sign)
         return
@@ -299,7 +298,7 @@ def _mind_cut_end(
 
 
 def _plain(path: Path, content: bytes) -> PlainText:
-    """A file's content as trimesh reads it, and what it states."""
+    """A file's content as trimesh reads it, and the values in its header."""
     kind = path.suffix.lower()
     if kind == ".stl":
         text = content.rstrip(b"\0")
@@ -314,9 +313,9 @@ def _plain(path: Path, content: bytes) -> PlainText:
 
 
 def _binary_stl(path: Path, content: bytes) -> PlainText:
-    """The triangles of a binary STL, without what some programs write behind them.
+    """The triangles of a binary STL, without content that some programs write behind them.
 
-    A program that writes while it reads cannot know the count, and leaves 0 or −1.
+    A program that writes while it reads does not have the count yet, and leaves 0 or −1.
     """
     stated = int.from_bytes(content[80:84], "little")
     count, left = divmod(len(content) - _STL_HEADER, _RECORD.itemsize)
@@ -339,7 +338,7 @@ def _binary_stl(path: Path, content: bytes) -> PlainText:
 
 
 def _load(path: Path, content: bytes) -> tuple[list[_Part], str | None, bool]:
-    """The parts of a mesh, the unit that it states, and whether its last line has an end."""
+    """The parts of a mesh, the unit in the file, and whether its last line has an end."""
     kind = path.suffix.lower()[1:]
     plain = _plain(path, content)
     try:
@@ -381,7 +380,7 @@ def _other_count(path: Path, count: int, stated: int | None) -> InputError:
 
 
 def _scene(content: bytes, kind: str) -> "trimesh.Scene":
-    """What trimesh reads."""
+    """The result of trimesh's reader."""
     import trimesh
 
     # Textures and materials would open other files and split vertices.
@@ -403,9 +402,9 @@ def _scene(content: bytes, kind: str) -> "trimesh.Scene":
 def _parts(
     path: Path, scene: "trimesh.Scene", stored: Sequence[Mapping[str, Any]]
 ) -> Iterator[_Part]:
-    """The parts of a scene that have faces, each where it stands.
+    """The parts of a scene that have faces, each at its position.
 
-    `stored` says how a GLB stores the positions of each part.
+    `stored` describes how a GLB stores the positions of each part.
     """
     accessors = dict(zip(scene.geometry, stored, strict=bool(stored)))
     for node in scene.graph.nodes_geometry:
@@ -458,7 +457,7 @@ def _check_ply_lists(path: Path, scene: "trimesh.Scene") -> None:
 def _refuse_zeros(
     path: Path, vertices: np.ndarray, faces: np.ndarray, merged: "trimesh.Trimesh"
 ) -> None:
-    """Refuse zeros where vertices or faces were: triangles, or several vertices, in one place."""
+    """Refuse zeros where vertices or faces were: triangles, or several vertices, at one point."""
     is_point = (merged.faces == merged.faces[:, :1]).all(axis=1)
     is_zero = (faces == 0).all(axis=1)
     is_zero |= ~merged.triangles.any(axis=(1, 2))

@@ -1,8 +1,8 @@
 """The `.plu` format of Sensofar and Leica confocal profilers: reads and writes height maps.
 
 The paper's instrument writes it, and so does the synthetic specimen. SurfaceTopography reads it,
-too, but takes longer to import than this reader takes for fifty scans. The layout is that of
-measured files (format version of 2012), as in Gwyddion's sensofar.c.
+too, but takes longer to import than this reader takes for fifty scans. The layout agrees with
+measured files (format version of 2012) and Gwyddion's sensofar.c.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ PLU_UNMEASURED_UM = 1000001.0
 
 _HEADER = 508  # bytes, with the rows and columns of the first layer
 _LARGEST_SIDE = 1 << 16
-# The lowest and the highest height, or marks that stand for none; they follow the heights.
+# The lowest and the highest height, or marks for missing ones. They follow the heights.
 _ENDS = struct.Struct("<2f")
 # Names of the instruments and of the DCM 3D's objectives, by their numbers in the format.
 _INSTRUMENTS = {
@@ -53,8 +53,8 @@ def read_plu(
     Raises
     ------
     InputError
-        The file is shorter than its header says, holds no topography, or states another lowest
-        or highest height than it holds.
+        The file is shorter than its header states, or contains no topography, or its lowest or
+        highest height differs from the stated one.
     """
     content = path.read_bytes()
     size = len(content)
@@ -70,7 +70,7 @@ def read_plu(
     if kind != _TYPE_TOPOGRAPHY or not is_map:
         raise InputError(
             path,
-            f"states a measurement of type {kind} with {ny} × {nx} points: not a .plu "
+            f"contains a measurement of type {kind} with {ny} × {nx} points: not a .plu "
             f"topography (type {_TYPE_TOPOGRAPHY})",
             "Export the whole topography, or correct the file's ending.",
         )
@@ -94,7 +94,7 @@ def read_plu(
         "vendor": "Sensofar",
         "objective": _OBJECTIVES.get(objective, f"no. {objective}"),
     }
-    # Older and later versions keep something else in place of the instrument.
+    # Older and later versions store something else instead of the instrument.
     if 0 < version <= _VERSION_2012 and instrument in _INSTRUMENTS:
         attrs = {"instrument": _INSTRUMENTS[instrument], **attrs}
     words, *_ = content[:128].partition(b"\0")
@@ -102,7 +102,7 @@ def read_plu(
     with contextlib.suppress(ValueError):
         date = str(datetime.strptime(date, "%a %b %d %H:%M:%S %Y"))
     attrs["acquired"] = date
-    # in µm: the two measured files then stand at 6 and 58 mm, within the travel of such a stage
+    # in µm: the two measured files are then at 6 and 58 mm, within the travel of such a stage
     attrs |= stage_attrs(x, y, 1e-3)
     if layers > 1:
         attrs["layer"] = f"layer0, the first of {layers} height maps"
@@ -110,10 +110,9 @@ def read_plu(
 
 
 def _check_ends(path: Path, heights: np.ndarray, stated: tuple[float, float]) -> None:
-    """Refuse heights among which bytes are missing or added: other bytes stand behind them.
+    """Refuse heights with missing or added bytes, after which other bytes follow.
 
-    There are the lowest and the highest height or, in both measured files, numbers that stand for
-    none.
+    The lowest and the highest height follow or, in both measured files, numbers for missing ones.
     """
     measured = heights[np.isfinite(heights)]
     if not measured.size:
@@ -140,9 +139,9 @@ def write_plu(
     Parameters
     ----------
     path : str or Path
-        Target file; its folder is made if it does not exist.
+        Target file. Its folder is created if it does not exist.
     heights : (ny, nx) array_like
-        Heights in mm; NaN where unmeasured. Row i of the file is row i of the array, and heights
+        Heights in mm, NaN where unmeasured. Row i of the file is row i of the array, and heights
         are stored as float32 in µm.
     spacing : float or (dy, dx)
         Distance of points in mm.

@@ -1,4 +1,4 @@
-"""Height maps as points in text (.xyz), which must lie on a grid."""
+"""Height maps as points in text (.xyz), which must form a grid."""
 
 import logging
 import re
@@ -40,7 +40,7 @@ def read_points(
 ) -> TextMap:
     """Read points on a grid, as a reader of `gstlib.io.scans`.
 
-    `unit` and `spacing_um` are those of the config, with which numbers of points must agree.
+    `unit` and `spacing_um` are from the config, and numbers of points must agree with them.
     """
     table = read_table(path)
     order, units = _columns_of_points(path, table, unit)
@@ -53,7 +53,7 @@ def read_points(
         length = units["z"]
         lateral = np.array([units["x"], units["y"]])
         points[:, :2] *= lateral / length
-    # A point without x or y has no place; one without z is unmeasured.
+    # A point without x or y has no position. A point without z is unmeasured.
     has_place = np.isfinite(points[:, :2]).all(axis=1)
     points = points[has_place]
     columns, dx = _grid_lines(path, points[:, 0])
@@ -77,7 +77,7 @@ def read_points(
 def _columns_of_points(
     path: Path, table: Table, unit: str | None
 ) -> tuple[list[int], dict[str, float] | None]:
-    """Where x, y and z are among the columns, and their units (mm), if the header states them."""
+    """The columns of x, y and z, and their units (mm), if the header contains them."""
     header = [line for line in table.header if line]
     units: dict[str, float] = {}
     for letter, symbol in _UNIT_OF_COLUMN.findall("\n".join(header)):
@@ -103,7 +103,7 @@ def _columns_of_points(
 def _mind_point_numbers(
     path: Path, places: np.ndarray, steps: Sequence[float], config_step: float | None
 ) -> None:
-    """Refuse numbers of points in place of lengths, if the config states their spacing."""
+    """Refuse numbers of points instead of lengths, if the config contains their spacing."""
     are_steps_one = {*steps} == {1.0}
     do_start_at_one = {*places.min(axis=0)} <= {0, 1}
     if not (are_steps_one and do_start_at_one) or (places % 1).any():
@@ -123,11 +123,11 @@ def _mind_point_numbers(
 
 
 def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:
-    """Number of the grid line that each coordinate lies on, and their distance."""
+    """Number of the grid line of each coordinate, and the distance of the lines."""
     levels = np.unique(values)
     gaps = np.diff(levels)
     if len(gaps):
-        # Rounded text repeats a coordinate with small differences; real steps are larger.
+        # Rounded text repeats a coordinate with small differences. Real steps are larger.
         real = gaps[gaps > GRID_TOLERANCE * gaps.max()]
         extent = float(levels[-1] - levels[0])
         span = float(np.round(extent / np.median(real)))

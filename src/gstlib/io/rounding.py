@@ -4,17 +4,17 @@ import numpy as np
 
 __all__ = ["coordinate_step"]
 
-# The step is looked for among coordinates above these shares of the largest one: numbers with a
-# fixed count of digits, binary or decimal, have finer steps near zero.
+# The step is searched among coordinates above these shares of the largest one. Numbers with a fixed
+# count of digits, binary or decimal, have finer steps near zero.
 _SHARES = 0.5, 0.9
-# Fewer distinct coordinates tell nothing about their step.
+# Fewer distinct coordinates do not determine their step.
 _FEWEST = 20
-# The smallest of the distances between n coordinates that are spread at random over a range is
-# about range / n². A distance that is larger by this factor is a step; chance leaves one in 20,000.
+# The smallest distance between n coordinates that are spread at random over a range is about range
+# / n². A distance that is larger by this factor is a step. Chance leaves one in 20,000.
 _TIMES_CHANCE = 10.0
-# Edges of a mesh go over many of its steps. A grid of heights, where each edge goes to the next
-# place of the grid, is not rounded to its spacing. One that was thinned out has longer edges, but
-# its heights are not on a grid, too.
+# Edges of a mesh cover many of its steps. A grid of heights, in which each edge leads to the next
+# grid point, is not rounded to its spacing. A thinned grid has longer edges, but its heights are
+# not on a grid, too.
 _EDGES, _EDGES_OF_ALL = 4.0, 1.5
 
 

@@ -1,10 +1,10 @@
 """Height maps as the instrument wrote them, as surfaces in mm.
 
 docs/reference/formats.md lists the formats and how each was checked. `read_scan` returns a
-plausible surface, or says why it cannot. Each format has a reader that returns the heights (ny, nx)
-in the file's unit, NaN where unmeasured; the spacing (dy, dx) in that unit, None if the file does
-not state it; the length of the unit in mm, None likewise; and what the file says about the
-instrument.
+plausible surface, or explains why it cannot. Each format has a reader. It returns the heights (ny,
+nx) in the file's unit, NaN where unmeasured, and the spacing (dy, dx) in this unit. It also returns
+the length of the unit in mm, and the description of the instrument. Spacing and unit are None if
+the file does not contain them.
 """
 
 import logging
@@ -40,7 +40,7 @@ _TEXT_READERS: dict[str, Callable[[Path, str | None, float | None], RawMap]] = {
     ".asc": read_matrix,
     ".xyz": read_points,
 }
-# What any profilometer can have measured (mm); outside this range the unit is wrong.
+# Range of any profilometer (mm). Outside this range the unit is wrong.
 _LARGEST_FIELD, _LARGEST_RANGE = 50.0, 10.0
 _SMALLEST_SPACING, _LARGEST_SPACING = 1e-6, 0.5
 # Heights (mm) beyond this are the largest numbers of a format, in whatever unit.
@@ -50,12 +50,12 @@ _LARGEST_NUMBER = 1e20
 # interquartile ranges. Reason: Measured heights are not repeated so far from the others.
 _FEWEST_HELD, _FAR = 10, 5
 # A less distant height may be one too, if more than this share of the points has it, and ten times
-# as many as any other: heights measured in few steps are about equally frequent.
+# as many as any other. Heights measured in few steps are about equally frequent.
 _HELD_FRACTION, _HELD_TIMES = 1e-3, 10
-# A scan may differ from the study's size by this share: pixel sizes are rounded (512 × 1.66 µm is
+# A scan may differ from the study's size by this share. Pixel sizes are rounded (512 × 1.66 µm is
 # 849.92 µm), and one row more or less does not matter.
 _SIZE_TOLERANCE = 0.01
-# Spacings come from float32 numbers or text; digits beyond these are noise.
+# Spacings come from float32 numbers or text. Digits beyond these are noise.
 _SPACING_DIGITS = 7
 
 
@@ -67,34 +67,34 @@ def read_scan(
     Parameters
     ----------
     path : str or Path
-        An instrument's file (.plu, .plux, .sur, .x3p, .al3d, .vk4, .gwy, .sdf, or another that
-        SurfaceTopography reads); a matrix of heights in text, a row of the map a line (.csv, .txt,
-        .asc); or points on a grid in text (.xyz: columns x, y, z).
+        Either an instrument's file (.plu, .plux, .sur, .x3p, .al3d, .vk4, .gwy, .sdf, or another
+        that SurfaceTopography reads), a matrix of heights in text with one row of the map in each
+        line (.csv, .txt, .asc), or points on a grid in text (.xyz: columns x, y, z).
     unit : {"m", "mm", "um", "nm"}, optional
-        Unit of files that do not state theirs; no effect on others. A line in a text that states
-        a unit, but is not understood, is refused.
+        Unit of files that do not contain it. It has no effect on others. A line in a text with a
+        unit that is not understood is refused.
     spacing_um : float, optional
-        Distance (µm) of the points in files that do not state it; no effect on others, except that
-        coordinates beside a matrix, and numbers in place of the x and y of points, must agree.
+        Distance (µm) of the points in files that do not contain it. It has no effect on others.
+        Coordinates beside a matrix, and numbers instead of the x and y of points, must agree.
 
     Returns
     -------
     (ny, nx) xarray.DataArray
-        Surface in mm with rows and columns as in the file, NaN where unmeasured, beginning at
-        (0, 0); attributes (text): ``file``, ``unit_stated`` (yes or no, by the file) and what the
-        file says about the instrument.
+        Surface in mm with rows and columns as in the file, NaN where unmeasured, beginning at (0,
+        0). Its attributes (text) are ``file``, ``unit_stated`` (yes or no, by the file) and the
+        file's description of the instrument.
 
     Raises
     ------
     InputError
-        The file is missing, truncated, unreadable or not a map; its unit or spacing is
-        unknown; its size is absurd; or no point is measured.
+        The file is missing, truncated, unreadable or not a map. Its unit or spacing is unknown. Its
+        size is absurd. No point is measured.
 
     Notes
     -----
     If a file has several height maps, the first is read, with a warning. There is also a warning if
-    many points share a height (if that is far from all others, they count as unmeasured), and if
-    the spacing seems to be computed with one point too few.
+    many points share a height, or if the spacing seems to be computed with one point too few. If a
+    shared height is far from all others, its points count as unmeasured.
 
     Examples
     --------
@@ -161,7 +161,7 @@ def is_scan(path: str | Path) -> bool:
 
 
 def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:
-    """The file states neither its unit nor, perhaps, the spacing of its points."""
+    """The file does not contain its unit nor, perhaps, the spacing of its points."""
     keys = {}
     if unit:
         keys["its unit of length"] = (
@@ -211,10 +211,10 @@ def cut_scan(
     scan : (ny, nx) xarray.DataArray
         The whole scan, mm.
     centre : (y, x) or None
-        Centre of the piece in mm, from the scan's centre along its rows and columns; None for the
-        whole scan, which must be a square of that size within one per cent.
+        Centre of the piece in mm, from the scan's centre along its rows and columns. None stands
+        for the whole scan, which must be a square of this size within one per cent.
     size_mm : float
-        Side of the piece; it is cut at whole elements.
+        Side of the piece, which is cut at whole elements.
 
     Returns
     -------
@@ -263,7 +263,7 @@ def _sides_of(scan: xr.DataArray) -> tuple[float, float]:
 
 
 def whole_scan(scan: xr.DataArray, size_mm: float) -> xr.DataArray:
-    """A later scan of a patch, uncut: only registration tells which piece of it the patch is.
+    """A later scan of a patch, uncut: only registration locates the patch in it.
 
     Raises
     ------
@@ -282,7 +282,7 @@ def whole_scan(scan: xr.DataArray, size_mm: float) -> xr.DataArray:
 
 
 def _mind_held(path: Path, heights: np.ndarray) -> None:
-    """Warn of a height that stands for unmeasured points: 0, or another number.
+    """Warn of a height that marks unmeasured points: 0, or another number.
 
     If it is far from all others, this is certain, and it becomes NaN. Pits and spikes are as far
     away, but seldom equally high.
@@ -311,10 +311,10 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
 
 
 def _refuse_lost_block(path: Path, heights: np.ndarray) -> None:
-    """Refuse zeros one behind the other, as where a block of the file was lost.
+    """Refuse consecutive zeros, as after the loss of a block of the file.
 
-    If they stand for unmeasured points, they begin and end with a line of the map, or are in
-    several lines, in each about as many. In a smooth map, other heights are repeated, too.
+    If they mark unmeasured points, they begin and end with a line of the map, or each of several
+    lines contains about as many. In a smooth map, other heights are repeated, too.
     """
     flat, width = heights.ravel(), heights.shape[1]
     starts = np.flatnonzero(np.diff(flat, prepend=np.nan) != 0)
@@ -337,7 +337,7 @@ def _refuse_lost_block(path: Path, heights: np.ndarray) -> None:
 
 
 def unit_remedy(states_unit: bool) -> str:
-    """What to do about heights in a wrong unit: the config has no effect on files that state it."""
+    """The remedy for heights in a wrong unit. The config does not affect files with a unit."""
     if states_unit:
         return "The unit stands in the file, not in scans.unit: correct the instrument's export."
     return "Check scans.unit in the config, and the instrument's export."
@@ -350,10 +350,10 @@ def _check_plausible(
     (ny, nx), (dy, dx) = heights.shape, spacing
     if min(ny, nx) < 2:
         raise InputError(
-            path, f"holds {ny} × {nx} points, not a map", "Export the whole map."
+            path, f"contains {ny} × {nx} points, not a map", "Export the whole map."
         )
     if not np.isfinite(heights).any():
-        raise InputError(path, "not one point is measured", "Measure the patch again.")
+        raise InputError(path, "no point is measured", "Measure the patch again.")
     extent = float(np.nanmax(heights) - np.nanmin(heights))
     if (
         not all(_SMALLEST_SPACING <= step <= _LARGEST_SPACING for step in spacing)

@@ -1,24 +1,24 @@
-"""Where an instrument's stage stood when it measured a map, as some files state it.
+"""Position of an instrument's stage when it measured a map, from files that contain it.
 
-A stage is read in its own frame. Its zero, the directions of its axes and which point of the map it
-names (corner or centre) differ between instruments, and no file states them: of maps of one size
-that were measured without taking the stone off, only the distances count.
+A stage is read in its own frame. Its zero, its directions, and its point of the map (corner or
+centre) differ between instruments, and files do not contain them. Only distances count, between
+maps of one size that were measured without moving the stone on the stage.
 """
 
 import xarray as xr
 
 __all__ = ["stage_attrs", "stage_of"]
 
-# No stage moves farther (mm): larger numbers stand for something else.
+# No stage moves farther (mm). Larger numbers mean something else.
 _FARTHEST = 1000.0
 # Digits that a single-precision number has.
 _DIGITS = 7
 
 
 def stage_attrs(x: float, y: float, length_mm: float) -> dict[str, str]:
-    """Attributes of a scan (text) for a place in units of `length_mm`; none if it is no place.
+    """Attributes of a scan (text) for a position in units of `length_mm`; empty if invalid.
 
-    Two zeros are what is written where nothing is known.
+    Two zeros are written if the position is unknown.
 
     >>> stage_attrs(-52.16, -6042.68, 1e-3)
     {'stage_x_mm': '-0.05216', 'stage_y_mm': '-6.04268'}
@@ -31,7 +31,7 @@ def stage_attrs(x: float, y: float, length_mm: float) -> dict[str, str]:
 
 
 def stage_of(scan: xr.DataArray) -> tuple[float, float] | None:
-    """The stage's place (x, y) in mm of a scan from `gstlib.io.scans.read_scan`, if it has one."""
+    """The stage's position (x, y) in mm of a scan from `gstlib.io.scans.read_scan`, if any."""
     attrs = scan.attrs
     if "stage_x_mm" not in attrs:
         return None

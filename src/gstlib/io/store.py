@@ -1,7 +1,7 @@
 """HDF5 between the stages: complete or absent, and the same bytes for the same content.
 
-The files are netCDF, as xarray writes it: `xarray.open_dataset` reads them. By xarray itself, a
-file takes 40 ms to open and 60 ms to write, however small it is; here it takes a quarter of that,
+The files are netCDF, as xarray writes it, and `xarray.open_dataset` reads them. xarray takes 40 ms
+to open a file and 60 ms to write it, however small it is. This module takes a quarter of the time,
 and a study reads and writes some 700 files. Every array has HDF5's own checksum (the fletcher32
 filter): reading a damaged file gives an error, not wrong numbers.
 """
@@ -27,7 +27,7 @@ _log = logging.getLogger(__name__)
 
 # Below this many values compression only adds overhead.
 _COMPRESS_FROM = 1024
-# How netCDF marks dimensions and missing values in HDF5; older files have all of these.
+# Marks of netCDF for dimensions and missing values in HDF5. Older files have all of these.
 _OF_THE_FORMAT = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_FillValue"}
 _OF_THE_FORMAT |= {"_Netcdf4Coordinates", "_Netcdf4Dimid", "_NCProperties"}
 # Letters of a field's texts, each as long as the longest: there are names and words.
@@ -38,7 +38,7 @@ _NO_COORDINATES = "This is a netCDF dimension but not a netCDF variable."
 def write_dataset(
     path: str | Path, dataset: xr.Dataset, attrs: Mapping[str, object] | None = None
 ) -> None:
-    """Write `dataset` to `path`; an old file is replaced once the new one is whole.
+    """Write `dataset` to `path`, and replace an old file once the new file is complete.
 
     Every data variable must carry ``units`` and ``long_name``. `attrs` are added to the attributes
     of the dataset (see `gst.run.provenance`). Raises as `gstlib.io.files.write_whole`.
@@ -65,7 +65,7 @@ def write_dataset(
 
 
 def _write_field(file: h5py.File, name: str, variable: xr.Variable) -> None:
-    """Write a field without its dimensions; a coordinate becomes one."""
+    """Write a field without its dimensions. A coordinate becomes a dimension."""
     values, attrs = variable.values, dict(variable.attrs)
     if values.dtype.kind == "b":  # as xarray writes them
         values = values.astype(np.int8)
@@ -80,11 +80,11 @@ def _write_field(file: h5py.File, name: str, variable: xr.Variable) -> None:
 
 
 def _storage(values: np.ndarray) -> dict[str, object]:
-    """How an array is stored: with a checksum, and compressed where values repeat.
+    """Options of a stored array: a checksum, and compression if values repeat.
 
-    Masks do, and pressures, which are zero nearly everywhere. Heights are stored as they are: half
-    of their digits are noise, and packing them took a tenth of a study's time to save a third of
-    its disk.
+    Values of masks repeat, as do pressures, which are zero nearly everywhere. Heights are not
+    compressed. Half of their digits are noise, and packing them took a tenth of a study's time to
+    save a third of its disk.
     """
     is_text = values.dtype.kind == "O"
     if is_text or not values.size or not values.shape:
@@ -103,8 +103,8 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
     Raises
     ------
     InputError
-        The file is missing, damaged or no HDF5 file, or lacks a variable; or it leads to other
-        files, or states more than it can hold.
+        The file is missing, damaged or no HDF5 file, or lacks a variable. It links to other files,
+        or declares more than it can contain.
 
     Examples
     --------
@@ -141,12 +141,12 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
 
 
 def read_attributes(path: str | Path) -> dict[str, object]:
-    """The attributes of a file, without its fields; raises as `read_dataset`."""
+    """The attributes of a file, without its fields. See `read_dataset` for errors."""
     return read_dataset(path, only=()).attrs
 
 
 def _dimensions(field: h5py.Dataset) -> list[str]:
-    """Names of a field's dimensions; a coordinate is its own."""
+    """Names of a field's dimensions. A coordinate is its own dimension."""
     scales = [field] if field.shape else []
     if (
         "DIMENSION_LIST" in field.attrs
@@ -183,7 +183,7 @@ def _texts(field: h5py.Dataset) -> np.ndarray:
 
 
 def _attributes(place: h5py.Dataset | h5py.File) -> dict[str, object]:
-    """The attributes that are the dataset's own, not the format's; a single number as such."""
+    """The attributes of the dataset, without those of the format; single numbers as scalars."""
     names = [name for name in place.attrs if name not in _OF_THE_FORMAT]
     attrs = {name: place.attrs[name] for name in names}
     for name, value in attrs.items():
@@ -195,16 +195,16 @@ def _attributes(place: h5py.Dataset | h5py.File) -> dict[str, object]:
 class Stored(Mapping):
     """Datasets by name, each read from its file when it is looked up.
 
-    What a stage goes through patch by patch would fill the memory if all of it were read at once.
+    The data that a stage processes patch by patch would fill the memory if it were read at once.
 
     Parameters
     ----------
     files : mapping to path
         By name, such as a patch's, or by several names.
     only : iterable of str, optional
-        Variables to read; all by default.
+        Variables to read. The default is all.
     then : callable, optional
-        Makes of each dataset what is looked up.
+        Converts each dataset to the looked-up value.
     """
 
     def __init__(

@@ -42,8 +42,8 @@ ALL_DIGITS = "GSTLIB_ALL_DIGITS"
 def printed(value: float, digits: int = SIGNIFICANT_DIGITS) -> str:
     """A number as tables print it, with `digits` significant digits.
 
-    A tie must not be decided by rounding errors: 0.3 times 35.885, from another table, is 10.7655,
-    and its last printed digit must not depend on the sixteenth.
+    A tie must not be decided by rounding errors. For example, 0.3 times 35.885, from another table,
+    is 10.7655, and its last printed digit must not depend on the sixteenth.
     """
     rounded = float(f"{value:.{_KNOWN_DIGITS}g}")
     text = f"{rounded:.{digits}g}"
@@ -71,8 +71,8 @@ def write_table(
 ) -> None:
     """Write `table` as CSV: floats with five digits, booleans as yes/no, NaN as empty.
 
-    `digits` gives columns another number of significant digits. The file is complete or absent;
-    row order is the table's own.
+    `digits` gives columns another number of significant digits. The file is complete or absent.
+    Rows keep their order.
     """
     of_columns = digits or {}
 
@@ -127,7 +127,7 @@ def read_pressures(path: str | Path) -> pd.DataFrame:
 def studied_files(
     pressures: str | Path, patches: Sequence[str], files: Sequence[Path]
 ) -> dict[str, Path]:
-    """The `files` of patches in the study, by patch; there is one file for each of `patches`.
+    """The `files` of patches in the study, by patch, with one file for each of `patches`.
 
     `pressures` is ``patch_pressures.csv``.
     """

@@ -1,9 +1,9 @@
 """Height maps in text: matrices (.csv, .txt, .asc), a row of the map a line.
 
-`gstlib.io.text_rows` reads the rows. Gwyddion's header of a matrix, that of an ESRI grid, and units
-beside the names of the columns x, y and z are understood. Another header that states a unit or a
-size is refused. Without a header, unit and spacing come from the config, and from coordinates in
-the first row and column.
+`gstlib.io.text_rows` reads the rows. Three headers are understood: Gwyddion's header of a matrix,
+the header of an ESRI grid, and units beside the names of the columns x, y and z. Another header
+with a unit or a size is refused. If a header is missing, unit and spacing come from the config, and
+from coordinates in the first row and column.
 """
 
 import logging
@@ -45,12 +45,12 @@ TextMap: TypeAlias = tuple[
     np.ndarray, tuple[float, float] | None, float | None, dict[str, str]
 ]
 
-# Length of each unit in mm; headers may also have others.
+# Length of each unit in mm. Headers may also have others.
 SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 HEADER_UNITS = SCAN_UNITS | {"cm": 10.0, "pm": 1e-9, "µm": 1e-3, "μm": 1e-3, "Å": 1e-7}
 UNIT_PATTERN = "|".join(sorted(HEADER_UNITS, key=len, reverse=True))
 
-# Lines above an ESRI grid; others state its corner. Its cells are unmeasured by a number.
+# Lines above an ESRI grid. Others contain its corner. A number marks its unmeasured cells.
 _ESRI = re.compile(
     r"^\s*(ncols|nrows|cellsize|dx|dy|nodata_value)\s+(\S+)\s*$",
     re.IGNORECASE | re.MULTILINE,
@@ -61,7 +61,7 @@ _GWYDDION = re.compile(
     rf"({UNIT_PATTERN})\s*$",
     re.MULTILINE,
 )
-# A line that states a unit or a size, in whatever language, as far as its words show.
+# A line with a unit or a size, in any language, as far as its words show.
 _UNIT_STATED = re.compile(
     rf"(?:[\d\[({{:=/,_]\s*|\bin\s+)({UNIT_PATTERN}|inch(?:es)?|mils?|px)(?![^\W_])"
 )
@@ -92,7 +92,7 @@ SPACING_TOLERANCE = 0.01
 # more than ten steps of the grid, heights and coordinates have different units. Reason: No stone is
 # so steep.
 _STEEPEST = 10.0
-# Columns of fewer than so many points each are those of a table, such as x, y, z and intensity.
+# Columns of fewer points belong to a table, such as x, y, z and intensity.
 _MOST_COLUMNS, _LONG = 6, 20
 
 
@@ -101,7 +101,7 @@ def read_matrix(
 ) -> TextMap:
     """Read a matrix of heights, as a reader of `gstlib.io.scans`.
 
-    `unit` and `spacing_um` are those of the config, with which coordinates must agree.
+    `unit` and `spacing_um` are from the config, and coordinates must agree with them.
     """
     table = read_table(path, corner=True)
     header = "\n".join(table.header)
@@ -109,7 +109,7 @@ def read_matrix(
         problem = (
             "blank lines or comments part its rows into blocks, as of several maps"
         )
-        raise InputError(path, problem, "Keep one map a file.")
+        raise InputError(path, problem, "Keep one map in each file.")
     numbers = numbers_in(path, table)
     ny, nx = numbers.shape
     grid = {name.lower(): cell for name, cell in _ESRI.findall(header)}
@@ -144,9 +144,9 @@ def read_matrix(
 
 
 def refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> None:
-    """Refuse lines that state a unit or a size in words that are not understood.
+    """Refuse lines with a unit or a size in words that are not understood.
 
-    Those without numbers that only repeat the `unit` of the config agree with it.
+    A line without numbers that only repeats the `unit` of the config is accepted.
     """
     for line in lines:
         symbols = _UNIT_STATED.findall(line)
@@ -164,17 +164,17 @@ def refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> Non
 
 
 def step_in_units(unit: str | None, spacing_um: float | None) -> float | None:
-    """The spacing of the config in its unit; None if it lacks one of them."""
+    """The spacing of the config in its unit, or None if it lacks one of them."""
     return spacing_um * 1e-3 / SCAN_UNITS[unit] if unit and spacing_um else None
 
 
 def _without_coordinates(
     path: Path, table: Table, numbers: np.ndarray, config_step: float | None
 ) -> tuple[np.ndarray, tuple[float, float] | None]:
-    """Heights without coordinates in their first row and column; the steps (y, x) of both.
+    """Heights without coordinates in their first row and column, and the steps (y, x) of both.
 
-    Rows and columns are then in the order of the coordinates, which rise, as those of points. The
-    steps are None unless both are known. Numbers of rows and columns have no steps.
+    Rows and columns are then in the order of increasing coordinates, as for points. The steps are
+    None unless both are known. Numbers of rows and columns have no steps.
     """
     ticks = _ticks(path, numbers.T), _ticks(path, numbers)
     has_y, has_x = (each is not None for each in ticks)
@@ -204,7 +204,7 @@ def _without_coordinates(
 
 
 def _refuse_corner(path: Path, table: Table) -> None:
-    """Refuse a word in the first cell, unless coordinates lie on both sides of it."""
+    """Refuse a word in the first cell, unless coordinates are on both sides of it."""
     if table.corner:
         problem = f"its first cell is {table.corner!r:.20}, beside heights"
         raise InputError(path, problem, UNMEASURED_CELLS)
@@ -216,7 +216,7 @@ def _steps_between(
     corner: float,
     config_step: float | None,
 ) -> list[float]:
-    """The steps of the coordinates (y, x), as far as they have some; numbers have none."""
+    """The steps of the coordinates (y, x), if any. Numbers of rows and columns have none."""
     steps = []
     for each, across in zip(ticks, reversed(ticks), strict=True):
         if each is None:
@@ -230,7 +230,7 @@ def _steps_between(
                 f"has coordinates in one direction only, and {corner:g} in their corner"
             )
             raise InputError(
-                path, problem, "Delete them, or have them in both directions."
+                path, problem, "Delete them, or give them in both directions."
             )
         are_numbers = abs(step) == 1 and min(start, each[-1]) in (0, 1)
         if not are_numbers:
@@ -240,7 +240,7 @@ def _steps_between(
 
 
 def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
-    """The coordinates in the first of some lines, but for the corner; None if it has heights."""
+    """The coordinates in the first of some lines, without the corner; None if it has heights."""
     first, others = lines[0, 1:], lines[1:, 1:]
     is_small = len(first) < _FEWEST_TICKS or len(others) < 2
     if is_small or not np.isfinite(first).all():
@@ -293,7 +293,7 @@ def _refuse_other_spacing(path: Path, step: float, config_step: float | None) ->
 
 
 def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) -> None:
-    """Refuse heights so steep that their unit is not that of the coordinates."""
+    """Refuse heights so steep that their unit must differ from the unit of the coordinates."""
     is_finite = np.isfinite(heights)
     finite = np.where(is_finite, heights, np.nan)
     medians = []
@@ -306,14 +306,14 @@ def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) ->
         raise InputError(
             path,
             f"half of its heights differ from the next by more than {steepness:.3g} times the "
-            "distance of the points: coordinates and heights have two units",
+            "distance of the points: coordinates and heights have different units",
             "Export all in one unit; for points, a first line such as x[mm] y[mm] z[um] states "
             "each.",
         )
 
 
 def _esri_grid(path: Path, header: Mapping[str, str], heights: np.ndarray) -> TextMap:
-    """Heights and spacing of an ESRI ASCII grid, whose first row is that of the highest y."""
+    """Heights and spacing of an ESRI ASCII grid, whose first row has the highest y."""
     try:
         stated = {name: float(cell.replace(",", ".")) for name, cell in header.items()}
         shape = stated["nrows"], stated["ncols"]

@@ -30,8 +30,8 @@ _log = logging.getLogger(__name__)
 
 # A cell whose formula failed, as spreadsheets in several languages write it. No comment begins so.
 FORMULA_ERROR = re.compile(r"#(N/?[A-Z]|[^\sa-z,;]{2,}[!?])(?![^\s,;\"])")
-# Cells that stand for an unmeasured point, except empty ones and NaN: of instruments, of ConfoMap
-# (*****), of compilers (1.#QNAN), and of libraries and spreadsheets.
+# Cells that mark an unmeasured point, except empty ones and NaN, as written by instruments,
+# ConfoMap (*****), compilers (1.#QNAN), libraries and spreadsheets.
 _UNMEASURED = re.compile(
     r"(?<![^\s,;])(?:"
     r"(?i:bad|-{2,}|\*+|[-+]?nan(?:\(\w*\))?|[-+]?\d\.#\w+|n/?a|null|none|masked|no ?data)"
@@ -40,7 +40,7 @@ _UNMEASURED = re.compile(
 _SPECIAL = re.compile(r"[^0-9\s.,;eE+-]|--")
 _NUMBER = r"[-+]?(?:\d++[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?"
 _CELL = re.compile(rf"\s*(?:{_NUMBER}|nan|[-+]?inf|)\s*", re.ASCII | re.IGNORECASE)
-# Lines that are looked at to see how a file is laid out.
+# Lines that are inspected to find the layout of a file.
 _SAMPLED = 200
 # Numbers of a column of points, or of a matrix, are written with equally many decimals, or with
 # many different counts. If up to this share of them differs, digits were lost or added.
@@ -93,7 +93,7 @@ def _text_of(path: Path) -> str:
         text = content.decode("latin-1")
     if "\0" in text:
         raise InputError(
-            path, "is not text, though its name says so", "Correct its ending."
+            path, "is not text, although its ending suggests it", "Correct its ending."
         )
     if '"' in text:
         text = re.sub(r'"([^",;\t\n]*)"', r"\1", text)
@@ -104,7 +104,7 @@ def _text_of(path: Path) -> str:
 
 
 def read_table(path: Path, *, corner: bool = False) -> Table:
-    """The lines of a table of numbers; with `corner`, its first cell may be a word."""
+    """The lines of a table of numbers. With `corner`, its first cell may be a word."""
     text = _text_of(path)
     lines = [line.strip(" ") for line in text.splitlines()]
     mark, count = _layout(path, lines)
@@ -142,7 +142,7 @@ def read_table(path: Path, *, corner: bool = False) -> Table:
 
 
 def _layout(path: Path, lines: Sequence[str]) -> tuple[str | None, int]:
-    """What separates the cells of most rows of numbers, and how many cells these have."""
+    """The separator of the cells in most rows of numbers, and the number of these cells."""
     filled = [line for line in lines if line]
     votes: Counter[tuple[str | None, int]] = Counter()
     for line in filled[:: max(1, len(filled) // _SAMPLED)]:
@@ -164,7 +164,7 @@ def _layout(path: Path, lines: Sequence[str]) -> tuple[str | None, int]:
 
 
 def _names_in(path: Path, line: int, cells: Sequence[str]) -> list[str]:
-    """The names of columns, if the cells of a row are words; its first one may be empty."""
+    """The names of columns, if the cells of a row are words. The first cell may be empty."""
     words = [cell.strip() for cell in cells]
     others = [*filter(None, words[1:])]
     if not others or any(map(_CELL.fullmatch, others)):
@@ -179,7 +179,7 @@ def _names_in(path: Path, line: int, cells: Sequence[str]) -> list[str]:
 
 
 def _refuse_numbers_above(path: Path, lines: Iterable[str], count: int) -> None:
-    """Refuse a line of numbers above rows of another length: they state something, or are cut."""
+    """Refuse a line of numbers above rows of another length: a header, or truncated rows."""
     for line in lines:
         cells = line.split(separator_of(line))
         read = [cell for cell in cells if _CELL.fullmatch(cell)]
@@ -192,7 +192,7 @@ def _refuse_numbers_above(path: Path, lines: Iterable[str], count: int) -> None:
 
 
 def _refuse_split_numbers(path: Path, rows: Sequence[str]) -> None:
-    """Refuse numbers with decimal commas between commas, each of which is two whole numbers.
+    """Refuse numbers with decimal commas between commas, where each is two whole numbers.
 
     The second ones have no sign, and as many digits each. Whole heights that look so, too, do so
     in all columns.
@@ -232,7 +232,7 @@ def _refuse_cut_lines(
 
 
 def refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> None:
-    """Refuse numbers that have lost digits, or been given some, where all have equally many."""
+    """Refuse numbers that lost or gained digits, if all others have equally many."""
     decimals = re.compile(r"\.(\d+)" if mark == "," else r"[.,](\d+)")
     digits = itertools.chain.from_iterable(map(decimals.findall, cells))
     (usual, count), *others = Counter(map(len, digits)).most_common() or [(0, 0)]
@@ -268,7 +268,7 @@ def numbers_in(
 
 
 def _mind_decimal_commas(path: Path, text: str) -> None:
-    """Refuse points beside decimal commas; warn if all commas may separate thousands."""
+    """Refuse points beside decimal commas, and warn if all commas may separate thousands."""
     if "." in text:
         problem = (
             "has numbers with commas and with points: one of them separates thousands"

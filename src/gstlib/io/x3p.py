@@ -39,8 +39,8 @@ def plain_x3p(path: Path) -> io.BytesIO:
     Raises
     ------
     InputError
-        It has no index or two; it holds no surface; or its heights or the mask of those that were
-        measured are missing, or have another size than is announced.
+        It has no index or two, or it does not contain a surface. Its heights or the mask of
+        measured points are missing, or their size differs from the header.
     """
     plain = io.BytesIO()
     with zipfile.ZipFile(path) as archive, zipfile.ZipFile(plain, "w") as copy:
@@ -84,14 +84,14 @@ def _make_plain(path: Path, root: ElementTree.Element) -> None:
     kind = root.findtext("Record1/FeatureType", "").upper()
     if kind != "SUR":
         raise InputError(
-            path, f"holds no surface, but a feature {kind!r}", _EXPORT_AGAIN
+            path, f"contains a feature {kind!r}, not a surface", _EXPORT_AGAIN
         )
     for where in ("Record1/FeatureType", ".//AxisType", ".//DataType"):
         for element in root.findall(where):
             element.text = str(element.text).upper()
     for axis in "XYZ":
         _check_axis(path, root, axis)
-    # whether heights are steps or numbers, they are offset + increment × what is stored
+    # whether heights are steps or numbers, they are offset + increment × the stored value
     height_type = _element(root, "Record1/Axes/CZ/AxisType")
     if height_type.text == "I":
         height_type.text = "A"
@@ -103,7 +103,7 @@ def _make_plain(path: Path, root: ElementTree.Element) -> None:
 
 
 def _check_axis(path: Path, root: ElementTree.Element, name: str) -> None:
-    """Refuse an axis without a scale; what is left empty is left out."""
+    """Refuse an axis without a scale, and leave out empty entries."""
     axis = _element(root, f"Record1/Axes/C{name}")
     for part in ("Increment", "Offset"):
         for element in axis.findall(part):
@@ -124,7 +124,7 @@ def _contents(
     archive: zipfile.ZipFile,
     members: dict[str, str],
 ) -> dict[str, bytes | memoryview]:
-    """Heights, and the mask of those that were measured if there is one, by their plain names."""
+    """Heights, and the mask of measured points, if any, by their plain names."""
     record = _element(root, "Record3")
     nx, ny = (record.findtext(f"MatrixDimension/Size{axis}", "") for axis in "XY")
     count = int(nx) * int(ny)
@@ -165,7 +165,7 @@ def _contents(
 
 
 def _listed(path: Path, listed: ElementTree.Element) -> np.ndarray:
-    """Heights that stand in the index itself, NaN for empty ones."""
+    """Heights in the index itself, NaN if empty."""
     texts = [datum.text or "nan" for datum in listed.findall("Datum")]
     try:
         return np.array(texts, dtype="<f8")
@@ -181,7 +181,7 @@ def _check_bytes(path: Path, size: int, announced: int, what: str) -> None:
 
 
 def _mind_sum(path: Path, content: bytes | memoryview, stated: str, what: str) -> None:
-    """Warn if a member does not have the MD5 sum that is stated; zeros stand for none."""
+    """Warn if the MD5 sum of a member differs from the index. Zeros mean a missing sum."""
     own = hashlib.md5(content, usedforsecurity=False).hexdigest()
     stated = stated.lower()
     is_sum = re.fullmatch("[0-9a-f]{32}", stated) and stated.strip("0")
@@ -209,7 +209,7 @@ def _is_number(text: str, *, positive: bool) -> bool:
 
 
 def _is_date(text: str) -> bool:
-    """Whether a date is as the standard has it; of others, which month they mean is a guess."""
+    """Whether a date follows the standard. The month of other dates would be a guess."""
     try:
         return bool(datetime.datetime.fromisoformat(text))
     except ValueError:

@@ -184,7 +184,7 @@ def test_a_picture_or_a_profile_is_not_read_as_a_map(tmp_path, heights):
 @each_format
 def test_nothing_measured_and_one_row_are_no_map(tmp_path, heights, name):
     path, sample = written(tmp_path, name, np.full_like(heights, math.nan))
-    refused(path, "not one point|no row|is empty", **sample.options(1e-3))
+    refused(path, "no point is measured|no row|is empty", **sample.options(1e-3))
     path, sample = written(tmp_path, name, np.nan_to_num(heights).reshape(1, -1))
     refused(path, **sample.options(1e-3))
 

@@ -187,10 +187,10 @@ def test_a_matrix_that_would_be_misread_is_refused(tmp_path, kind):
 
 def test_coordinates_in_another_unit_make_slopes_that_no_stone_has(tmp_path):
     (tmp_path / "a.csv").write_text(lines_of(with_coordinates(X / 1e3, Y / 1e3)))
-    refused(tmp_path / "a.csv", "two units", unit="um")
+    refused(tmp_path / "a.csv", "different units", unit="um")
     text = lines_of(points(scale=(1, 1, 1e3)), " ", "{:.7f}")
     (tmp_path / "a.xyz").write_text(text)
-    refused(tmp_path / "a.xyz", "two units.*x.mm. y.mm. z.um.", unit="um")
+    refused(tmp_path / "a.xyz", "different units.*x.mm. y.mm. z.um.", unit="um")
 
 
 @pytest.mark.parametrize(
