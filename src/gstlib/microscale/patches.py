@@ -107,7 +107,7 @@ def solve_patches(
     """
     if EQUILIBRIUM in variants and (composite is None or contact is None):
         raise ValueError(
-            "to be placed, patches need the composite surface and its contact"
+            "patches on the stone need the composite surface and its contact"
         )
     targets = pressures.set_index("patch")
     for patch in scans:

@@ -116,7 +116,7 @@ def test_a_moved_face_is_that_of_a_moved_stone(lower):
         # at rest, planes do not matter
         misfit = (remove_plane(face)[0] - remove_plane(expected)[0]).std()
         assert float(misfit) < largest * float(expected.std())
-    with pytest.raises(InputError, match="farther than its face is known"):
+    with pytest.raises(InputError, match="beyond the known part of its face"):
         face_in_pose(wide, height, PatchPosition(0.0, 2.0, 0.0), size_mm=SIDE)
 
 
