@@ -36,7 +36,7 @@ def as_given(
     """
     if not hasattr(heights, "dims"):
         if spacing is None:
-            raise ContactInputError("an array does not say its spacing: give it (mm)")
+            raise ContactInputError("an array has no spacing: pass spacing (mm)")
         return heights, spacing, lambda name, values: values
     if not hasattr(heights, "values") or callable(heights.values):
         raise ContactInputError("heights are a Dataset: give one of its variables")
@@ -115,14 +115,14 @@ def _mean_step(dim, values):
         raise ContactInputError(f"the coordinate {dim} must be finite numbers (mm)")
     if values.size < 2:
         raise ContactInputError(
-            f"the coordinate {dim} has {values.size} value: one alone has no spacing. Give at "
+            f"the coordinate {dim} has {values.size} value: the spacing needs two. Give at "
             "least two rows and two columns, or an array and its spacing"
         )
     values = values.astype(float)
     mean = float(values[-1] - values[0]) / (values.size - 1)
     if mean < 0:
         raise ContactInputError(
-            f"the coordinate {dim} falls: sort it by .sortby({dim!r})"
+            f"the coordinate {dim} decreases: sort it with .sortby({dim!r})"
         )
     off = np.abs(np.diff(values) - mean)
     if not off.max() <= _IRREGULAR * mean or mean == 0:

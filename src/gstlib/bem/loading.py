@@ -261,14 +261,14 @@ def _checked_pressures(target_pressure):
     """List of mean pressures (MPa): the target alone, or that of each state."""
     if not np.size(target_pressure):
         raise ContactInputError(
-            "target_pressure has no numbers: give one at least (MPa)"
+            "target_pressure is empty: give at least one number (MPa)"
         )
     numbers = [
         checked_number("target_pressure", number, "MPa")
         for number in np.ravel(target_pressure)
     ]
     if numbers != sorted(numbers):
-        raise ContactInputError(f"target_pressure must ascend (MPa), got {numbers}")
+        raise ContactInputError(f"target_pressure must increase (MPa), got {numbers}")
     return numbers
 
 

@@ -294,7 +294,7 @@ def resting(relief, half_space, force, load_point):
     spacing = np.array(half_space.spacing)
     supports = settle(relief, load_point / spacing - 0.5)
     if supports is None:
-        raise TippingError(tipping(load_point, "lies outside all that can touch"))
+        raise TippingError(tipping(load_point, "is outside the outline of the surface"))
     point, slopes, elements = supports
     length = float((relief.shape * spacing).max())
     load = RestingLoad(

@@ -180,9 +180,9 @@ def solve_contact(  # noqa: PLR0913
             )
         if load.force is None or pressure_cap < math.inf:
             raise ContactInputError(
-                "a force through a point needs mean_pressure (MPa), not displacement, and no "
-                "pressure_cap: solve at rest without it, add the plane of `tilt` to the heights "
-                "and press these on a fixed plane"
+                "load_point needs mean_pressure (MPa) instead of displacement, and no "
+                "pressure_cap: solve in equilibrium without it, add the plane of `tilt` to the "
+                "heights, and press these on a fixed plane"
             )
         problem, load = problem.at_rest(load.force, checked_point(load_point))
     state = problem.solve(load, checked_tolerance(tolerance), initial_pressure)
@@ -199,7 +199,7 @@ def _refuse_steep_plane(heights, spacing):
     if tilted_too_far(slopes):
         raise ContactInputError(
             f"the heights lie on a plane of {math.degrees(math.atan(math.hypot(*slopes))):.0f}°, "
-            "and a map of heights shows what can touch up to 45°: level them first"
+            "and a map of heights is valid up to 45° only: level them first"
         )
 
 
@@ -246,8 +246,8 @@ class ContactProblem:
             if displacement and displacement >= self.full_displacement:
                 raise ContactInputError(
                     f"at a displacement of {self.full_displacement:g} mm the periodic surface is "
-                    f"in full contact, and {displacement:g} mm say no pressure: give "
-                    "mean_pressure (MPa)"
+                    f"in full contact, and {displacement:g} mm do not determine the pressure: "
+                    "pass mean_pressure (MPa)"
                 )
             return LoadControl(displacement, None, pressure_cap)
         mean_pressure = checked_number("mean_pressure", mean_pressure, "MPa")

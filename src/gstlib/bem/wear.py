@@ -203,7 +203,7 @@ def wear_path(  # noqa: PLR0913
     total = sum(body.share * float(body.pressures.sum()) for body in bodies)
     if not total > 0:
         raise ContactInputError(
-            "mean_pressure must be positive in one step at least (MPa)"
+            "mean_pressure must be positive in at least one step (MPa)"
         )
     highest_mean = max(float(body.pressures.max()) for body in bodies)
     pressure_cap = checked_cap(pressure_cap, highest_mean)
