@@ -3,11 +3,10 @@
     state = solve_contact(heights, spacing, contact_modulus(E1, nu1, E2, nu2), mean_pressure=22.0)
     state.pressure, state.gap, state.displacement, state.contact_fraction, state.residual
 
-`solve_contact` presses a map of heights against a flat, in a fixed direction; or, with
-`load_point`, under a force through a point, until the body is at rest. `load_path` does so step by
-step, and `wear_path` wears the surface by Archard's law, also with a compliant `Layer` between the
-bodies.
-Units: mm, N, MPa. This package knows nothing of stones, files or workflows.
+`solve_contact` presses a map of heights against a flat, in a fixed direction. With `load_point`, a
+force acts through a point, and the body reaches equilibrium. `load_path` does so step by step, and
+`wear_path` wears the surface by Archard's law, also with a compliant `Layer` between the bodies.
+Units: mm, N, MPa. This package does not depend on stones, files or workflows.
 """
 
 import lazy_loader

@@ -1,8 +1,8 @@
 """Contacts with a solution in closed form: frictionless, half-space, small strain.
 
-To check a solver, a mesh or a unit against. Forces in N, lengths in mm, pressures and moduli in
-MPa; E* is the contact modulus. Positions are measured from the centre of the contact; pressures
-are zero out of contact, displacements positive into the half-space.
+They serve to check a solver, a mesh or a unit. Forces are in N, lengths in mm, pressures and moduli
+in MPa, and E* is the contact modulus. Positions are measured from the centre of the contact.
+Pressures are zero out of contact, displacements positive into the half-space.
 
 Sources: K. L. Johnson, *Contact Mechanics* (1985), cited by equation; I. N. Sneddon, Int. J. Eng.
 Sci. 3 (1965) 47; H. M. Westergaard, J. Appl. Mech. 6 (1939) A49; K. L. Johnson, J. A. Greenwood &
@@ -60,7 +60,7 @@ class Indenter:
     contact_modulus: float
 
     def pressure(self, x, y):
-        """Pressure (MPa) at (x, y) (mm), zero out of contact; broadcasts."""
+        """Pressure (MPa) at (x, y) (mm), zero out of contact. Arguments broadcast."""
         raise NotImplementedError
 
 
@@ -68,7 +68,7 @@ class Indenter:
 class Sphere(Indenter):
     """Hertz: a sphere of a `radius` R (mm) on a flat. Johnson, eqs. 4.22-4.24.
 
-    Of two spheres, 1/R = 1/R₁ + 1/R₂.
+    For two spheres, 1/R = 1/R₁ + 1/R₂.
     """
 
     force: float
@@ -110,7 +110,7 @@ class Sphere(Indenter):
 class Ellipsoid(Indenter):
     """Hertz: a body with the radii `radius_x` and `radius_y` (mm). Johnson, eqs. 4.25-4.26.
 
-    The radii are those of curvature along x and y. Equal ones are a `Sphere`.
+    The radii are the radii of curvature along x and y. Equal ones are a `Sphere`.
     """
 
     force: float
@@ -182,7 +182,7 @@ class Cone(Indenter):
         return 2 / math.pi * self.displacement * math.tan(self.half_angle)
 
     def pressure(self, x, y):
-        """p = E* acosh(a/r) / (2 tan α) (MPa) at (x, y) (mm); infinite at the tip."""
+        """p = E* acosh(a/r) / (2 tan α) (MPa) at (x, y) (mm), infinite at the tip."""
         distance = np.hypot(x, y)
         with np.errstate(divide="ignore"):
             ratio = np.maximum(self.contact_radius / distance, 1.0)
@@ -352,8 +352,8 @@ def persson_pressure_density(
 ):
     """Probability density (1/MPa) of a pressure p > 0 (MPa) on a rough surface, by Persson.
 
-    Two Gaussians of the variance (E* h'rms/2)² about ±p̄, one less the other: it starts from zero
-    in proportion to p, and its integral is the contact fraction. Broadcasts.
+    It is the difference of two Gaussians of the variance (E* h'rms/2)² about ±p̄. It starts from
+    zero in proportion to p, and its integral is the contact fraction. Arguments broadcast.
     """
     width = full_contact_rms_pressure(rms_gradient, contact_modulus)
     at = np.asarray(pressure) / width
@@ -367,8 +367,8 @@ def love_rectangle_displacement(
 ):
     """Displacement (mm) at (x, y) (mm) on the surface under a uniform pressure on a rectangle.
 
-    Love; Johnson, eq. 3.25. `sides` (mm) are the rectangle's lengths along x and y, its centre is
-    the origin. Not on the edges' lines themselves.
+    Love; Johnson, eq. 3.25. `sides` (mm) are the rectangle's lengths along x and y, and its centre
+    is the origin. The formula does not apply on the lines of the edges.
     """
     left, right = x + sides[0] / 2, x - sides[0] / 2
     top, bottom = y + sides[1] / 2, y - sides[1] / 2

@@ -7,9 +7,9 @@ Phys. 369 (1921) 253),
     K(r) = [K(r) − erf(r/σ)/(πE*r)] + erf(r/σ)/(πE*r).
 
 The first part ends after a few σ, so a margin of that width is enough padding. The second part is
-smooth, so a coarse grid can represent it, and padding that costs little. The longest waves of the
-fine grid's own transform carry load to the coarse grid and displacement back. A Gaussian smooths
-them each way, so neither rings far; both Gaussians are divided out of the coarse kernel in advance.
+smooth, so a coarse grid can represent it, and its padding costs little. The longest waves of the
+fine grid's transform carry load to the coarse grid and displacement back. A Gaussian smooths them
+each way, so neither rings far. Both Gaussians are divided out of the coarse kernel in advance.
 """
 
 import math
@@ -29,18 +29,18 @@ __all__ = [
     "love_kernel",
 ]
 
-# Lines per block times bytes of a real number: few enough to stay in cache, many enough that the
-# cost of the calls vanishes (measured: flat from 32 to 128 lines).
+# Lines per block times bytes of a real number. They are few enough to stay in cache, and so many
+# that the calls cost little (measured: flat from 32 to 128 lines).
 _BLOCK = 256
-# Numbers added to each line of a buffer: lines a power of two apart share cache sets (measured:
-# transforms of 1024 numbers in single precision take 2.6 times as long).
+# Numbers added to each line of a buffer, because lines a power of two apart share cache sets.
+# (Measured: transforms of 1024 numbers in single precision take 2.6 times as long.)
 _OFFSET = 8
 # Measured together, for an error of 2e-6 of the largest displacement on noise (smooth loads: 1e-6).
 # Elements per coarse element; σ over the coarse spacing; width of the margin over σ.
 _COARSENING, _SIGMA, _MARGIN = 5, 2.5, 5.0
 # The coarse kernel fades out over this share of its length.
 _FADE = 0.5
-# Splitting saves time where the near part's grid is smaller than this share of the exact one.
+# Splitting saves time if the near part's grid is smaller than this share of the exact one.
 _WORTH_SPLITTING = 0.5
 
 
@@ -53,13 +53,13 @@ class EvenConvolution:
     Parameters
     ----------
     shape : (int, int)
-        Of the fields (ny, nx).
+        Shape of the fields (ny, nx).
     spectrum : ndarray, shape (my // 2 + 1, mx // 2 + 1)
-        Of the kernel, on the padded grid (my, mx), at wave numbers from 0 on.
+        Spectrum of the kernel, on the padded grid (my, mx), at wave numbers from 0 on.
     dtype : data-type
         Precision of the computation: single or double.
     padded : (int, int), optional
-        (my, mx), if not even. Without padding, at `shape` itself, fields are periodic.
+        (my, mx), if not even. At `shape` itself, without padding, fields are periodic.
     """
 
     def __init__(self, shape, spectrum, dtype, padded=None):
@@ -88,12 +88,12 @@ class EvenConvolution:
         longest: tuple[int, int] = (0, 0),
         respond: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> np.ndarray:
-        """The convolution of a field, shape (ny, nx); the next call overwrites it.
+        """The convolution of a field, shape (ny, nx), which the next call overwrites.
 
         `respond`, if given, takes the `longest` waves (count_y, count_x) of the field, complex,
-        shape (count_x, count_y): wave numbers 0 to count_x - 1 along x; along y from 0 on and then
-        the negative ones, as an FFT of the even length count_y orders them. It returns waves that
-        are added to the result's.
+        shape (count_x, count_y). Wave numbers are 0 to count_x - 1 along x. Along y they are in the
+        order of an FFT of the even length count_y, from 0 on and then the negative ones. It returns
+        waves that are added to the waves of the result.
         """
         ny, nx = self._shape
         my, mx = self._padded
@@ -143,8 +143,9 @@ class EvenConvolution:
 class SplitConvolution:
     """Displacement (mm) of a pressure field (MPa), shape (ny, nx), in single precision.
 
-    `kernel` gives a quadrant of the kernel, shape (my, mx) (mm/MPa): Love's for a half-space with
-    this `contact_modulus` (MPa), plus any part that reaches less far than the margin.
+    `kernel` gives a quadrant of the kernel, shape (my, mx) (mm/MPa). This is Love's kernel for a
+    half-space with this `contact_modulus` (MPa), plus any part that reaches less far than the
+    margin.
     """
 
     def __init__(self, shape, spacing, contact_modulus, kernel):
@@ -181,7 +182,7 @@ class SplitConvolution:
 
     @staticmethod
     def saves(shape, spacing, reach):
-        """Whether it holds a kernel that differs from Love's out to `reach` (mm), and is faster."""
+        """Whether a kernel that differs from Love's out to `reach` (mm) is faster with it."""
         if reach > _MARGIN * _sigma(spacing):
             return False
         near = math.prod(_margin_padding(shape, spacing))
@@ -189,12 +190,12 @@ class SplitConvolution:
         return near < _WORTH_SPLITTING * exact
 
     def __call__(self, pressure):
-        """The displacement, shape (ny, nx); the next call overwrites it."""
+        """The displacement, shape (ny, nx), which the next call overwrites."""
         size_y, size_x = self._coarse
         return self._near(pressure, (size_y, size_x // 2 + 1), self._from_afar)
 
     def _from_afar(self, waves):
-        """Waves of the far part's displacement, from those of the pressure."""
+        """Waves of the far part's displacement, from the waves of the pressure."""
         size_y, size_x = self._coarse
         waves *= self._down
         load = scipy.fft.irfft2(waves, (size_y, size_x), axes=(1, 0), norm="forward")
@@ -247,14 +248,14 @@ def love_kernel(
 def kernel_spectrum(padded, kernel):
     """Spectrum of a kernel, wrapped to the nearest image on a grid of even size `padded`.
 
-    `kernel` gives a quadrant of it. At wave numbers from 0 on, shape (my // 2 + 1, mx // 2 + 1):
-    the kernel is even in y and x, so its spectrum is even and real.
+    `kernel` gives a quadrant of it. The spectrum is at wave numbers from 0 on, shape (my // 2 + 1,
+    mx // 2 + 1). The kernel is even in y and x, so its spectrum is even and real.
     """
     return _even_spectrum(kernel(tuple(m // 2 + 1 for m in padded)))
 
 
 def _even_spectrum(quadrant):
-    """Spectrum of an even kernel, from wave number 0 on; overwrites the kernel's quadrant."""
+    """Spectrum of an even kernel, from wave number 0 on. It overwrites the kernel's quadrant."""
     return scipy.fft.dctn(quadrant, type=1, overwrite_x=True)
 
 
@@ -301,7 +302,7 @@ def _coarse_kernel(coarse, spacing, sigma):
 
 
 def _smoothing(size, spacing, sigma):
-    """exp(−q²σ²/8) at the wave numbers q of a grid; 0 at the last, which has no sign."""
+    """exp(−q²σ²/8) at the wave numbers q of a grid, and 0 at the last, which has no sign."""
     wave_number = 2 * math.pi * _waves(size) / (size * spacing)
     smoothing = np.exp(-((wave_number * sigma) ** 2) / 8)
     smoothing[size // 2] = 0.0

@@ -9,12 +9,12 @@ from .window import dot
 
 __all__ = ["MAX_ITERATIONS", "descend"]
 
-# Iterations allowed on each grid; rough surfaces take tens.
+# Iterations allowed on each grid. Rough surfaces take tens.
 MAX_ITERATIONS = 500
 # A cut larger than this share of the step is convolved at once rather than with the next one.
 _LARGE_CUT = 0.3
-# Bounds of the next trial's step. The line searches of a rough 4096² ask for 0.15: with a bound of
-# 0.3, trials go too far, cuts are large, and every third iteration has a convolution more.
+# Bounds of the next trial's step. The line searches of a rough 4096² need 0.15. With a bound of
+# 0.3, trials go too far, cuts are large, and every third iteration has an extra convolution.
 _SHORTEST_STEP, _LONGEST_STEP = 0.1, 3.0
 # Least share of the largest lift, so that every free element can take part in balancing the load.
 _LEAST_LIFT = 1e-3
@@ -24,8 +24,8 @@ _LARGE_LEVEL = 0.5
 _CAUTIOUS = 10
 # Two directions are dependent when rounding may have left this of their Gram determinant.
 _DEPENDENT = 1e-10
-# If so many iterations do not halve the residual, as many cautious ones follow: needed for elements
-# sixty times as long as wide under a pressure limit (measured: fewer help less).
+# If so many iterations do not halve the residual, as many cautious ones follow. Elements sixty
+# times as long as wide need this under a pressure limit (measured: fewer help less).
 _PATIENCE = 80
 # The field is computed again, exactly, when its error may be this share of the residual.
 _LARGE_ERROR = 0.3
@@ -57,13 +57,13 @@ class _Response:
         self.error = 0.0
 
     def displacement(self, change):
-        """The displacement of a change, whose error adds to that of the field."""
+        """The displacement of a change, whose error adds to the error of the field."""
         field = self.window.displacement(change)
         self.error += APPROXIMATION_ERROR * np.abs(field).max()
         return field
 
     def cut_to(self, pressure, exactly):
-        """Go to an admissible pressure, of which only the cut is convolved unless exactly."""
+        """Go to an admissible pressure. Only the cut is convolved, unless `exactly`."""
         if exactly:
             self.compute_exactly(pressure)
         else:
@@ -83,7 +83,7 @@ class _Progress:
         self.reached = self.lowest_energy = math.inf
 
     def is_stalled(self, iterations):
-        """Whether the residual has not halved for long; cautious iterations follow then."""
+        """Whether the residual has not halved for long, so that cautious iterations follow."""
         if iterations - self.halved <= _PATIENCE or self.cautious:
             return False
         self.halved, self.cautious = iterations, _PATIENCE
@@ -104,13 +104,13 @@ class _Progress:
 def descend(window, load, relief, pressure, field, tolerance, error, iterations):
     """Improve a pressure until the residual of the recurrence is below the tolerance.
 
-    Each iteration adds a change whose displacement is computed approximately; errors thus scale
+    Each iteration adds a change whose displacement is computed approximately. Errors thus scale
     with the changes, which shrink. An exact convolution removes the accumulated error now and then,
     also at the start.
 
-    All vectors are of the window's n elements: `relief` is h − h_max (mm), `pressure` (MPa, ≥ 0)
-    that to start from, and `field` its displacement (mm), known up to `error`, or None; where it is
-    known, the pressure is admissible. `iterations` counts on. Returns pressure and iterations.
+    All vectors contain the window's n elements. `relief` is h − h_max (mm), and `pressure` (MPa, ≥
+    0) is the start. `field` is its displacement (mm), accurate to `error`, or None. If it is given,
+    the pressure is admissible. `iterations` counts on. Returns pressure and iterations.
     """
     response = _Response(window, pressure, field, error)
     if field is None:
@@ -132,8 +132,8 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
             break
         progress.reach(relative, iterations)
 
-        # Directions whose displacement is known already: the last change and, unless load or
-        # limit hold it, the pressure itself, which sets the level of the whole.
+        # Directions whose displacement is known already: the last change and the pressure itself,
+        # which sets the overall level, unless load or limit fix it.
         scalable = (
             load.force is None and 0 < response.pressure.max() < load.pressure_cap
         )
@@ -161,7 +161,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
         weights, last = _line_search(penetration, [(change, image), *level])
         step = min(max(weights[0] * step, _SHORTEST_STEP), _LONGEST_STEP)
         response.add(*last)
-        # What the trial cut stays at its bound.
+        # Elements that the trial cut stay at their bound.
         inside = (trial > 0) & (trial < load.pressure_cap)
         pressure = load.admissible(
             np.where(inside, response.pressure, trial),
@@ -172,14 +172,14 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
             > _LARGE_CUT * np.abs(last[0]).max()
         ):
             if not started:
-                # At the first, most often that of the start, much is still to change.
+                # At the first iteration, most often at the start, large changes are still ahead.
                 started = True
                 response.compute(pressure)
                 continue
             # The first change is large, and so is its error.
             response.cut_to(pressure, exactly=math.isinf(progress.lowest_energy))
-            # An error stays as it is, but for what each step adds, so that energies can be
-            # compared until the field is computed again.
+            # An error changes only by the error of each step, so that energies can be compared
+            # until the field is computed again.
             work = rigid if load.force is None else 0.0
             progress.compare(dot(pressure, 0.5 * response.field - relief - work))
     return pressure, iterations
@@ -194,7 +194,7 @@ def _interpenetration(load, pressure, opening):
 
 
 def _direction(preconditioner, load, penetration, free, pairs):
-    """The direction of the next trial, and the lift that keeps its load, None without a force.
+    """The direction of the next trial, and the lift that keeps its load (None without a force).
 
     It is conjugate to the `pairs` of a direction and its displacement.
     """
@@ -206,7 +206,7 @@ def _direction(preconditioner, load, penetration, free, pairs):
     if load.force is not None:
         # Pressure that a uniform lift adds: the direction along which the load is kept.
         lift = preconditioner.uniform
-        # Positive but for grids of a few elements; where it carries load it must be.
+        # Positive except on grids of a few elements. It must be positive under load.
         lift = np.maximum(lift, _LEAST_LIFT * lift.max()) * free
         direction = load.balanced(direction, lift)
     if not pairs:
@@ -221,7 +221,7 @@ def _direction(preconditioner, load, penetration, free, pairs):
 
 
 def _line_search(penetration, steps):
-    """Weights of a change and the level, pairs with their displacements, and what they come to."""
+    """Weights of a change and the level, pairs with their displacements, and the sum."""
     work = [dot(vector, penetration) for vector, _ in steps]
     weights = _energy_weights(steps, work)
     if weights[0] <= 0 or abs(weights[1:]).sum() > _LARGE_LEVEL:

@@ -1,4 +1,4 @@
-"""Doubts about what a caller meant: warnings, as the result is right for what was given."""
+"""Warnings about doubtful input. The result is right for the given values."""
 
 import math
 import warnings
@@ -10,22 +10,22 @@ from .roughness import slope_of
 
 __all__ = ["FULL", "fitted_plane", "warn_of_doubts"]
 
-# The rim is suspect with more of the force than this, and than so many times its share of the area
-# (measured at 256²: of rough surfaces without waves as long as the grid, alone at a few per cent of
-# contact, 3 to 16 %; of pieces of larger ones, 11 to 37 %; of a flat punch, 21 %).
+# The rim is suspect if it carries more of the force than this, and than so many times its share of
+# the area. Measured at 256²: 3 to 16 % for rough surfaces without waves as long as the grid, alone
+# at a few per cent of contact. 11 to 37 % for pieces of larger surfaces, and 21 % for a flat punch.
 _MUCH_ON_RIM, _TIMES_ITS_AREA = 0.15, 2.0
-# Above this contact fraction heights hardly matter; rough stones touch on a few per cent.
+# Above this contact fraction heights hardly matter. Rough stones touch on a few per cent.
 FULL = 0.95
 # Slopes of half-spaces are far below this.
 _STEEP = 1.0
-# So much of the heights' variance is that of a plane where a scan was not levelled.
+# If a plane makes up so much of the heights' variance, a scan was not levelled.
 _TILTED = 0.9
 # Doubts look at so many lines each way, to cost next to nothing.
 _SAMPLED = 64
 
 
 def warn_of_doubts(state, problem):
-    """Warn of a contact that is hardly what its caller wanted; for functions that a user calls."""
+    """Warn of a contact that its caller hardly intended, in functions that a user calls."""
     relief = problem.relief
     flat = not relief.min(where=relief > -math.inf, initial=0.0)
     if flat or not state.mean_pressure:
@@ -63,7 +63,7 @@ def warn_of_doubts(state, problem):
 def fitted_plane(heights, spacing):
     """Slopes (y, x) of the plane through the heights (mm), −inf left out, and its share in them.
 
-    The share is that of the heights' variance.
+    The share is the fraction of the heights' variance.
     """
     is_there = np.isfinite(heights)
     if not (count := np.count_nonzero(is_there)):

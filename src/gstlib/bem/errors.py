@@ -34,19 +34,19 @@ class ContactError(Exception):
 
 
 class ContactInputError(ContactError, ValueError):
-    """The problem makes no sense as stated: a wrong shape, NaN, a negative load and so on."""
+    """The problem is not valid: a wrong shape, NaN, a negative load and so on."""
 
 
 class TippingError(ContactInputError):
-    """A force acts through a point that nothing can hold."""
+    """A force acts through a point at which the contact cannot balance it."""
 
 
 class ContactWarning(UserWarning):
-    """The contact is right for what was given, which is hardly what was meant."""
+    """The contact is right for the given values, but they are doubtful."""
 
 
 class ConvergenceError(ContactError):
-    """The solver stopped before the tolerance was met; no field is returned.
+    """The solver stopped before the tolerance was met, and no field is returned.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def checked_tolerance(tolerance: object) -> float:
 
 
 def checked_cap(pressure_cap: float, mean_pressure: float) -> float:
-    """A cap on the pressure (MPa), above the mean pressure; infinite for none."""
+    """A cap on the pressure (MPa), above the mean pressure. Infinite means no cap."""
     if pressure_cap != math.inf:
         pressure_cap = checked_number(
             "pressure_cap", pressure_cap, "MPa", positive=True
@@ -116,7 +116,7 @@ def checked_array(
 ) -> np.ndarray:
     """An (ny, nx) array of finite real numbers, with the given shape if there is one.
 
-    With `holes`, −inf may stand where there is nothing, but not everywhere.
+    If `holes` is true, −inf may mark elements without surface, but not all of them.
     """
     if np.ma.is_masked(values) or np.iscomplexobj(values):
         kind = "complex" if np.iscomplexobj(values) else "masked"

@@ -15,7 +15,7 @@ FIELDS = {
     "gap": ("mm", "gap between the bodies"),
     "depth": ("mm", "height lost by wear"),
 }
-# Steps between coordinates may differ by this share, and a stated spacing from their mean.
+# Steps between coordinates may differ by this share, and a given spacing from their mean.
 _IRREGULAR = 1e-3
 # Coordinates that were shifted are rounded in their sixteenth digit, and so is their mean step.
 _DIGITS = 15
@@ -24,15 +24,15 @@ _DIGITS = 15
 def as_given(
     heights: Any, spacing: Any
 ) -> tuple[Any, Any, Callable[[str, np.ndarray], Any]]:
-    """Heights (y, x), their spacing, and what makes a field, by its name and values, like them.
+    """Heights (y, x), their spacing, and a function that makes a similar field by name and values.
 
     The coordinates (mm) of a `DataArray` decide its spacing. Fields of an array are arrays.
 
     Raises
     ------
     ContactInputError
-        The spacing is missing, or is not that of the coordinates (see `step_of`); or the heights
-        are not in mm.
+        The spacing is missing, or differs from the coordinates (see `step_of`), or the heights are
+        not in mm.
     """
     if not hasattr(heights, "dims"):
         if spacing is None:
@@ -64,7 +64,7 @@ def as_given(
 
 
 def rows_first(field: Any) -> Any:
-    """A field; transposed if it is a `DataArray` (x, y), for points and slopes are (y, x)."""
+    """A field, transposed if it is a `DataArray` (x, y), because points and slopes are (y, x)."""
     return (
         field.transpose("y", "x") if getattr(field, "dims", ()) == ("x", "y") else field
     )
@@ -80,8 +80,8 @@ def step_of(field: Any, dim: str, stated: Any = None) -> float:
     Raises
     ------
     ContactInputError
-        There are fewer than two coordinates; they are not in mm, not finite, not even or fall; or
-        a stated spacing differs from theirs by more than a thousandth.
+        There are fewer than two coordinates. They are not in mm, not finite, uneven or decreasing.
+        A given spacing differs from theirs by more than a thousandth.
     """
     if dim not in field.coords:
         if stated is None:

@@ -1,12 +1,12 @@
 """The elastic half-space as an operator: pressure on a grid of elements to displacement.
 
-By default nothing is loaded beyond the grid. The discrete convolution with Love's kernel is done
-exactly, by FFT on a grid padded with zeros to at least twice the size (Liu, Wang & Liu, Wear 243
-(2000) 101). A periodic half-space repeats the grid without end: each wave of the pressure gives the
-same wave of displacement, 2/(E*|q|) times as high (H. M. Stanley & T. Kato, J. Tribol. 119 (1997)
-481), and a uniform pressure gives none, as displacement is counted from its mean.
+By default the surface is not loaded beyond the grid. The discrete convolution with Love's kernel is
+done exactly, by FFT on a grid padded with zeros to at least twice the size (Liu, Wang & Liu, Wear
+243 (2000) 101). A periodic half-space repeats the grid without end. Each wave of the pressure gives
+the same wave of displacement, 2/(E*|q|) times as high (H. M. Stanley & T. Kato, J. Tribol. 119
+(1997) 481). A uniform pressure gives no displacement, as it is counted from its mean.
 
-Conventions: arrays are (ny, nx); pressure (MPa) is positive in compression, displacement (mm)
+Conventions: arrays are (ny, nx). Pressure (MPa) is positive in compression, displacement (mm)
 positive into the half-space.
 """
 
@@ -28,12 +28,12 @@ from .layer import Layer
 
 __all__ = ["APPROXIMATION_ERROR", "HalfSpace", "contact_modulus", "inverse_padding"]
 
-# Error of an approximate displacement, relative to the largest (measured: smaller on grids of
-# 33 x 70 to 1024 x 1024, for noise, for sparse contact and for uniform pressure; it only decides
-# when to recompute exactly).
+# Error of an approximate displacement, relative to the largest. It only decides when to recompute
+# exactly. (Measured: smaller on grids of 33 x 70 to 1024 x 1024, for noise, for sparse contact and
+# for uniform pressure.)
 APPROXIMATION_ERROR = 3e-6
-# The approximate inverse needs no exact convolution: padding by a tenth is enough that opposite
-# borders do not affect each other (measured: wider padding saves no iteration).
+# The approximate inverse needs no exact convolution. With padding by a tenth, opposite borders do
+# not affect each other (measured: wider padding saves no iteration).
 _INVERSE_PADDING = 1.1
 # A separate half-space is made for a box with less than this share of the elements.
 _WORTH_A_BOX = 0.7
@@ -47,7 +47,7 @@ def contact_modulus(
     Parameters
     ----------
     young_1, young_2 : float
-        Young's moduli (MPa), positive; ``math.inf`` for a rigid body (not both).
+        Young's moduli (MPa), positive, or ``math.inf`` for a rigid body (not both).
     poisson_1, poisson_2 : float
         Poisson's ratios, in (-1, 0.5].
 
@@ -63,8 +63,8 @@ def contact_modulus(
 
     References
     ----------
-    K. L. Johnson, *Contact Mechanics* (1985), eq. 4.21. Some papers print (1 - ν) in place of
-    (1 - ν²); that is not this function.
+    K. L. Johnson, *Contact Mechanics* (1985), eq. 4.21. Some papers print (1 - ν) instead of (1 -
+    ν²), which is a different function.
 
     Examples
     --------
@@ -104,8 +104,8 @@ class HalfSpace:
     contact_modulus : float
         E* (MPa).
     springs : float
-        Compliance of a (Winkler) bed of independent springs in front of the half-space (mm/MPa);
-        none by default.
+        Compliance of a (Winkler) bed of independent springs in front of the half-space (mm/MPa).
+        The default is none.
     layer : Layer, optional
         A compliant layer in front of the half-space. Their displacements add up, as if the body
         behind the layer were rigid.
@@ -202,8 +202,9 @@ class HalfSpace:
     def spectrum(self, grid: tuple[int, int], coarsening: int = 1) -> np.ndarray:
         """Displacement of waves of unit pressure on a grid that repeats itself (mm/MPa), > 0.
 
-        At wave numbers from 0 on, shape (my // 2 + 1, mx // 2 + 1); the size must be even unless
-        the half-space is periodic, and then the first is that of half the least wave number.
+        It is at wave numbers from 0 on, shape (my // 2 + 1, mx // 2 + 1). The size must be even
+        unless the half-space is periodic. In this case the first value is at half the least wave
+        number.
         """
         if not self.periodic:
             return kernel_spectrum(grid, lambda shape: self.kernel(shape, coarsening))
@@ -242,7 +243,7 @@ class HalfSpace:
         ).copy()
 
     def exact_displacement(self, pressure: np.ndarray) -> np.ndarray:
-        """`displacement`, unchecked; the next call overwrites it."""
+        """`displacement`, unchecked. The next call overwrites it."""
         self._convolutions += 1
         return self._double(pressure)
 
@@ -257,11 +258,12 @@ class HalfSpace:
         return self._single(pressure)
 
     def approximate_inverse(self, displacement: np.ndarray) -> np.ndarray:
-        """Pressure (MPa), float32, that nearly has the displacement (mm); the next call overwrites.
+        """Pressure (MPa), float32, for about this displacement (mm). The next call overwrites it.
 
-        Convolution with the inverse of the kernel's spectrum on a grid padded by a tenth only; at
-        wavelengths above the element, the classical E*|q|/2 (Vollebregt, J. Optim. Theory Appl. 162
-        (2014) 936). Symmetric and positive definite, also when restricted to a contact set.
+        It is a convolution with the inverse of the kernel's spectrum on a grid padded by a tenth
+        only. At wavelengths above the element, this is the classical E*|q|/2 (Vollebregt, J. Optim.
+        Theory Appl. 162 (2014) 936). It is symmetric and positive definite, also when restricted to
+        a contact set.
         """
         return self._inverse(displacement)
 

@@ -7,8 +7,8 @@ distance r by
 
     f(ζ) = [(3 − 4ν) sinh 2ζ − 2ζ] / [(3 − 4ν) cosh 2ζ + 2ζ² + 5 − 12ν + 8ν²].
 
-So a wave q meets the stiffness E*ₘq/(2 f(qt)) (Carbone & Mangialardi, J. Mech. Phys. Solids 56
-(2008) 684). The first term is that of a half-space; the second is smooth, and removes everything
+A wave q therefore meets the stiffness E*ₘq/(2 f(qt)) (Carbone & Mangialardi, J. Mech. Phys. Solids
+56 (2008) 684). The first term belongs to a half-space. The second is smooth, and removes everything
 that reaches farther than the layer's thickness.
 """
 
@@ -75,7 +75,7 @@ class Layer:
 
     @property
     def modulus(self) -> float:
-        """E*ₘ = E/(1 − ν²) (MPa), that of a half-space of the layer's material."""
+        """E*ₘ = E/(1 − ν²) (MPa), as of a half-space of the layer's material."""
         return self.young / (1 - self.poisson**2)
 
     @property
@@ -101,7 +101,7 @@ class Layer:
         )
 
     def _share(self, zeta):
-        """f(ζ): displacement of a wave over that of a half-space."""
+        """f(ζ): displacement of a wave relative to a half-space."""
         nu = self.poisson
         zeta = np.minimum(zeta, 100.0)  # f is 1 long before sinh overflows
         above = (3 - 4 * nu) * np.sinh(2 * zeta) - 2 * zeta
@@ -110,7 +110,7 @@ class Layer:
 
     @cached_property
     def _behind(self):
-        """g(ρ), the reduction due to the body behind the layer; 1/ρ beyond the reach."""
+        """g(ρ), the reduction due to the body behind the layer, 1/ρ beyond the reach."""
         # here: SciPy takes longer to import than all of gstlib.bem, and only a layer needs it
         from scipy.interpolate import CubicSpline
         from scipy.special import j0

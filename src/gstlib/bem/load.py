@@ -12,7 +12,7 @@ __all__ = ["LoadControl"]
 
 @dataclass(frozen=True)
 class LoadControl:
-    """Displacement or force control; the other is None.
+    """Displacement or force control, with the other one None.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class LoadControl:
         return self if self.force is None else replace(self, force=self.force / 4)
 
     def at(self, elements: np.ndarray) -> "LoadControl":
-        """The load as elements of these flat indices know it: the vectors below are theirs."""
+        """The load on the elements of these flat indices, to which the vectors below belong."""
         return self
 
     def freedoms(self, pressure: np.ndarray, opening: np.ndarray):
@@ -54,7 +54,7 @@ class LoadControl:
         return np.zeros(0, np.intp)
 
     def decided_by(self, pressure: np.ndarray) -> bool:
-        """Whether this pressure, without what is out of contact, decides the freedoms."""
+        """Whether this pressure, without elements out of contact, decides the freedoms."""
         return True
 
     def rigid(self, freedoms):
@@ -66,11 +66,11 @@ class LoadControl:
         return freedoms
 
     def tilt(self, freedoms) -> np.ndarray:
-        """Slopes (y, x) that they stand for."""
+        """Slopes (y, x) that they represent."""
         return np.zeros(2)
 
     def eccentricity(self, pressure: np.ndarray) -> float:
-        """How far the pressure's resultant is from where it must be, over the grid's side."""
+        """Distance of the pressure's resultant from its required point, over the grid's side."""
         return 0.0
 
     def deepest(self, rigid, relief: np.ndarray) -> float:
@@ -122,7 +122,7 @@ class LoadControl:
         return bool(np.count_nonzero(pressure) * self.pressure_cap > self.force)
 
     def scaled(self, pressure: np.ndarray) -> np.ndarray:
-        """A pressure ≥ 0 scaled to the force, except where it is at the limit; may be unchanged."""
+        """A pressure ≥ 0 scaled to the force, except at the limit. It may be unchanged."""
         lift = pressure
         if self.pressure_cap < math.inf:
             pressure = np.minimum(pressure, self.pressure_cap)

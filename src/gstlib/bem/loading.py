@@ -1,9 +1,9 @@
 """Load paths: in equal steps of far-field displacement up to a target pressure, or at given loads.
 
 The contact is elastic and frictionless, so each state depends on its load alone and not on the
-path. The last state is therefore solved first, under load control, which gives the displacement
-that equal steps divide; the others follow downwards, each started from the one above it along the
-exact tangent dp/dδ.
+path. The last state is therefore solved first, under load control. It gives the displacement that
+equal steps divide. The others follow downwards, each from the state above it along the exact
+tangent dp/dδ.
 """
 
 import math
@@ -26,13 +26,13 @@ from .window import Window, dot
 
 __all__ = ["LoadPath", "curve_table", "load_path"]
 
-# Tolerance of states that are not kept: they give points of a curve, not a field (measured on 13
-# rough patches: all 1040 numbers agree with those at 1e-9 in five digits, the stiffness in four).
+# Tolerance of states that are not kept. They give points of a curve, not a field. (Measured on 13
+# rough patches: all 1040 numbers agree with results at 1e-9 in five digits, the stiffness in four.)
 _CURVE_TOLERANCE = 1e-6
-# Largest relative error of the unit displacement on the contact under the response's pressure; that
-# of the stiffness is of second order in it.
+# Largest relative error of the unit displacement on the contact under the response's pressure. The
+# error of the stiffness is of second order in it.
 _RESPONSE_TOLERANCE = 3e-3
-# The properties of each state that a path has.
+# The properties of each state in a path.
 _OF_STATE = (
     "displacement",
     "mean_pressure",
@@ -50,25 +50,26 @@ class LoadPath:
     Attributes
     ----------
     displacement : ndarray, shape (steps,)
-        Far-field displacement from first touch (mm); in equal steps from displacement/steps on.
+        Far-field displacement from first touch (mm), in equal steps from displacement/steps on.
     mean_pressure, contact_fraction, iterations, convolutions, residual : ndarray, shape (steps,)
-        Of each state, see `ContactState`. The cost of the stiffness is not included.
+        Properties of each state, see `ContactState`. The cost of the stiffness is not included.
     stiffness : ndarray, shape (steps,)
-        Contact stiffness d(mean pressure)/d(displacement) (MPa/mm): exact, by one linear solve
-        on the fixed contact set of each state (its relative error is of the order of 1e-6; up to
-        1e-4 if the contact is a few long elements). If periodic, it
-        is −d(mean pressure)/d(mean gap), infinite in full contact.
+        Contact stiffness d(mean pressure)/d(displacement) (MPa/mm). It is exact, by one linear
+        solve on the fixed contact set of each state. Its relative error is of the order of 1e-6,
+        and up to 1e-4 if the contact is a few long elements. For a periodic surface, it is −d(mean
+        pressure)/d(mean gap), infinite in full contact.
     final : ContactState
         The state at the target pressure.
     states : tuple of ContactState
-        All states in order of displacement, if requested; else empty.
+        All states in order of displacement, if requested. Otherwise it is empty.
 
     Methods
     -------
     table()
         A `DataFrame` with a row for each state, units in the names of its columns.
     plot(y="contact_fraction", x="mean_pressure_MPa", axes=None)
-        A column of that over another; gives the Matplotlib axes, new ones unless some are given.
+        Draw a column of the table over another. It returns the Matplotlib axes, by default new
+        ones.
     """
 
     displacement: np.ndarray
@@ -100,7 +101,7 @@ class LoadPath:
         x: str = "mean_pressure_MPa",
         axes: Any = None,
     ) -> Any:
-        """Draw a column of `table` over another; the Matplotlib axes, new ones unless given."""
+        """Draw a column of `table` over another, and return the axes (by default new ones)."""
         return plot_curve(self.table(), x, y, axes)
 
 
@@ -122,14 +123,14 @@ def load_path(
     heights, spacing, contact_modulus, periodic
         As in `solve_contact`.
     target_pressure : float or array_like, shape (steps,)
-        Mean pressure of the last state (MPa), ≥ 0; met to rounding. At 0 nothing touches: all
-        values of the path are 0, the stiffness too. Or the mean pressures of all states, in
-        ascending order, such as ``np.geomspace(1, 100, 20)``.
+        Mean pressure of the last state (MPa), ≥ 0, met to rounding. At 0, all values of the path
+        are 0, also the stiffness. Or the mean pressures of all states, in ascending order, such as
+        ``np.geomspace(1, 100, 20)``.
     steps : int
         Number of states up to one target pressure.
     tolerance : float
-        As in `solve_contact`, for the last state and those that are kept; for the others 1e-6 if
-        that is larger.
+        As in `solve_contact`, for the last state and kept states. For the others it is at least
+        1e-6.
     keep_states : bool
         Keep the fields of every step, not of the last one only.
 
@@ -144,7 +145,7 @@ def load_path(
     Warns
     -----
     ContactWarning
-        As `solve_contact`, of the last state.
+        As in `solve_contact`, for the last state.
 
     Examples
     --------
@@ -173,7 +174,7 @@ def load_path(
         tolerance = max(tolerance, _CURVE_TOLERANCE)
 
     stiffness, curve, states = np.zeros(steps), [], []
-    # What sets a state, and how fast it grows with the displacement.
+    # The quantity that sets a state, and its growth with the displacement.
     level, rate = np.array(pressures), stiffness
     if has_one_target:
         level, rate = (
@@ -206,7 +207,7 @@ def load_path(
 def curve_table(
     displacement, mean_pressure, contact_fraction, stiffness
 ) -> "pd.DataFrame":
-    """A load path, units in the names of its columns; all are of shape (steps,)."""
+    """A load path, with units in the names of its columns, all of shape (steps,)."""
     import pandas as pd  # here: solving needs it not
 
     return pd.DataFrame(
@@ -220,10 +221,10 @@ def curve_table(
 
 
 def _tangent(problem, state, above):
-    """The contact's window, its pressure and response to displacement; and the stiffness.
+    """The contact's window, its pressure and response to displacement, and the stiffness.
 
-    None in place of the three without contact, or in a full one that has no response. `above` are
-    the three of the state at the load before, if there are any.
+    The three are None without contact, or in full contact without a response. `above` contains the
+    three of the state at the previous load, if any.
     """
     contact = np.flatnonzero(state.pressure)
     if not contact.size:
@@ -239,15 +240,15 @@ def _tangent(problem, state, above):
 
 
 def _below(problem, above, load, tolerance, tangent, descent):
-    """The state at a smaller load: `descent` (mm) below another one, as far as its tangent says."""
+    """The state at a smaller load: `descent` (mm) below another state, by its tangent."""
     window, pressure, response = tangent
-    # Along the tangent of p², not of p: at a moving edge p is the root of the distance, so p² is
-    # smooth where p is not (on Hertz's sphere p² is linear in δ).
+    # Along the tangent of p², not of p. At a moving edge p is the root of the distance, so p² is
+    # smooth where p is not. On Hertz's sphere p² is linear in δ.
     squared = pressure * (pressure - 2 * descent * response)
     opening = above.gap.reshape(-1)[window.elements]
     opening = opening + problem.relief.reshape(-1)[window.elements]
-    # On the way down elements leave the contact; any that join it nevertheless, against the
-    # continuum's rule, are added by the solver's final check.
+    # On the way down elements leave the contact. If some join it nevertheless, against the
+    # continuum's rule, the solver's final check adds them.
     return problem.solve(
         load,
         tolerance,
@@ -258,7 +259,7 @@ def _below(problem, above, load, tolerance, tangent, descent):
 
 
 def _checked_pressures(target_pressure):
-    """List of mean pressures (MPa): the target alone, or that of each state."""
+    """List of mean pressures (MPa): the target alone, or the pressure of each state."""
     if not np.size(target_pressure):
         raise ContactInputError(
             "target_pressure is empty: give at least one number (MPa)"
@@ -275,8 +276,8 @@ def _checked_pressures(target_pressure):
 def _unit_response(window, start):
     """Response to displacement on a fixed contact: p' = dp/dδ (MPa/mm), and the stiffness.
 
-    Solves K p' = 1 on the window by preconditioned conjugate gradients, from `start` unless that
-    is zero. The stiffness d(mean pressure)/dδ has an error of second order in that of p'.
+    Solves K p' = 1 on the window by preconditioned conjugate gradients, from `start` unless it is
+    zero. The error of the stiffness d(mean pressure)/dδ is of second order in the error of p'.
     """
     precondition = window.preconditioner
     precondition.fit(np.ones(start.size, bool))

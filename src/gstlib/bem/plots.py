@@ -14,10 +14,10 @@ __all__ = ["plot_curve", "plot_field"]
 
 
 def plot_field(name: str, values: Any, shown: Any, axes: Any = None) -> Any:
-    """Axes with a map of a field (ny, nx), white where it is not `shown`.
+    """Axes with a map of a field (ny, nx), white outside `shown`.
 
-    In mm where it is a `DataArray`, and otherwise in elements; on the current axes unless others
-    are given.
+    The map of a `DataArray` is in mm, and otherwise in elements. It is on the current axes unless
+    others are given.
     """
     import xarray as xr  # here: solving needs it not
 
@@ -31,5 +31,5 @@ def plot_field(name: str, values: Any, shown: Any, axes: Any = None) -> Any:
 
 
 def plot_curve(table: "pd.DataFrame", x: str, y: str, axes: Any = None) -> Any:
-    """Axes with a column of a table over another; on new ones unless some are given."""
+    """Axes with a column of a table over another, by default new axes."""
     return table.plot(x=x, y=y, ylabel=y, style=".-", legend=False, ax=axes)

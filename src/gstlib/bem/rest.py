@@ -1,18 +1,18 @@
 """Contact at rest: the body is free to tilt, and the force acts through a given point.
 
-The pressure minimises ½ pᵀKp − pᵀh over p ≥ 0 whose force and moments about the point r₀ are those
-of the force F: Σ p A = F, Σ p A r = F r₀. The multipliers of these three conditions are the body's
-freedoms, so the gap is Kp − (h + c + θ·(r − r₀)), with the tilt θ. The problem is convex: there is
-one pressure if r₀ lies in the convex hull of the surface, and none if not, when the body tips over.
+The pressure minimises ½ pᵀKp − pᵀh over p ≥ 0 whose force and moments about the point r₀ equal the
+force F: Σ p A = F, Σ p A r = F r₀. The multipliers of these three conditions are the body's
+freedoms, so the gap is Kp − (h + c + θ·(r − r₀)), with the tilt θ. The problem is convex. If r₀ is
+in the convex hull of the surface, there is one pressure. Otherwise the body tips over.
 
-The solver's iterations keep all three conditions where a contact on a fixed plane keeps one
-(`RestingLoad`), so they find the tilt together with the pressure. That a contact may have little or
-no stiffness against tilting (one summit, two summits) does no harm: none is needed.
+The solver's iterations keep all three conditions, while a contact on a fixed plane keeps one
+(`RestingLoad`). They therefore find the tilt together with the pressure. A contact may have little
+or no stiffness against tilting (one summit, two summits), as they do not need it.
 
-They begin at the *rigid* rest: a hard body lies on three summits whose triangle contains r₀, the
+They begin at the *rigid* rest. A hard body rests on three summits whose triangle contains r₀, the
 facet of the surface's upper hull above it. A linear programme in three unknowns finds them, by the
-simplex method (G. B. Dantzig, *Linear Programming and Extensions* (1963), ch. 5). So it does not
-matter how far from rest the heights are given.
+simplex method (G. B. Dantzig, *Linear Programming and Extensions* (1963), ch. 5). The heights may
+therefore be given at any distance from equilibrium.
 """
 
 import math
@@ -31,10 +31,11 @@ __all__ = ["RestingLoad", "checked_point", "resting", "tilted_too_far", "tipping
 _ON_HULL = 1e-12
 # Pivots of the rigid rest, which is a start only (measured: 2 to 15 on rough faces of 400²).
 _MOST_PIVOTS = 60
-# An element this little above the plane, relative to the relief, lies in it.
+# An element this little above the plane, relative to the relief, is in it.
 _LEVEL = 1e-12
-# At a steeper tilt, above 45°, a map of heights no longer shows what can touch. (Half-space, and
-# lever arms that do not shorten, hold for far smaller ones; but how small is the caller's to say.)
+# At a steeper tilt, above 45°, a map of heights no longer shows all points that can touch.
+# (Half-space and constant lever arms are valid for far smaller tilts only, which the caller has to
+# limit.)
 _STEEPEST_TILT = 1.0
 # Steps of Newton's method on the three multipliers (measured: 0 to 2, at most 22 on the coarsest
 # grid), and trials in the search along one of them.
@@ -44,10 +45,10 @@ _ROUNDING, _ROUNDING_PER_ROOT = 1e-14, 4e-16
 # Smaller eigenvalues, relative to the largest, are rounding: a contact two elements wide on a grid
 # of 1000 still has 1e-6.
 _SINGULAR = 1e-12
-# The contact has no stiffness against a tilt below this share of force times an element's side
-# squared: one element that carries this share of the force, a side away from the others.
+# Below this share of force times an element's side squared, the contact has no stiffness against a
+# tilt. This corresponds to one element with this share of the force, a side away from the others.
 _NO_STIFFNESS = 1e-20
-# A search along a step ends where the slope is this share of that at its beginning.
+# A search along a step ends at this share of the initial slope.
 _SMALL_SLOPE = 0.5
 # Elements without pressure get this share of the largest as weight, if the others cannot carry the
 # force at its point.
@@ -64,7 +65,7 @@ class RestingLoad(LoadControl):
     Attributes
     ----------
     point : ndarray, shape (2,)
-        Where the force acts (y, x), in elements from the centre of element (0, 0).
+        Load point (y, x), in elements from the centre of element (0, 0).
     spacing : ndarray, shape (2,)
         Sides of an element over the `length`.
     length : float
@@ -76,7 +77,7 @@ class RestingLoad(LoadControl):
     softness : float
         Displacement of an element under unit pressure on itself (mm/MPa).
     modes : ndarray, shape (3, n), or None
-        Of the elements in question (`at`): 1, and lever arms (y, x) about the point over `length`.
+        For the elements in question (`at`): 1, and lever arms (y, x) about the point over `length`.
     """
 
     point: np.ndarray
@@ -122,8 +123,8 @@ class RestingLoad(LoadControl):
     def freedoms(self, pressure, opening):
         """The plane that closes the contact best, weighted with the pressure.
 
-        Where the contact has no stiffness against a tilt, any element of those in question may
-        decide it: as a step along the gradient, projected on what the load allows, would have it.
+        If the contact has no stiffness against a tilt, any of the elements in question may decide
+        it, as in a step along the projected gradient.
         """
         freedoms, firm = self._closing(pressure, opening)
         if firm:
@@ -138,7 +139,8 @@ class RestingLoad(LoadControl):
         arms = self.modes[1:] - centre[:, None]
         level, tilt, firm = dot(pressure, opening) / force, np.zeros(2), True
         remaining = opening - level
-        # Along the stiffest direction first: of what is left, the other's is free of its rounding.
+        # Along the stiffest direction first, so that the remaining direction is free of its
+        # rounding.
         _, directions = np.linalg.eigh(np.einsum("in,jn,n->ij", arms, arms, pressure))
         for direction in directions.T[::-1]:
             arm = np.einsum("i,in->n", direction, arms)
@@ -193,9 +195,9 @@ class RestingLoad(LoadControl):
     def _lifted(self, trial, lift, shift=0.0):
         """max(trial + lift·(modes·s), 0) with the three numbers s that meet the load.
 
-        It is the pressure nearest to `trial` that the load allows, distances squared weighted with
-        1/lift; s minimises a convex function whose gradient is the excess of force and moments.
-        Newton's method, from `shift` on, with a search along each step. Returns pressure, s, and
+        It is the pressure nearest to `trial` that the load allows, with squared distances weighted
+        by 1/lift. s minimises a convex function whose gradient is the excess of force and moments.
+        Newton's method starts from `shift`, with a search along each step. Returns pressure, s, and
         whether the load is met.
         """
         shift = shift + np.zeros(3)
@@ -217,7 +219,7 @@ class RestingLoad(LoadControl):
         return pressure, shift, False
 
     def _searched(self, trial, lift, shift, step, slope):
-        """Along a step to where the slope is small, by false position and doubling."""
+        """Go along a step until the slope is small, by false position and doubling."""
         low, high, length = (0.0, slope), None, 1.0
         for _ in range(_MOST_STEPS):
             pressure, excess = self._tried(trial, lift, shift + length * step)
@@ -247,7 +249,7 @@ class RestingLoad(LoadControl):
 
 
 def _solved(matrix, right):
-    """Solution of a small symmetric system, least where it is singular; and whether it is not."""
+    """Solution of a small symmetric system, least if singular, and whether it is not singular."""
     values, vectors = np.linalg.eigh(matrix)
     firm = values > _SINGULAR * values[-1]
     scaled = (right @ vectors)[firm] / values[firm]
@@ -310,7 +312,7 @@ def resting(relief, half_space, force, load_point):
 
 
 def tilted_too_far(tilt):
-    """Whether a tilt (slopes y, x) is beyond what a map of heights can show."""
+    """Whether a tilt (slopes y, x) is too steep for a map of heights."""
     return math.hypot(*tilt) > _STEEPEST_TILT
 
 
@@ -335,7 +337,7 @@ def settle(relief, point):
 
     Returns
     -------
-    None if the point is not in the hull of the elements with surface; else its place, moved by
+    None if the point is not in the hull of the elements with surface. Otherwise the point, moved by
     rounding at most, the plane's slopes along y and x (mm per element), shape (2,), and the flat
     indices of the elements that carry the force.
     """
@@ -343,7 +345,7 @@ def settle(relief, point):
     if corners is None:
         return None
     point, slopes = shares @ corners, np.zeros(2)
-    # Along these directions surface lies: two, or one if all of it lies on a line, or none.
+    # Directions in which the surface extends: two, one if all of it is on a line, or none.
     along = np.linalg.qr((corners[1:] - corners[0]).T)[0]
     for _ in range(_MOST_PIVOTS):
         system = np.column_stack((np.ones(len(corners)), (corners - point) @ along))
@@ -360,7 +362,7 @@ def settle(relief, point):
             needed = np.linalg.solve(system.T, [1.0, *lever])
         except np.linalg.LinAlgError:
             break  # three in a line
-        # The entering summit takes force until one of the three has none left.
+        # The entering summit takes force until the force on one of the three is zero.
         ratios = np.full(len(shares), math.inf)
         np.divide(shares, needed, out=ratios, where=needed > _LEVEL)
         leaving = int(ratios.argmin())
@@ -380,7 +382,7 @@ def _plane(shape, point, level, slope_y, slope_x):
 
 
 def _hull(surface):
-    """Corners (row, column) of the convex hull of a mask, in order; A. M. Andrew (1979)."""
+    """Corners (row, column) of the convex hull of a mask, in order (A. M. Andrew, 1979)."""
     rows = np.flatnonzero(surface.any(axis=1))
     surface = surface[rows]
     first = surface.argmax(axis=1)
@@ -393,7 +395,7 @@ def _hull(surface):
 
 
 def _chain(rows, columns, sign):
-    """Those of a column of points that its hull needs on one side."""
+    """The points of a column that its hull needs on one side."""
     kept = []
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
         while len(kept) > 1:
@@ -407,7 +409,7 @@ def _chain(rows, columns, sign):
 
 
 def _triangle(corners, point):
-    """Shares and corners of a part of a convex polygon that holds a point; None if none does."""
+    """Shares and corners of a part of a convex polygon around a point, or None outside."""
     # Lever arms about the point over the grid's size: rounding is the same on a grid of any size.
     size = max(corners.max(), 1.0)
     first, *others = corners

@@ -7,8 +7,8 @@
 
 m₂ and m₄ are the second and fourth moments of a profile's spectrum, averaged over all directions
 (M. S. Longuet-Higgins, Phil. Trans. A 249 (1957) 321; P. R. Nayak, J. Lubr. Technol. 93 (1971)
-398). α is at least 1.5, and grows with the width of the spectrum. Of a periodic surface all
-derivatives are those of its waves; of others, differences between neighbours.
+398). α is at least 1.5, and grows with the width of the spectrum. Derivatives of a periodic surface
+are computed from its waves, others as differences between neighbours.
 
 The spectrum is the power of a wave vector q (rad/mm) on an area::
 
@@ -33,7 +33,7 @@ __all__ = ["Roughness", "measure_roughness", "measure_spectrum", "slope_of"]
 
 @dataclass(frozen=True)
 class Roughness:
-    """A surface in numbers; the module defines them.
+    """A surface in numbers, which the module defines.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ def measure_roughness(heights, spacing=None, *, periodic: bool = False) -> Rough
     Parameters
     ----------
     heights : array_like, shape (ny, nx)
-        Heights (mm); NaN or −inf where there are none, unless periodic. A plane in them counts.
+        Heights (mm), NaN or −inf where missing, unless periodic. A plane in them counts.
     spacing : float or (float, float)
         As in `gstlib.bem.solve_contact`.
     periodic : bool
@@ -102,7 +102,7 @@ def measure_spectrum(
     Parameters
     ----------
     heights : array_like, shape (ny, nx)
-        Heights (mm), finite. Their mean is taken off, but no plane.
+        Heights (mm), finite. Their mean is subtracted, but no plane.
     spacing, periodic
         As in `measure_roughness`. A surface that does not repeat itself fades out to its border, by
         Hann's window, and keeps its power.
@@ -110,9 +110,9 @@ def measure_spectrum(
     Returns
     -------
     DataFrame
-        ``wave_number_per_mm``: mean q in a ring (rad/mm); ``density_mm4``: mean C; ``waves``: how
-        many are in it. All waves of the grid count, so that the sum of C times waves, over the
-        area, is the variance of a periodic surface (Parseval).
+        ``wave_number_per_mm`` is the mean q in a ring (rad/mm), ``density_mm4`` the mean C, and
+        ``waves`` the number of waves in it. All waves of the grid count, so that the sum of C times
+        waves, over the area, is the variance of a periodic surface (Parseval).
 
     Raises
     ------

@@ -1,24 +1,24 @@
 """Frictionless contact of a rigid rough surface with an elastic half-space.
 
-Find the pressure p ≥ 0 that minimises ½ pᵀKp − pᵀw, so that the gap g = Kp − w ≥ 0 and p·g = 0 on
-every element. K is the half-space of :mod:`gstlib.bem.halfspace` and w the rigid
-interpenetration at far-field displacement δ, counted from first touch: w = δ − (h_max − h).
+The solution is the pressure p ≥ 0 that minimises ½ pᵀKp − pᵀw, so that the gap g = Kp − w ≥ 0 and
+p·g = 0 on every element. K is the half-space of :mod:`gstlib.bem.halfspace`. The rigid
+interpenetration at far-field displacement δ, counted from first touch, is w = δ − (h_max − h).
 Either δ is given, or the mean pressure, and then δ is an unknown too.
 
 The method is a bound-constrained conjugate gradient (Polonsky & Keer, Wear 231 (1999) 206;
 Vollebregt, J. Optim. Theory Appl. 162 (2014) 936) with these additions:
 
-- the preconditioner is an approximate inverse of K on the elements in contact (Vollebregt), and
-  corrects it for islands of contact that sink together (:mod:`gstlib.bem.window`);
-- grids are nested: each starts from the solution on elements twice as long;
-- one convolution per iteration. Where an iteration ends at p < 0, the pressure is cut to zero, and
-  the displacement of that small cut is not computed separately but with the next direction;
-- changes are convolved approximately (:mod:`gstlib.bem.convolution`), and only on the elements that
-  may come into contact; an exact convolution removes the accumulated error
+- The preconditioner is an approximate inverse of K on the elements in contact (Vollebregt), and
+  corrects it for islands of contact that sink together (:mod:`gstlib.bem.window`).
+- Grids are nested, and each starts from the solution on elements twice as long.
+- There is one convolution per iteration. If an iteration ends at p < 0, the pressure is cut to
+  zero. The displacement of this small cut is computed with the next direction.
+- Changes are convolved approximately (:mod:`gstlib.bem.convolution`), and only on the elements that
+  may come into contact. An exact convolution removes the accumulated error
   (:mod:`gstlib.bem.descent`).
 
-Results never rest on that recurrence: pressure, gap and residual are recomputed by a separate
-convolution, in double precision and on every element.
+Results do not depend on the errors of this recurrence. Pressure, gap and residual are recomputed by
+a separate convolution, in double precision and on every element.
 """
 
 import copy
@@ -52,14 +52,14 @@ __all__ = ["ContactProblem", "solve_contact"]
 # if `pressure_cap` gives it. Reason: Elastic pressures at summits exceed the strength of the rock.
 # Alternative: A purely elastic contact, which is the default.
 
-# Longest side of the coarsest grid, where a cold start costs next to nothing.
+# Longest side of the coarsest grid, on which a cold start costs almost nothing.
 _COARSEST = 64
 # Tolerance on coarse grids: they differ from the next by more than this anyway.
 _COARSE_TOLERANCE = 1e-2
-# Elements whose gap, as far as it is known at the start, is below this share of the displacement
-# are followed in the iterations; the final check covers every element, and adds what was missed
-# (measured on ten rough patches: up to 7 % less time than 0.05; from 0.015 down some contact is
-# missed at first, and the iterations begin again).
+# The iterations follow elements whose gap, as estimated at the start, is below this share of the
+# displacement. The final check covers every element, and adds missed ones. Measured on ten rough
+# patches: up to 7 % less time than 0.05. From 0.015 down some contact is missed at first, and the
+# iterations begin again.
 _CANDIDATE_GAP = 0.03
 # Up to so many elements are followed alone if no others can touch.
 _FEW = 64
@@ -85,52 +85,53 @@ def solve_contact(  # noqa: PLR0913
     periodic=False,
     tolerance=1e-6,
 ) -> ContactState:
-    """Contact at a given displacement, under a given mean pressure, or at rest under a force.
+    """Contact at a given displacement, under a given mean pressure, or in equilibrium under a force.
 
     Parameters
     ----------
     heights : array_like, shape (ny, nx)
-        Heights of the rigid surface (mm), up towards the elastic body. −inf where there is no
-        surface: nothing touches there. Of a `DataArray`, the fields of the result are such, too.
+        Heights of the rigid surface (mm), up towards the elastic body. −inf marks elements without
+        surface, which cannot touch. For a `DataArray`, the fields of the result are such, too.
     spacing : float or (float, float)
-        Side of the square elements, or (dy, dx) (mm); a `DataArray` says it by its coordinates.
+        Side of the square elements, or (dy, dx) (mm). The coordinates of a `DataArray` contain it.
     contact_modulus : float
         E* of the pair (MPa).
     displacement : float, optional
         Far-field displacement from first touch at the highest summit (mm), ≥ 0.
     mean_pressure : float, optional
-        Force over nominal area (MPa), that of the whole grid, ≥ 0. Give exactly one of the two.
+        Force over the area of the whole grid (MPa), ≥ 0. Give exactly one of the two.
     load_point : (float, float), optional
         The body is free to tilt, and the force acts through this point (y, x), from the grid's
-        corner (mm): the centre of element (0, 0) is at half a spacing. Needs a mean pressure. The
-        point must lie in the convex hull of the elements' centres, or the stone tips over. By
+        corner (mm). The centre of element (0, 0) is at half a spacing. It needs a mean pressure.
+        The point must be in the convex hull of the elements' centres, or the stone tips over. By
         default the body cannot tilt.
     initial_pressure : array_like, shape (ny, nx), optional
-        Start from this pressure (MPa) on the finest grid; by default, from coarser grids.
-        Changes the cost, not the solution. It holds the tilt, too: a neighbour's pressure is all
-        that a start near rest needs.
+        Start from this pressure (MPa) on the finest grid. The default is a start from coarser
+        grids. It changes the cost, not the solution. It also determines the tilt, so the pressure
+        of a similar contact is enough for a start near equilibrium.
     pressure_cap : float
-        Cap on the pressure, such as a hardness (MPa): the elastic, perfectly plastic contact
-        p ≤ H of Almqvist et al. (Tribol. Int. 40 (2007) 574). Infinite by default; not with
+        Cap on the pressure, such as a hardness (MPa): the elastic, perfectly plastic contact p ≤ H
+        of Almqvist et al. (Tribol. Int. 40 (2007) 574). The default is infinite. It excludes
         `load_point`.
     springs : float
         Compliance of independent springs between the surface and the half-space (mm/MPa), none by
-        default. With κ, wear coefficient × sliding, the pressure is that after the wear
+        default. If it is κ, wear coefficient × sliding, the result is the pressure after the wear
         (`gstlib.bem.wear_path`).
     layer : Layer, optional
         A compliant layer between the surface and the half-space.
     periodic : bool
-        The surface repeats itself without end in both directions; by default nothing touches beyond
-        the grid. The displacement is then that of the mean of the half-space's surface: it cannot
-        grow beyond full contact, and a flat surface takes none. Not with `load_point`.
+        The surface repeats itself without end in both directions. By default there is no contact
+        beyond the grid. The displacement is then the mean displacement of the half-space's surface.
+        It cannot grow beyond full contact, and is zero for a flat surface. It excludes
+        `load_point`.
     tolerance : float
         Largest `residual`, see `ContactState`. About 1e-12 is the floor of float64.
 
     Raises
     ------
     ContactInputError
-        Heights with NaN or not two-dimensional, a negative or missing load, a wrong shape, a
-        mean pressure not below the limit, a stone that tips over...
+        Heights contain NaN or are not two-dimensional. The load is negative or missing, a shape is
+        wrong, or the mean pressure is not below the cap. The stone tips over.
     ConvergenceError
         The tolerance was not reached.
 
@@ -194,7 +195,7 @@ def solve_contact(  # noqa: PLR0913
 
 
 def _refuse_steep_plane(heights, spacing):
-    """Refuse heights that lie on a plane above 45° themselves."""
+    """Refuse heights that are on a plane above 45° themselves."""
     slopes, _ = fitted_plane(heights, spacing)
     if tilted_too_far(slopes):
         raise ContactInputError(
@@ -210,7 +211,7 @@ class ContactProblem:
     ----------
     half_space : HalfSpace
     relief : ndarray, shape (ny, nx)
-        h − h_max (mm), ≤ 0; −inf where there is no surface.
+        h − h_max (mm), ≤ 0, −inf where the surface is missing.
     tilt : ndarray, shape (2,)
         Slopes (y, x) that have been added to the heights.
     """
@@ -235,7 +236,7 @@ class ContactProblem:
         )
 
     def load(self, displacement, mean_pressure, pressure_cap):
-        """The load that the arguments of `solve_contact` state."""
+        """The load in the arguments of `solve_contact`."""
         if (displacement is None) == (mean_pressure is None):
             raise ContactInputError(
                 "give exactly one of displacement (mm) and mean_pressure (MPa)"
@@ -255,7 +256,7 @@ class ContactProblem:
         return LoadControl(None, mean_pressure * self.relief.size, pressure_cap)
 
     def at_rest(self, force, load_point):
-        """The problem of the surface as it lies at rest if all is rigid, and its load.
+        """The problem of the surface in its equilibrium as a rigid body, and its load.
 
         The force (MPa, sum of the elements' pressures) acts through a point (y, x) (mm).
         """
@@ -284,7 +285,7 @@ class ContactProblem:
         nearby=None,
         field=None,
     ):
-        """Solve at one load; arguments as in :func:`solve_contact`, already checked.
+        """Solve at one load. Arguments are as in :func:`solve_contact`, and already checked.
 
         `window` : the elements to follow first; `initial_pressure`, shape (n,), is theirs then.
         `nearby` : a pressure on the window near the initial one, and its displacement (mm).
@@ -334,7 +335,7 @@ class ContactProblem:
         return self._iterate(load, tolerance, initial_pressure, window, nearby)
 
     def _only_candidates(self, load):
-        """The only elements that can touch, if so small a load leaves only a few; else none.
+        """The only elements that can touch, if so small a load leaves only a few, or None.
 
         Among all the others, their pressure would be lost to rounding.
         """
@@ -353,7 +354,7 @@ class ContactProblem:
     def _coarser(self):
         """The problem on elements twice as long."""
         ny, nx = self.relief.shape
-        # An odd grid is lengthened by a copy of its border; the solution there is a start only.
+        # An odd grid is lengthened by a copy of its border. The solution there is only a start.
         relief = np.pad(self.relief, ((0, ny % 2), (0, nx % 2)), mode="edge")
         relief = _mean_of_four(relief)
         half_space = self.half_space
@@ -381,7 +382,7 @@ class ContactProblem:
             half, _COARSE_TOLERANCE, *start, certified=False
         )
 
-        # Candidates under the same elastic displacement: where the finer relief comes near it.
+        # Candidates under the same elastic displacement: elements whose finer relief is near it.
         with np.errstate(
             invalid="ignore"
         ):  # no surface: not a number, and no candidate
@@ -395,8 +396,8 @@ class ContactProblem:
         candidates = np.union1d(np.flatnonzero(self.relief > depth), load.followed())
         rows, columns = np.divmod(candidates, shape[1])
         pressure = coarse.pressure[rows // 2, columns // 2]
-        # No element at all is near under a spike that the coarse grid misses; those near carry too
-        # little where the border of an odd grid was cut off.
+        # If the coarse grid misses a spike, no element is near. If the border of an odd grid was
+        # cut off, the near elements carry too little.
         if not (candidates.size and load.at(candidates).carried_by(pressure)):
             return uniform, None
         return pressure, Window(self.half_space, candidates)
@@ -404,10 +405,10 @@ class ContactProblem:
     def _iterate(self, load, tolerance, pressure, window, nearby=None, certified=True):
         """Improve `pressure` until its recomputed residual is below `tolerance`.
 
-        Only elements of the window take part in the iterations, and `pressure` is theirs; if it is
-        None, `pressure` is that of the grid, in C order and overwritten, and the window comes from
-        the gap under it; `nearby` then has its displacement, exactly. A state that is not to
-        be `certified` is recomputed approximately.
+        Only elements of the window take part in the iterations, and have the `pressure`. If the
+        window is None, `pressure` covers the grid, in C order, and is overwritten. The window then
+        comes from the gap under it, and `nearby` contains its exact displacement. Unless
+        `certified`, a state is recomputed approximately.
         """
         before, iterations = self.half_space.convolutions, 0
         respond, inaccuracy = self.half_space.exact_displacement, 0.0
@@ -460,7 +461,7 @@ class ContactProblem:
     def _recompute(self, load, pressure, respond, iterations, before, field=None):
         """State of a pressure field by a separate convolution, and its displacement.
 
-        The pressure is scaled to the load, in place; the next convolution overwrites the
+        The pressure is scaled to the load, in place. The next convolution overwrites the
         displacement. It is not computed if the `field` is given.
         """
         contact = np.flatnonzero(pressure > 0)
@@ -480,7 +481,7 @@ class ContactProblem:
         rigid = load.plane(freedoms, gap.shape)
         displacement = load.deepest(rigid, self.relief)
         gap -= rigid
-        # Either the gap is open where there is pressure, or negative where there could be more.
+        # Either the gap is open under pressure, or negative where the pressure could be higher.
         opened = gap.reshape(-1)[contact]
         below = (
             gap if load.pressure_cap == math.inf else gap[pressure < load.pressure_cap]
@@ -510,7 +511,7 @@ def _carried(load, pressure):
 
 
 def _mean_of_four(relief):
-    """Mean of each two by two elements, of those with surface; −inf if none has."""
+    """Mean of the elements with surface in each two by two elements; −inf without any."""
     quarters = [relief[i::2, j::2] for i in (0, 1) for j in (0, 1)]
     total = quarters[0] + quarters[2] + quarters[1] + quarters[3]
     if np.isfinite(total).all():

@@ -11,7 +11,7 @@ from .plots import plot_field
 
 __all__ = ["ContactState"]
 
-# Elements from the border that are its rim: what a body that ends there bears alone.
+# Elements from the border that form its rim, which carries extra load if the body ends there.
 _RIM = 3
 # A side of an element adds this share of an element to the area of a smooth contact, on average.
 _PIXELS = (math.pi - 1 + math.log(2)) / 24
@@ -24,13 +24,13 @@ class ContactState:
     Attributes
     ----------
     pressure : ndarray or DataArray, shape (ny, nx)
-        Contact pressure (MPa), ≥ 0; zero out of contact.
+        Contact pressure (MPa), ≥ 0, zero out of contact.
     gap : ndarray or DataArray, shape (ny, nx)
-        Kp − w (mm): zero in contact and positive elsewhere, within `residual` × `displacement`;
-        inf where there is no surface.
+        Kp − w (mm): zero in contact and positive elsewhere, within `residual` × `displacement`. It
+        is inf where the surface is missing.
     displacement : float
-        Far-field displacement δ from first touch at the highest summit (mm); the largest rigid
-        interpenetration.
+        Far-field displacement δ from first touch at the highest summit (mm). It equals the largest
+        rigid interpenetration.
     mean_pressure : float
         Total force over nominal area (MPa).
     contact_fraction : float
@@ -40,16 +40,16 @@ class ContactState:
     residual : float
         Largest of abs(gap) where p > 0 and of −gap where p = 0, divided by `displacement`.
     pressure_cap : float
-        The requested cap (MPa). Where the pressure reaches it, −gap is the depth by which the
-        surface has yielded, not a violation.
+        The requested cap (MPa). If the pressure reaches it, −gap is the depth by which the surface
+        has yielded.
     tilt : (float, float)
-        Slopes (y, x) by which the surface has tilted: this is the contact of
-        heights + tilt·(r − load_point), from the highest summit of which `displacement` is counted.
-        Zero without `load_point`; without force, the tilt of the rigid rest.
+        Slopes (y, x) by which the surface has tilted. This is the contact of heights + tilt·(r −
+        load_point), and `displacement` is counted from their highest summit. It is zero without
+        `load_point`, and the tilt of the rigid rest without force.
     moment_residual : float
         Distance between the pressure's centre Σ p r/Σ p and `load_point`, over the longer side of
-        the grid, from the final pressure in double precision; at most the tolerance. Zero without
-        such a point.
+        the grid. It is computed from the final pressure in double precision, and at most the
+        tolerance. It is zero without such a point.
     periodic : bool
         Whether the surface repeats itself.
     """
@@ -77,14 +77,14 @@ class ContactState:
 
     @property
     def capped_fraction(self) -> float:
-        """Share of the contact whose pressure is at the limit; 0 without contact."""
+        """Share of the contact whose pressure is at the limit, 0 without contact."""
         pressure = np.asarray(self.pressure)
         at_limit = pressure[pressure > 0] >= self.pressure_cap
         return float(at_limit.mean()) if at_limit.size else 0.0
 
     @property
     def contact(self) -> Any:
-        """Mask of the real contact, p > 0; bool, shape (ny, nx), like the pressure."""
+        """Mask of the real contact, p > 0, bool, shape (ny, nx), like the pressure."""
         return self.pressure > 0
 
     def like(self, field: Callable[[str, np.ndarray], Any]) -> "ContactState":
@@ -95,7 +95,7 @@ class ContactState:
         return replace(self, pressure=pressure, gap=field("gap", self.gap))
 
     def plot(self, field: str = "pressure", axes: Any = None) -> Any:
-        """Draw ``"pressure"`` in contact or ``"gap"`` out of contact; the Matplotlib axes.
+        """Draw ``"pressure"`` in contact or ``"gap"`` out of contact, and return the axes.
 
         On the current axes unless others are given.
         """
@@ -104,7 +104,7 @@ class ContactState:
 
     @property
     def rim_fraction(self) -> float:
-        """Share of the force on the outer three elements of the grid; a periodic one has no rim."""
+        """Share of the force on the outer three elements of the grid, unless it is periodic."""
         return self._on_rim(np.asarray(self.pressure))
 
     @property
@@ -133,7 +133,7 @@ class ContactState:
     def distribution(self, field: str, bins: int = 50) -> tuple[np.ndarray, np.ndarray]:
         """Probability density of ``"pressure"`` in contact or ``"gap"`` out of contact.
 
-        Centres of the bins (MPa or mm) and the density (1/MPa or 1/mm) over the whole grid: its
+        Centres of the bins (MPa or mm) and the density (1/MPa or 1/mm) over the whole grid. Its
         integral is the contact fraction, or the rest.
         """
         contact = np.asarray(self.contact)

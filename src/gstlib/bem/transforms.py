@@ -1,7 +1,7 @@
-"""Fourier transforms of lines: SciPy's, or those of ducc0 where the extra ``fast`` installed it.
+"""Fourier transforms of lines by SciPy, or by ducc0 if the extra ``fast`` is installed.
 
 Both descend from pocketfft and agree up to rounding. ducc0, which is under the GPL, uses more of a
-processor's vector units (benchmarks/README.md says what that gains).
+processor's vector units (benchmarks/README.md reports the gain).
 """
 
 import functools
@@ -21,8 +21,8 @@ if HAS_DUCC0:
 def _pocketfft():
     """SciPy's real transforms, forth and back. When first used: their import is slow."""
     try:
-        # Not public, but the transforms of scipy.fft bit for bit, and they write where they are
-        # told: without the copies, a path of loads takes a seventh less.
+        # Not public, but the transforms of scipy.fft bit for bit. They write into a given array.
+        # Without the copies, a path of loads takes a seventh less.
         from scipy.fft._pocketfft.pypocketfft import c2r, r2c
     except ImportError:  # a SciPy that has moved them
 

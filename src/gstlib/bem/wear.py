@@ -2,13 +2,13 @@
 
 The rate of loss is k p v, with the wear coefficient k and the sliding speed v (J. F. Archard,
 J. Appl. Phys. 24 (1953) 981). In a step of the sliding s, and with κ = k s (mm/MPa), the surface
-after the step is h − κ p, and p is the pressure under which *that* surface is in contact
-(backward Euler): Kp − w = −κ p where p > 0. So a step is one contact with the operator K + κI, a
-half-space behind a bed of springs. The step is stable however long it is, and its error is of
-first order in κ. The lost volume is exactly κ times the force.
+after the step is h − κ p. p is the pressure under which *this* surface is in contact (backward
+Euler): Kp − w = −κ p where p > 0. A step is therefore one contact with the operator K + κI, a
+half-space behind a bed of springs. A step of any length is stable, and its error is of first order
+in κ. The lost volume is exactly κ times the force.
 
-If a compliant third body is between the stones for a share of the sliding, it wears the surface
-too, with its own pressure: the rate is v (k_s p_s + k_m p_m), with one coefficient for the bare
+A compliant third body may be between the stones for a share of the sliding. It wears the surface
+too, with its own pressure. The rate is v (k_s p_s + k_m p_m), with one coefficient for the bare
 stone and one for the third body. The two take turns in each step.
 """
 
@@ -58,10 +58,10 @@ class ThirdBody:
     share : float
         k_m/(k_s + k_m), from 0 to 1.
     mean_pressure : float or array_like, shape (steps,)
-        On it (MPa), like that of the bare stone.
+        Mean pressure on it (MPa), like the pressure of the bare stone.
     lowered : array_like, shape (ny, nx), or float
-        How much deeper the surface lies for it than for the bare stone (mm): loads beyond the grid
-        displace a layer less.
+        Additional depth of the surface for it, relative to the bare stone (mm), because loads
+        beyond the grid displace a layer less.
     """
 
     layer: Layer
@@ -81,18 +81,18 @@ class WearPath:
     mean_loss : ndarray, shape (steps,)
         Mean depth over the grid after each step (mm).
     contact_fraction, displacement, mean_pressure, iterations, convolutions : ndarray
-        Shape (steps,): of the contact of the worn surface after each step, see `ContactState`; of
-        the bare stone, unless the third body does all the wear.
-        The displacement is counted from the worn surface's own highest point (mm).
+        Shape (steps,), for the contact of the worn surface after each step, see `ContactState`.
+        They describe the bare stone, unless the third body does all the wear. The displacement is
+        counted from the highest point of the worn surface (mm).
     highest_pressure : float
-        Of all elements, bodies and steps (MPa).
+        Highest pressure of all elements, bodies and steps (MPa).
     final : ContactState
         The last of these contacts.
     states : tuple of tuple of ContactState
         For each step the contacts of the bare stone and of the third body, except one whose share
-        is 0; empty unless requested.
+        is 0. It is empty unless requested.
     depths : tuple of ndarray or DataArray
-        `depth` after each step; empty unless requested.
+        `depth` after each step, or empty unless requested.
     """
 
     depth: Any
@@ -125,7 +125,7 @@ class WearPath:
         )
 
     def plot(self, axes: Any = None) -> Any:
-        """Draw the depth where there is wear; the Matplotlib axes, as `ContactState.plot`."""
+        """Draw the depth of the wear, and return the axes, as `ContactState.plot`."""
         return plot_field("depth", self.depth, self.depth > 0, axes)
 
 
@@ -155,17 +155,17 @@ def wear_path(  # noqa: PLR0913
         Force over nominal area (MPa), ≥ 0, one value or one per step, not zero in all. The sliding
         is the same in all steps.
     mean_loss : float
-        Mean depth over the grid in the end (mm), ≥ 0: the specific wear rate (mm³/(N·m)), that of
-        the third body included, times the sliding (m) and the mean pressure (MPa) of all steps. It
-        sets κ, wear coefficient × sliding: that of each step is `mean_loss` over the sum of the
-        steps' mean pressures, each body's in its share.
+        Mean depth over the grid in the end (mm), ≥ 0: the specific wear rate (mm³/(N·m)), including
+        the third body, times the sliding (m) and the mean pressure (MPa) of all steps. It sets κ,
+        wear coefficient × sliding. In each step it is `mean_loss` over the sum of the steps' mean
+        pressures, weighted by the share of each body.
     steps : int
         Number of implicit steps.
     third_body : ThirdBody, optional
         A body between the surface and the elastic body for a share of the wear.
     pressure_cap : float
-        Cap on the pressure in each step (MPa), as in `solve_contact`: what yields in a step is
-        as high as before in the next, but for what wore off.
+        Cap on the pressure in each step (MPa), as in `solve_contact`. An element that yields in a
+        step is as high as before in the next, minus its wear.
     tolerance : float
         As in `solve_contact`, for each step.
     keep_states, keep_depths : bool
@@ -257,10 +257,10 @@ def wear_path(  # noqa: PLR0913
 
 
 class _Body:
-    """What presses the surface for a share of the wear: the bare stone or a third body.
+    """A body that presses the surface for a share of the wear: bare stone or third body.
 
-    Before the first step it is given its `rate`, wear coefficient × sliding of a step (mm/MPa), and
-    its `problem`, the contact with the surface as worn so far.
+    Before the first step it gets its `rate`, wear coefficient × sliding of a step (mm/MPa). Its
+    `problem` is the contact with the surface as worn so far.
     """
 
     rate: float
@@ -290,7 +290,7 @@ class _Body:
         return state
 
     def lower(self, loss):
-        """Take a loss (mm) off the surface; how far its summit sank (mm)."""
+        """Subtract a loss (mm) from the surface, and return how far its summit sank (mm)."""
         self.problem, sunk = self.problem.lowered(loss)
         return sunk
 
@@ -313,7 +313,7 @@ def _bodies(heights, mean_pressure, third_body, steps):
 
 
 def _sunk(state, depth):
-    """A state whose displacement is counted from a summit that lies deeper (mm)."""
+    """A state whose displacement is counted from a deeper summit (mm)."""
     top = state.displacement - depth
     # A periodic surface that has worn flat takes no displacement.
     residual = state.residual * state.displacement / top if top > 0 else 0.0

@@ -1,7 +1,7 @@
 """Some elements of a grid: the half-space restricted to them, and its approximate inverse.
 
-NumPy's own loops, not BLAS: BLAS starts unwanted threads, which spin when the machine is busy, and
-the last bits of its sums depend on their number.
+It uses NumPy's loops, not BLAS. BLAS starts unwanted threads, which spin when the machine is busy,
+and the last bits of its sums depend on their number.
 """
 
 import math
@@ -15,16 +15,16 @@ from .halfspace import HalfSpace, inverse_padding
 
 __all__ = ["Preconditioner", "Window", "dot"]
 
-# Where the elements fill less than this share of their bounding box, the short-range inverse is
-# kept at the nearest offsets only (in elements; from the inverse on a separate grid): an eighth of
-# the time for as many iterations. If they are compact, it would take half as many again.
+# If the elements fill less than this share of their bounding box, the short-range inverse is kept
+# at the nearest offsets only (in elements, from the inverse on a separate grid). It takes an eighth
+# of the time for as many iterations. Compact elements would need half as many again.
 _SPARSE, _REACH, _INVERSE_GRID = 0.3, 2, 64
 # Elements along the side of a cell of the coarse grid, a power of two (measured: 16 does as well).
 _BLOCK = 8
 # T assumes this share of the density that the contact sees around it (measured: 0.3 to 0.6 work).
 _DENSITY = 0.5
-# α starts here, and grows until a uniform displacement keeps this share of the pressure that M
-# gives it (measured: 0.33 to 0.4; with less, definiteness goes, and with it the gain).
+# α starts here, and grows until a uniform displacement keeps this share of the pressure from M.
+# (Measured: 0.33 to 0.4. With less, definiteness and the gain are lost.)
 _LOCAL, _LOCAL_GROWTH, _KEPT = 2.0, 1.25, 0.4
 # Prepared again when this share of the free elements has changed.
 _STALE = 0.05
@@ -36,14 +36,14 @@ def dot(one: np.ndarray, two: np.ndarray) -> float:
 
 
 class Window:
-    """Operators between vectors of values on chosen elements; the others have no pressure.
+    """Operators between vectors of values on chosen elements. The others have no pressure.
 
     They work on the elements' bounding box, which costs less if contact is confined.
 
     Parameters
     ----------
     half_space : HalfSpace
-        That of the whole grid.
+        The half-space of the whole grid.
     elements : ndarray of int, shape (n,)
         Flat indices in ascending order, at least one.
     """
@@ -53,7 +53,8 @@ class Window:
         rows, columns = np.divmod(elements, half_space.shape[1])
         self.rows = rows - rows.min()
         self.columns = columns - columns.min()
-        # The half-space on the box, a field there that is zero elsewhere, and the elements' places.
+        # The half-space on the box, a field there that is zero elsewhere, and the elements'
+        # indices.
         self._box = half_space.box((self.rows.max() + 1, self.columns.max() + 1))
         self._field = np.zeros(self._box.shape)
         self._places = self.rows * self._box.shape[1] + self.columns
@@ -87,12 +88,12 @@ class Preconditioner:
     (Vollebregt, J. Optim. Theory Appl. 162 (2014) 936). M accounts for each island of contact, but
     not for all of them sinking together: the pressure φ r, with φ = M·1, should displace its
     surroundings by a smooth r. It displaces them by about α r, and also by Kφ̄r from afar, with φ̄
-    the mean density of φ. So φ r must be divided by α + φ̄K; the excess is φ T φ r with
-    T = (α K⁻¹ + φ̄)⁻¹. Except for φ it is smooth, and is computed on a coarse grid. We know of no
+    the mean density of φ. φ r must therefore be divided by α + φ̄K. The excess is φ T φ r with T =
+    (α K⁻¹ + φ̄)⁻¹. Except for φ it is smooth, and is computed on a coarse grid. We have not found a
     source for it.
 
-    Measured (rough surfaces, contact of 3 %, residual 1e-8 and 3e-10): a quarter to two fifths
-    fewer iterations than with M alone at 512² and 1024², none to a quarter at 256².
+    It was measured on rough surfaces (contact of 3 %, residual 1e-8 and 3e-10). It saves a quarter
+    to two fifths of the iterations with M alone at 512² and 1024², and none to a quarter at 256².
 
     Attributes
     ----------
@@ -118,10 +119,10 @@ class Preconditioner:
         self._free: np.ndarray | None = None
 
     def _prepare_stencil(self, ny, nx):
-        """Places and weights of the inverse's nearest offsets, in a field with a margin."""
+        """Indices and weights of the inverse's nearest offsets, in a field with a margin."""
         inverse = 1 / self._window.half_space.spectrum((_INVERSE_GRID, _INVERSE_GRID))
         inverse = np.fft.irfft2(np.concatenate((inverse, inverse[-2:0:-1])))
-        # The margin gives each neighbour of an element a place.
+        # The margin provides each neighbour of an element.
         width = nx + 2 * _REACH
         self._field = np.zeros((ny + 2 * _REACH) * width)
         self._places = self._window.rows * width + self._window.columns
@@ -148,13 +149,13 @@ class Preconditioner:
             spectrum = self._spectrum / (self._local + density * self._spectrum)
             self._far = EvenConvolution(self._shape, spectrum, np.float64)
             self.uniform = profile - self._from_afar(free)
-            # NaN ends the search, too; the solver's residual then shows it.
+            # NaN ends the search, too, and the solver's residual then shows it.
             if not self.uniform.sum() < _KEPT * profile.sum():
                 return
             self._local *= _LOCAL_GROWTH
 
     def __call__(self, displacement: np.ndarray) -> np.ndarray:
-        """Pressure (MPa), shape (n,), from a displacement (mm) that is zero where not free."""
+        """Pressure (MPa), shape (n,), from a displacement (mm) that is zero on fixed elements."""
         return self.short_range(displacement) - self._from_afar(displacement)
 
     def short_range(self, displacement: np.ndarray) -> np.ndarray:
@@ -173,6 +174,6 @@ class Preconditioner:
         return self._profile * far.reshape(-1)[self._cells]
 
     def _mean(self, values):
-        """Mean over the elements of each cell; those outside the window count as zero."""
+        """Mean over the elements of each cell, with zero outside the window."""
         sums = np.bincount(self._cells, values, minlength=math.prod(self._shape))
         return sums.reshape(self._shape) / _BLOCK**2
