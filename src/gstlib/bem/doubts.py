@@ -11,8 +11,9 @@ from .roughness import slope_of
 __all__ = ["FULL", "fitted_plane", "warn_of_doubts"]
 
 # The rim is suspect if it carries more of the force than this, and than so many times its share of
-# the area. Measured at 256²: 3 to 16 % for rough surfaces without waves as long as the grid, alone
-# at a few per cent of contact. 11 to 37 % for pieces of larger surfaces, and 21 % for a flat punch.
+# the area. At 256², rough surfaces without waves as long as the grid have 3 to 16 % at a few per
+# cent of contact, if they are alone. Pieces of larger surfaces have 11 to 37 %, and a flat punch
+# has 21 %.
 _MUCH_ON_RIM, _TIMES_ITS_AREA = 0.15, 2.0
 # Above this contact fraction heights hardly matter. Rough stones touch on a few per cent.
 FULL = 0.95

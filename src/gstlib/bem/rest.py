@@ -123,8 +123,8 @@ class RestingLoad(LoadControl):
     def freedoms(self, pressure, opening):
         """The plane that closes the contact best, weighted with the pressure.
 
-        If the contact has no stiffness against a tilt, any of the elements in question may decide
-        it, as in a step along the projected gradient.
+        If the contact has no stiffness against a tilt, any element in question may decide it, as in
+        a step along the projected gradient.
         """
         freedoms, firm = self._closing(pressure, opening)
         if firm:

@@ -85,7 +85,7 @@ def solve_contact(  # noqa: PLR0913
     periodic=False,
     tolerance=1e-6,
 ) -> ContactState:
-    """Contact at a given displacement, under a given mean pressure, or in equilibrium under a force.
+    """Contact at a given displacement or mean pressure, or in equilibrium under a force.
 
     Parameters
     ----------

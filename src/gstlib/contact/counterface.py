@@ -26,7 +26,7 @@ def turned_over(
     source: str | Path,
     patch_source: str | Path,
 ) -> xr.DataArray:
-    """Heights of the active tool's own face where it is pressed on a patch.
+    """Heights of the active tool's face on a patch.
 
     `counterface` (ny, nx) contains its heights, mm, positive out of it, seen from above its face.
     The result is positive towards the patch, on the patch's grid: mirrored along x. `source` and

@@ -43,8 +43,8 @@ _AS_MEASURED = (
     "%s: an .mnt holds the map as it was measured; what was levelled, shifted or extracted from it "
     "in Mountains is not applied. Save that map as .sur"
 )
-# The part of a Digital Surf header that is needed here: the kind of data, the bits of a height, the
-# lowest and the highest, the points, and the bytes of two zones that follow it.
+# The needed part of a Digital Surf header: the kind of data, the bits of a height, the lowest and
+# the highest, the points, and the bytes of two zones that follow it.
 _SUR_MARKS = b"DIGITAL SURF", b"DSCOMPRESSED"
 _SUR_HEADER = np.dtype(
     {

@@ -30,9 +30,9 @@ def coordinate_step(vertices: np.ndarray, faces: np.ndarray) -> float:
     Returns
     -------
     float
-        The distance between neighbouring numbers: of 32 bits, if all coordinates are such numbers,
-        else of 64 bits. Where all distinct coordinates lie farther apart than this, as those with
-        few decimals do, the smallest of their distances.
+        It is the distance between neighbouring numbers: of 32 bits, if all coordinates are such
+        numbers, else of 64 bits. If all distinct coordinates are farther apart, as with few
+        decimals, it is the smallest of their distances.
 
     Examples
     --------

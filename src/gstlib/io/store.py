@@ -183,7 +183,7 @@ def _texts(field: h5py.Dataset) -> np.ndarray:
 
 
 def _attributes(place: h5py.Dataset | h5py.File) -> dict[str, object]:
-    """The attributes of the dataset, without those of the format; single numbers as scalars."""
+    """The attributes of the dataset, not of the format, with single numbers as scalars."""
     names = [name for name in place.attrs if name not in _OF_THE_FORMAT]
     attrs = {name: place.attrs[name] for name in names}
     for name, value in attrs.items():

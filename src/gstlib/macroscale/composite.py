@@ -113,13 +113,13 @@ def compose_surface(
     Returns
     -------
     xarray.Dataset
-        ``height`` (y, x) mm, and ``counterface`` and ``size_mm`` of `face`. For each patch: ``x_mm,
-        y_mm, rotation_deg``, its plane ``offset`` (mm), ``slope_y, slope_x`` along its axes, the
-        tilt ``tilt_mrad`` of the mesh's plane, and its standard error ``tilt_error_mrad`` along
-        each axis. ``known`` is False if levelling is at least as accurate, and the slopes are then
-        0. ``scan`` (patch, v, u) mm contains the scans on a coarse grid. ``density`` (frequency)
-        mm⁴ is the power spectral density of the detail that only the scans show. ``patch_mm`` is
-        the side of a patch.
+        ``height`` (y, x) mm, and ``counterface`` and ``size_mm`` of `face`. Each patch has ``x_mm,
+        y_mm, rotation_deg``, and its plane ``offset`` (mm), ``slope_y, slope_x`` along its axes.
+        ``tilt_mrad`` is the tilt of the mesh's plane, and ``tilt_error_mrad`` its standard error
+        along each axis. ``known`` is False if levelling is at least as accurate, and the slopes are
+        then 0. ``scan`` (patch, v, u) mm contains the scans on a coarse grid. ``density``
+        (frequency) mm⁴ is the power spectral density of the detail that only the scans show.
+        ``patch_mm`` is the side of a patch.
 
     Examples
     --------
