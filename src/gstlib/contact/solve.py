@@ -169,8 +169,8 @@ def _run(
         raise InputError(
             source,
             f"the stone tips over: its force acts through x {x:g}, y {y:g} mm of the square's "
-            "axes, where nothing that touches can hold it",
-            "Move load.at_mm to a place between summits of the face, or check macroscale.face_mm.",
+            "axes, a point at which the contact cannot balance it",
+            "Move load.at_mm to a point between summits of the face, or check macroscale.face_mm.",
         ) from error
     except ContactError as error:
         raise InputError(

@@ -56,7 +56,7 @@ def checked_header(path: Path, content: bytes) -> _Header:
     # by the specification, numbers that are not in the file are zeros
     counts = [part["count"] for part in header.get("accessors", ())]
     if sum(counts) > len(content):
-        raise ValueError("it states more numbers than it holds")
+        raise ValueError("it declares more numbers than it contains")
     for feature in _not_read(header):
         raise InputError(path, f"uses {feature}: its changes are not read", _PLAIN)
     return header

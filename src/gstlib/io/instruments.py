@@ -185,7 +185,7 @@ def _refuse_many_points(path: Path, points: tuple[int, int]) -> None:
     most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
     if math.prod(points) > min(_MOST_POINTS, most):
         raise ValueError(
-            f"it announces {points[0]} × {points[1]} points, more than it can hold"
+            f"it announces {points[0]} × {points[1]} points, more than it can contain"
         )
 
 

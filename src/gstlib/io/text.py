@@ -159,7 +159,7 @@ def refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> Non
                 path,
                 f"its line {line.strip()!r:.80} states a unit or a size that is not understood",
                 "Export the scan with an English header, or in a format that states its unit and "
-                "spacing. If the line states what scans.unit and scans.spacing_um say, delete it.",
+                "spacing. If the line only repeats scans.unit and scans.spacing_um, delete it.",
             )
 
 
@@ -327,7 +327,8 @@ def _esri_grid(path: Path, header: Mapping[str, str], heights: np.ndarray) -> Te
         ny, nx = heights.shape
         raise InputError(
             path,
-            f"holds {ny} rows of {nx} heights, but its header states {shape[0]:g} of {shape[1]:g}",
+            f"contains {ny} rows of {nx} heights, but its header states {shape[0]:g} of "
+            f"{shape[1]:g}",
             "Export it again, with one row of the grid a line.",
         )
     heights[heights == stated.get("nodata_value", _ESRI_UNMEASURED)] = np.nan

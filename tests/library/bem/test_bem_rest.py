@@ -134,7 +134,7 @@ RIM[:, 6:] = -np.inf
     [
         (
             {"load_point": (0.5, 0.7)},
-            r"tips over: .*\(0.5, 0.7\) mm lies outside .* Move it",
+            r"tips over: .*\(0.5, 0.7\) mm is outside .* Move it",
         ),
         ({"load_point": (0.5, np.nan)}, r"load_point must be a point \(y, x\)"),
         ({"heights": np.full((3, 3), -np.inf)}, "no surface"),

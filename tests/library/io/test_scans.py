@@ -244,7 +244,7 @@ def test_an_esri_grid_begins_with_its_highest_y(tmp_path):
         (
             "a.asc",
             ESRI.format(cell="0.01", rows=ROWS[:8]),
-            "holds 1 rows of 4 .* states 3 of 4",
+            "contains 1 rows of 4 .* states 3 of 4",
         ),
     ],
 )
