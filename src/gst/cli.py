@@ -1,10 +1,10 @@
 """The command `gst`: everything that a user can do with a study from the shell.
 
-Every command ends with one of these exit codes; `study`, once Snakemake runs, with Snakemake's.
+The commands have these exit codes. Once `study` has started Snakemake, it returns Snakemake's code.
 
-- 0: what was asked for is done
+- 0: success
 - 1: `diff` found tables that differ
-- 2: it cannot be done (any `GstError` or `OSError`), was asked for wrongly, or was broken off
+- 2: error (any `GstError` or `OSError`), wrong usage or interrupted
 """
 
 import errno
@@ -24,9 +24,9 @@ from gstlib.io.files import write_whole
 
 __all__ = ["main"]
 
-# How a config begins that `gst new` wrote.
+# The first words of a config that `gst new` wrote.
 _MADE_BY_NEW = "# Made by `gst new`"
-# Where the user stands, if that is not the folder of the study.
+# The user's current folder, if it is not the folder of the study.
 _HERE = "gst.here"
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 
@@ -48,14 +48,18 @@ class _Path(click.Path):
 _PATH = _Path(path_type=Path)
 _POSITIVE = click.FloatRange(min=0, min_open=True)
 _UNITS = click.Choice(["m", "cm", "mm", "um", "nm", "in"])
-_UNIT = click.option("--unit", type=_UNITS, help="Unit of files that do not state one.")
+_UNIT = click.option(
+    "--unit", type=_UNITS, help="Unit of files that do not contain one."
+)
 _SPACING = click.option(
     "--spacing-um",
     type=_POSITIVE,
-    help="Point spacing of texts that do not state it, µm.",
+    help="Point spacing of text files that do not contain it, µm.",
 )
 _OUTPUT = click.option(
-    "--output", type=_PATH, help="The file; by default named after its source, here."
+    "--output",
+    type=_PATH,
+    help="Output file, by default here and named after its source.",
 )
 _RESULTS = click.argument("results", type=_PATH)
 
@@ -63,12 +67,12 @@ _RESULTS = click.argument("results", type=_PATH)
 def _in_its_folder(
     context: click.Context, _parameter: click.Parameter, config: Path
 ) -> Path:
-    """A config; of a folder that `gst new` made, or of its ``study.yaml``, from in there."""
+    """The config. For a folder that `gst new` made, or its ``study.yaml``, enter the folder."""
     folder = config if config.is_dir() else config.parent
     study = folder / "study.yaml"
     if config not in (folder, study) or not study.is_file():
         return config
-    # a package has a config/study.yaml, whose paths are those of the folder around it
+    # paths in config/study.yaml of a package start from the folder around config
     if config == study and not study.read_text("utf-8", "replace").startswith(
         _MADE_BY_NEW
     ):
@@ -90,7 +94,7 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> None:
         if isinstance(sys.stdout, io.TextIOWrapper):
-            # a file's name may have characters that the terminal has not
+            # the terminal may lack characters of a file's name
             sys.stdout.reconfigure(errors="backslashreplace")
         try:
             super().invoke(ctx)
@@ -101,7 +105,7 @@ class _Commands(click.Group):
             message = in_options(str(error)) if is_alone else error
             click.echo(f"ERROR: {message}", err=True)
         except (EOFError, KeyboardInterrupt):
-            click.echo("Broken off.", err=True)
+            click.echo("Interrupted.", err=True)
         else:
             return
         ctx.exit(2)
@@ -110,36 +114,34 @@ class _Commands(click.Group):
 @click.group(cls=_Commands, context_settings=_SETTINGS)
 @click.version_option(gstlib.__version__, prog_name="gst")
 def main() -> None:
-    """Where does a ground stone tool wear? Set up, check and run a study; inspect its files.
+    """Where does a ground stone tool wear? Set up, check and run a study, or inspect its files.
 
-    Exit codes: 0, done; 1, `diff` found tables that differ; 2, it cannot be done, was asked for
-    wrongly, or was broken off. Once `study` has started Snakemake, it ends with that one's code.
+    Exit code 0 means success. Code 1 means that `diff` found tables that differ. Code 2 means an
+    error, wrong usage or an interruption. `study` returns Snakemake's code once that has started.
     """
 
 
 @main.command()
 @click.argument("folder", type=_PATH)
-@click.option("--mesh", type=_PATH, help="The mesh of the tool.")
+@click.option("--mesh", type=_PATH, help="Mesh of the tool.")
 @click.option(
-    "--scans", type=_PATH, multiple=True, help="Scans, or their folder; repeatable."
+    "--scans", type=_PATH, multiple=True, help="Scans or their folder (repeatable)."
 )
 @click.option(
-    "--overview", type=_PATH, help="A larger map of the face that shows the scans."
+    "--overview", type=_PATH, help="Larger map of the face, used to locate the scans."
 )
-@click.option("--names", help="A pattern of the names, such as {patch}_{epoch}.")
-@click.option(
-    "--like", type=click.Choice(gst.SHIPPED), help="A shipped config, not files."
-)
+@click.option("--names", help="Pattern of the scans' names, such as {patch}_{epoch}.")
+@click.option("--like", type=click.Choice(gst.SHIPPED), help="Copy a shipped config.")
 def new(folder, mesh, scans, overview, names, like) -> None:
-    """Set up a study in FOLDER: from files, or as shipped."""
+    """Create a study in FOLDER from files or a shipped config."""
     if like and (mesh or scans):
-        raise click.UsageError("give --like, or --mesh and --scans, not both")
+        raise click.UsageError("give either --like, or --mesh and --scans")
     if (overview or names) and not scans:
-        raise click.UsageError(
-            "--overview and --names need the --scans that they are about"
-        )
+        raise click.UsageError("--overview and --names also need --scans")
     if scans and mesh is None:
-        raise click.UsageError("--scans needs the --mesh of the tool that was scanned")
+        raise click.UsageError(
+            "--scans also needs --mesh, the mesh of the scanned tool"
+        )
     if mesh is not None:
         from gst.setup.new_study import new_study
 
@@ -150,7 +152,7 @@ def new(folder, mesh, scans, overview, names, like) -> None:
     like = like or "own"
     click.echo("\n".join(map(str, lay_out(folder, like))))
     again = f"cd {shlex.quote(str(folder))}; gst check config/{like}.yaml"
-    click.echo(f"Fill them in, then: {again}")
+    click.echo(f"Fill in these files, then run: {again}")
 
 
 @main.command()
@@ -159,7 +161,7 @@ def new(folder, mesh, scans, overview, names, like) -> None:
     "--browser/--no-browser", default=True, help="Open the page in the browser."
 )
 def place(folder, browser) -> None:
-    """Take the study in FOLDER to its result, on a page."""
+    """Lead the study in FOLDER to its result, in a browser."""
     from gst.setup.place import serve
 
     serve(folder, browser=browser)
@@ -168,11 +170,11 @@ def place(folder, browser) -> None:
 @main.command()
 @_CONFIG
 @click.option(
-    "--fix", is_flag=True, help="Show and, once confirmed, apply what has one cure."
+    "--fix", is_flag=True, help="Show single possible fixes; apply them if confirmed."
 )
-@click.option("--yes", is_flag=True, help="With --fix: confirm it at once.")
+@click.option("--yes", is_flag=True, help="With --fix: apply without asking.")
 def check(config, fix, yes) -> None:
-    """Check all files of CONFIG, and say what a run would do."""
+    """Check all files of CONFIG, and list the steps of a run."""
     from gst.check.checking import check_study
     from gst.check.fixing import Cure, offer
 
@@ -186,9 +188,9 @@ def check(config, fix, yes) -> None:
     if not fix:
         return
     if not cures:
-        click.echo("Nothing that has one cure needs mending.")
+        click.echo("No automatic fixes are available.")
     elif offer(config, cures, is_confirmed=yes):
-        click.echo("Check it again.")
+        click.echo("Run the check again.")
     else:
         sys.exit(2)
 
@@ -198,16 +200,18 @@ def check(config, fix, yes) -> None:
 @click.argument(
     "options", metavar="[SNAKEMAKE OPTIONS]...", nargs=-1, type=click.UNPROCESSED
 )
-@click.option("--cores", help="Jobs at a time; by default as in the profile: 2.")
+@click.option("--cores", help="Number of parallel jobs (2 in the default profile).")
 @click.option(
-    "--profile", default="default", help="default, slurm, or the path of your own."
+    "--profile",
+    default="default",
+    help="default, slurm, or the path of your own profile.",
 )
-@click.option("--plan", is_flag=True, help="Only show what would run.")
+@click.option("--plan", is_flag=True, help="Show the jobs without running them.")
 @click.pass_context
 def study(context, config, options, cores, profile, plan) -> None:
-    """Run CONFIG's study here, with options of Snakemake."""
+    """Run the study of CONFIG; accepts options of Snakemake."""
     if str(config).startswith("-"):
-        raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
+        raise click.UsageError(f"put CONFIG before the Snakemake option {config}")
     from gst.run.running import run_study
 
     asked = {"cores": cores, "profile": profile, "plan": plan, "options": options}
@@ -216,11 +220,9 @@ def study(context, config, options, cores, profile, plan) -> None:
 
 @main.command()
 @_CONFIG
-@click.option(
-    "--intermediate", is_flag=True, help="Only what stages gave to each other."
-)
+@click.option("--intermediate", is_flag=True, help="Remove only intermediate files.")
 def clean(config, intermediate) -> None:
-    """Remove the results of CONFIG's study; asks first."""
+    """Remove the results of CONFIG, after asking."""
     from gst.run.running import remove_results
 
     remove_results(config, intermediate=intermediate)
@@ -230,11 +232,9 @@ def clean(config, intermediate) -> None:
 @click.argument("files", nargs=-1, required=True, type=_PATH)
 @_UNIT
 @_SPACING
-@click.option(
-    "--pictures", type=_PATH, help="A folder for a picture (PNG) of each file."
-)
+@click.option("--pictures", type=_PATH, help="Folder for a picture (PNG) of each file.")
 def inspect(files, unit, spacing_um, pictures) -> None:
-    """Show what scans, meshes, and folders of them contain."""
+    """Show the contents of scans, meshes and their folders."""
     from gst.check.inspecting import describe_files
 
     if not describe_files(files, unit=unit, spacing_um=spacing_um, pictures=pictures):
@@ -247,12 +247,12 @@ def inspect(files, unit, spacing_um, pictures) -> None:
 @click.option(
     "--modulus", type=_POSITIVE, default=10346.0, help="Contact modulus E*, MPa."
 )
-@click.option("--periodic", is_flag=True, help="Let the surface repeat itself.")
+@click.option("--periodic", is_flag=True, help="Repeat the surface periodically.")
 @_UNIT
 @_SPACING
 @_OUTPUT
 def press(scan, output, **options) -> None:
-    """Press one SCAN on a flat: its curve and its maps."""
+    """Press one SCAN on a flat, and draw curve and maps."""
     from gst.page.figures.inspected import pressed_figure
     from gst.page.figures.style import save_figure
     from gst.share.options import in_options
@@ -275,13 +275,17 @@ def press(scan, output, **options) -> None:
 @main.command()
 @click.argument("t0", type=_PATH)
 @click.argument("t1", type=_PATH)
-@click.option("--repeat", type=_PATH, help="T0 scanned again: for the detection limit.")
-@click.option("--mould", is_flag=True, help="The scans show moulds: turn them over.")
+@click.option(
+    "--repeat", type=_PATH, help="Second scan of T0, for the detection limit."
+)
+@click.option(
+    "--mould", is_flag=True, help="The scans are of moulds, so turn them over."
+)
 @_UNIT
 @_SPACING
 @_OUTPUT
 def change(t0, t1, repeat, output, **options) -> None:
-    """Compare two scans, T0 and T1: their loss and a picture."""
+    """Measure the loss between two scans T0 and T1; draw it."""
     from gst.page.figures.inspected import changed_figure
     from gst.page.figures.style import save_figure
     from gst.share.change import compare_scans, describe_change
@@ -304,7 +308,7 @@ def change(t0, t1, repeat, output, **options) -> None:
     help="Relative difference up to which numbers are equal.",
 )
 def diff(before, after, tolerance) -> None:
-    """Show differences of two results; exit code 1 of tables."""
+    """Compare two results (exit code 1 if tables differ)."""
     from gst.share.difference import compare_results, describe_changes
 
     changes = compare_results(before, after, tolerance)
@@ -319,7 +323,7 @@ def diff(before, after, tolerance) -> None:
 @main.command()
 @_RESULTS
 def jobs(results) -> None:
-    """Show time and memory of the jobs of each rule."""
+    """Show time and memory of the jobs, by rule."""
     from gst.run.logs import used_by_jobs
 
     click.echo(used_by_jobs(results).to_string(float_format="{:.4g}".format))
@@ -327,12 +331,15 @@ def jobs(results) -> None:
 
 @main.command()
 @_RESULTS
-@click.option("--to", type=_PATH, help="The folder; by default `export` in RESULTS.")
+@click.option("--to", type=_PATH, help="Folder, by default `export` in RESULTS.")
 @click.option(
-    "--zip", "archive", type=_PATH, help="Instead: figures, tables, methods in a zip."
+    "--zip",
+    "archive",
+    type=_PATH,
+    help="Write figures, tables and methods into a zip instead.",
 )
 def export(results, to, archive) -> None:
-    """Write maps and tool for other programs: x3p, grids, GLB."""
+    """Export maps and tool for other programs (x3p, grid, GLB)."""
     from gst.share.export import export_study, zip_study
 
     write = zip_study if archive else export_study
@@ -344,11 +351,11 @@ def export(results, to, archive) -> None:
 @_RESULTS
 @_OUTPUT
 @click.option(
-    "--author", "authors", multiple=True, help="An author of the study; repeatable."
+    "--author", "authors", multiple=True, help="Author of the study (repeatable)."
 )
 @click.option("--license", "licence", help="Licence, such as CC-BY-4.0 (SPDX).")
 def package(results, output, authors, licence) -> None:
-    """Pack a finished study into one zip (an RO-Crate)."""
+    """Pack a finished study into one zip file (RO-Crate)."""
     from gst.share.crate import pack_study
 
     output = output or Path(f"{results.resolve().name}.zip")

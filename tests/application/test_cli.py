@@ -25,7 +25,7 @@ def run(*arguments):
         (f"new {'a' * 300}", "File name too long"),
         ("new here --like mine", "'mine' is not one of"),
         ("study gone.yaml", "gone.yaml: cannot be opened"),
-        ("clean full.yaml", "Broken off"),
+        ("clean full.yaml", "Interrupted"),
         ("inspect a\udcff.plu", "no such file"),
         ("press gone.plu --pressure 0", "not in the range"),
         ("check a\0b", "cannot be the path of a file"),
