@@ -146,7 +146,7 @@ def test_a_generated_specimen_cannot_pass_for_a_real_tool(results):
     files, whole, _ = packed(results)
     assert "synthetic specimen" in whole["name"]
     for text in (whole["description"], files["README.md"].decode()):
-        assert "says anything about a real tool" in text
+        assert "do not apply to a real tool" in text
 
 
 def test_date_authors_and_licence(results):

@@ -79,7 +79,7 @@ if WORN_PATCHES:
             accept=config["accept"],
             code=code("tabulate_changes.py"),
         message:
-            "Measuring how well T1 matches T0, and what was lost"
+            "Measuring the match of T1 with T0, and the loss"
         script:
             "../scripts/tabulate_changes.py"
 

@@ -19,7 +19,7 @@ rule check_placement:
         patches=PLACES,
         code=code("check_placement.py"),
     message:
-        "Comparing the patches with the square under them"
+        "Checking the patch positions against the mesh"
     script:
         "../scripts/check_placement.py"
 
@@ -65,7 +65,7 @@ rule bound_pressures:
         seed=config["seed"],
         code=code("bound_pressures.py"),
     message:
-        "Pressing the stone again and again for the intervals of the patches' pressures"
+        "Computing the intervals of the patch pressures by repeated contacts"
     script:
         "../scripts/bound_pressures.py"
 

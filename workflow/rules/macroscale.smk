@@ -28,7 +28,7 @@ if EQUILIBRIUM and SCANNED:
             patches=PLACES,
             code=code("compose_surface.py"),
         message:
-            "Laying the scans on the mesh"
+            "Positioning the scans on the mesh"
         script:
             "../scripts/compose_surface.py"
 
@@ -132,7 +132,7 @@ if POSES is not None:
         params:
             code=code("gather_exposure.py"),
         message:
-            "Putting the poses together"
+            "Combining the poses"
         script:
             "../scripts/gather_exposure.py"
 
@@ -153,7 +153,7 @@ if not SCANNED:
             patch_mm=PATCH_MM,
             code=code("propose_places.py"),
         message:
-            "Looking for places to scan"
+            "Proposing positions to scan"
         script:
             "../scripts/propose_places.py"
 
@@ -173,6 +173,6 @@ if not SCANNED:
             mesh_unit=MESH_UNIT,
             code=code("colour_tool.py"),
         message:
-            "Laying pressure and exposure on the tool: {output.tool}"
+            "Mapping pressure and exposure onto the tool: {output.tool}"
         script:
             "../scripts/colour_tool.py"

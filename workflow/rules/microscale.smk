@@ -78,6 +78,6 @@ if config["grinding"] or config["pressure_cap_MPa"]:
             patches=ALL_PATCHES,
             code=code("solve_cases.py"),
         message:
-            "Solving the cases that the config asks for"
+            "Solving the cases in the config"
         script:
             "../scripts/solve_cases.py"

@@ -182,7 +182,7 @@ if not SCANNED:
             places=GRADED.to_dict("list"),
             mesh_unit=MESH_UNIT,
         message:
-            "Drawing where to scan"
+            "Drawing the positions to scan"
         script:
             "../scripts/draw_figures.py"
 

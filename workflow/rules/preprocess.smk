@@ -132,6 +132,6 @@ if SCANNED:
             patches=ALL_PATCHES,
             code=code("tabulate_preprocessing.py"),
         message:
-            "Tabulating what was done to each scan"
+            "Tabulating the cleaning of each scan"
         script:
             "../scripts/tabulate_preprocessing.py"

@@ -21,6 +21,6 @@ rule infer_use:
         patches=PLACES if SCANNED else GRADED.to_dict("list"),
         code=code("infer_use.py"),
     message:
-        "Reading from the wear how the tool was used"
+        "Inferring the load case from the wear"
     script:
         "../scripts/infer_use.py"

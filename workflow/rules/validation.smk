@@ -32,7 +32,7 @@ if WORN_PATCHES:
             worn=WORN_PATCHES,
             code=code("score_wear.py"),
         message:
-            "Scoring the predicted loss by the measured one"
+            "Scoring the predicted loss"
         script:
             "../scripts/score_wear.py"
 
@@ -102,7 +102,7 @@ if config["published"] is not None:
         params:
             code=code("compare_published.py"),
         message:
-            "Comparing computed with published figures"
+            "Comparing computed with published values"
         script:
             "../scripts/compare_published.py"
 

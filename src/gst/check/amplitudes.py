@@ -103,9 +103,9 @@ def other_units(
         # Bounds on their own would not tell: polish could be mistaken for a unit.
         _log.log(
             NOTE,
-            "scans: with edges of %.3g mm, the mesh shows no waves of a patch, so the unit of all "
-            "heights could not be checked. Compare their range with that on the instrument. If it "
-            "differs: %s",
+            "scans: the unit of all heights could not be checked, because a mesh with edges of "
+            "%.3g mm does not show waves of a patch. Compare their range with the range on the "
+            "instrument. If it differs: %s",
             mesh_edge_mm,
             remedy,
         )

@@ -125,7 +125,7 @@ class Walk:
         for one, other, share in overlaps(self.patches, config["scans"]["size_mm"]):
             message = (
                 "%s: patches %s and %s have %.2g %% of their area in common, whose wear counts "
-                "twice; if they lie side by side, correct x_mm and y_mm"
+                "twice. If they lie side by side, correct x_mm and y_mm."
             )
             _log.warning(message, config["patches"], one, other, 100 * share)
         with _noted() as faults:
@@ -253,9 +253,8 @@ class CoarseStudy(Study):
         pressed = patch_pressures(contact.pressure, self.patches, size_mm=patch_mm)
         if len(pressed) and not (pressed.pressure_MPa > 0).any():
             doubts.append(
-                "of the mesh alone, no patch is touched: there may be nothing to compare with "
-                "wear; correct load.at_mm, load.force_N or counterface.radius_mm if it was used "
-                "otherwise"
+                "the mesh alone does not touch a patch, so wear may have nothing to be compared "
+                "with. If load.at_mm, load.force_N or counterface.radius_mm is wrong, correct it"
             )
         for doubt in doubts:
             _log.warning("%s", doubt)

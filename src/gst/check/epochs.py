@@ -127,8 +127,8 @@ def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultErro
             row.detail_correlation, row.slope_correlation
         ):
             doubts[patch] = (
-                "its striae match those of T0, but no detail shows where along them. Scan a larger "
-                "area, or one with a pit or a scar"
+                "its striae match T0, but detail does not fix the position along them. Scan a "
+                "larger area, or one with a pit or a scar"
             )
         if patch in doubts:
             _log.warning("%s: patch %s: %s", rows.t1[patch], patch, doubts[patch])
@@ -232,7 +232,7 @@ def _laid_fault(
     if len(patches) == count > 1:
         who = f"all {count} T1 match their T0"
     remedy = (
-        "scans.mould and flip hold for both epochs: export T1 so that it lies as T0 does, or scan "
+        "scans.mould and flip apply to both epochs. Export T1 in the orientation of T0, or scan "
         "both epochs on the stone, or both on moulds."
     )
     return FaultError(

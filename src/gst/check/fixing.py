@@ -105,7 +105,7 @@ def _of_places(study: Study) -> Iterator[Cure]:
     elif together.status == SHIFTED:
         x, y = (round(float(together[f"shift_{axis}_um"])) / 1e3 for axis in "xy")
         yield Cure(
-            f"all patches lie {x:+g} mm along x and {y:+g} mm along y from where the table says",
+            f"all patches lie {x:+g} mm along x and {y:+g} mm along y from their given positions",
             {},
             lambda row: {"x_mm": _plus(row, "x_mm", x), "y_mm": _plus(row, "y_mm", y)},
             "Move",
@@ -134,7 +134,7 @@ def _by_hand(study: Study, scans: Mapping[str, "xr.Dataset"]) -> Iterator[Cure]:
             if abs(turn - former.rotation_deg) > _LEAST_TURNED:
                 cells[patch]["rotation_deg"] = f"{turn:.1f}"
     if cells:
-        why = f"patches {', '.join(cells)} fit the mesh up to {REACH} mm from where the table says"
+        why = f"patches {', '.join(cells)} fit the mesh up to {REACH} mm from their given positions"
         yield Cure(why, {}, lambda row: cells.get(row["patch"], {}), "Move", PLACEMENT)
 
 
@@ -226,7 +226,7 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
             after[Path(table)] = with_cells(after[Path(table)], cure.cells)
     changed = [path for path in before if after[path] != before[path]]
     if not changed:
-        print("What cures it cannot be written into these files.")
+        print("The fix cannot be written into these files.")
         return False
     print(
         "", *(f"{cure.why[0].upper()}{cure.why[1:]}." for cure in cures), "", sep="\n"
@@ -247,7 +247,7 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
     for path in changed:
         copy = keep_copy(path)
         save_text(path, after[path])
-        print(f"{path}: written; as it was: {copy}")
+        print(f"{path}: written (backup: {copy})")
     return True
 
 

@@ -291,7 +291,7 @@ def _warn_of_other_bodies(
     if is_other.any():
         _log.warning(
             "%s: %.2g %% of the mesh's surface is apart from the stone, %.3g mm or more from the "
-            "square: if that is a turntable or a support, remove it from the mesh",
+            "square. If it is a turntable or a support, remove it from the mesh.",
             source,
             100 * areas[is_other].sum() / areas.sum(),
             nearest[is_other].min(),
@@ -387,7 +387,7 @@ def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[Gst
             "memory",
             "config, reference_realisations",
             f"the contact of the whole square at the scans' resolution has {count} × {count} "
-            f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "
+            f"elements and needs {needed / 2**30:.1f} GiB of memory. This machine has "
             f"{available / 2**30:.1f} GiB",
             "Set reference_realisations to null, or run the study on a larger machine.",
         )

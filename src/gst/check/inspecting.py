@@ -90,7 +90,7 @@ def inspect_file(
     file_unit = mesh.metadata["file_unit"]
     origin = f"{file_unit}, as given" if unit else f"{file_unit}, in the file"
     if unit is None and not mesh.metadata["states_unit"]:
-        origin = f"not stated: {file_unit} is assumed; give another as --unit"
+        origin = f"missing: {file_unit} is assumed (set another with --unit)"
     facts: dict[str, Any] = {"unit": origin}
     facts |= {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
     for axis, low, high in zip("xyz", *mesh.bounds.tolist(), strict=True):

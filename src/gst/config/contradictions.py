@@ -47,7 +47,7 @@ def improbable(config: Mapping, patches: pd.DataFrame) -> Iterator[FaultError]:
             yield FaultError(
                 "overlap",
                 config["patches"],
-                f"{share:.0%} of the area of patch {other} is that of patch {one}",
+                f"{share:.0%} of the area of patch {other} belongs to patch {one}, too",
                 "Leave one of them out, or correct their positions.",
                 [other],
             )

@@ -28,7 +28,7 @@ def check_files(config: Mapping, patches: pd.DataFrame, source: str) -> None:
     ]
     if problems:
         problem = f"{len(problems)} of {len(files)} files cannot be used{''.join(problems)}\n "
-        remedy = "Put them there, or correct their names; paths are relative to the working folder."
+        remedy = "Put them there, or correct their names. Paths are relative to the working folder."
         raise ConfigError(source, problem, remedy)
 
 

@@ -147,7 +147,7 @@ def _refuse_without_scans(config: Mapping, grades: pd.Series) -> None:
         )
         raise ConfigError(
             config["patches"],
-            f"grades {how}, which does not say how the tool was used",
+            f"grades {how}, which does not show how the tool was used",
             f"Grade {FEWEST_PATCHES} places or more, better twenty, unworn ones too.",
         )
     needs = [name for name in ("published", "interlayer") if config[name] is not None]

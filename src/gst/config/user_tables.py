@@ -95,7 +95,7 @@ class UserTable(NamedTuple):
             raise ConfigError(
                 self.path,
                 f"{count} in this table{listed}\n ",
-                "Correct these rows; config/README.md describes the columns. Between cells, "
+                "Correct these rows. config/README.md describes the columns. Between cells, "
                 "commas leave no room for decimal commas: use semicolons or tabs.",
             )
 

@@ -244,7 +244,7 @@ def versions_of(results: Path, steps: Iterable[str]) -> dict[str, str]:
 
 def _refuse(results: Path, problem: str | None) -> None:
     if problem is not None:
-        remedy = "Run the study (again); it makes anew what has changed."
+        remedy = "Run the study. It repeats only the affected steps."
         raise InputError(results, problem, remedy)
 
 

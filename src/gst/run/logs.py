@@ -203,7 +203,7 @@ def _refuse_other_params(results: Path, step: Step) -> None:
         problem = (
             "the config, its tables or the program were edited while the study runs"
         )
-        remedy = "Start the study again: it makes anew what the edit changes."
+        remedy = "Start the study again. It repeats the affected steps."
         raise InputError(f"the step {step.name}", problem, remedy)
 
 

@@ -101,7 +101,7 @@ def refuse_foreign(steps: Iterable[Step], results: Path) -> None:
         for file in _in_the_way(path, results):
             if file.relative_to(results).as_posix() in owned:
                 continue
-            problem = "a step would write in its place, and no record says that a study made it"
+            problem = "a step would write in its place, and no record shows that a study made it"
             remedy = "Give `results` another name in the config, or move the file."
             print(f"ERROR: {InputError(file, problem, remedy)}", file=sys.stderr)
             sys.exit(2)  # Snakemake would give any other error another code

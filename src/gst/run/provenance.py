@@ -62,7 +62,7 @@ def refuse_other_study(config: Mapping[str, Any]) -> None:
         raise InputError(
             results,
             f"holds the results of another study, '{made['title']}', of {stone}",
-            "Give `results` another name in the config; if it is the same study, keep its title, "
+            "Give `results` another name in the config. If it is the same study, keep its title, "
             "and the name of its mesh or of its folder of scans.",
         )
 

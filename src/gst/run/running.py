@@ -85,7 +85,7 @@ def run_study(
     refuse_study(read, str(config))
     if refused := list(filter(_is_refused, options)):
         problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
-        remedy = "Leave it out; give gst another CONFIG, or start it elsewhere."
+        remedy = "Leave it out. Give gst another CONFIG, or start it elsewhere."
         raise InputError("gst study", problem, remedy)
     if importlib.util.find_spec("snakemake") is None:
         problem = "Snakemake, which runs the study, is not installed"
@@ -200,11 +200,11 @@ def remove_results(config: Path, *, intermediate: bool) -> None:
     if intermediate:
         check_links(folder)
         if broken := break_in(folder, read):
-            remedy = "Finish the study first: what would be removed is needed for it."
+            remedy = "Finish the study first, because it needs these files."
             raise InputError(folder, broken, remedy)
         print(
-            "These files are what one stage gave to the next. The page, tables, figures, records "
-            "and logs stay. Export and pack the study first: without these files it is no longer "
+            "These are intermediate files. The page, tables, figures, records and logs stay. "
+            "Export and pack the study first. Without these files it is no longer "
             "finished, until a run makes them again."
         )
     places = Counter(str(file.relative_to(folder).parent) for file in made)

@@ -51,7 +51,7 @@ def compare_scans(
             f"has another unit than {t0}: one has heights of {low:.3g} µm (r.m.s.), "
             f"and one of {high:.3g} µm"
         )
-        remedy = "Export both in one unit; --unit is that of files that state none."
+        remedy = "Export both in one unit. --unit applies to files without a unit."
         raise InputError(t1, problem, remedy)
     sides = np.multiply(spacing_of(before.height), before.height.shape)
     search: dict[str, Any] = {

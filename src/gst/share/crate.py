@@ -92,10 +92,10 @@ _DESCRIPTION = (
     "again from the inputs, are logs and all fields (HDF5)."
 )
 _GENERATED = (
-    "The specimen is generated: a program made the stone, its scans and its wear. Nothing here "
-    "says anything about a real tool. "
+    "The specimen is generated: a program made the stone, its scans and its wear. These "
+    "results do not apply to a real tool. "
 )
-_NO_LICENCE = "None is stated: ask the authors of the results before you use them."
+_NO_LICENCE = "No licence is given. Ask the authors of the results before you use them."
 
 
 class _File(NamedTuple):
