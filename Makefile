@@ -49,7 +49,7 @@ $(CHECKS): $(READY) requirements-checks.lock
 study: $(READY) ## run the whole study
 	@$(STUDY) "$(CONFIG)"
 
-check: $(READY) ## check config, patch table and every file, and say what a run would do
+check: $(READY) ## check config, patch table and every file, and list the steps of a run
 	@$(BIN)/gst check "$(CONFIG)"
 
 plan: $(READY) ## show what a study would run, without running it
@@ -80,14 +80,14 @@ style: $(READY)
 types: $(READY)
 	$(BIN)/mypy
 
-test-browser: $(CHECKS) ## open the pages in Chromium, if it is installed (minutes)
+test-browser: $(CHECKS) ## test the pages in Chromium, if it is installed (minutes)
 	$(PYTEST) -m browser tests/workflow
 
 test-slurm: $(READY) ## run the tiny study through a real Slurm; installs one with apt-get if needed (root)
 	tests/slurm/start_slurm.sh --install
 	$(PYTEST) -m slurm
 
-test-faults: $(READY) ## kill runs, fill disks, damage files, and count what is lost (an hour)
+test-faults: $(READY) ## kill runs, fill disks, damage files, and count the losses (an hour)
 	$(BIN)/python tests/faults/run.py
 
 hooks: $(READY) ## check the style of each commit before it is made
@@ -96,7 +96,7 @@ hooks: $(READY) ## check the style of each commit before it is made
 bench: $(READY) ## measure the contact solver against other codes (90 minutes)
 	$(BIN)/python benchmarks/run.py
 
-evidence: $(READY) ## print what the committed rows show, and how old they are
+evidence: $(READY) ## print the results of the committed rows, and their age
 	$(BIN)/python benchmarks/two_scales.py
 	for name in verdict use strikes left_out power chance statistics_of_contact false_stops measured_surfaces; do \
 	  echo "$$name:"; $(BIN)/python benchmarks/$$name.py --tables || exit 1; done
@@ -105,7 +105,7 @@ evidence: $(READY) ## print what the committed rows show, and how old they are
 margin: $(READY) ## measure how much unrounded tables differ between cores and processors (15 minutes)
 	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
-power: $(READY) ## measure how often the study finds a relation that is there, or not there (two hours)
+power: $(READY) ## measure how often the study finds a true or a false relation (two hours)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/power.py --processes $(CORES)
 
 baseline: $(READY) ## renew the tables with which the tests compare the default study
@@ -116,7 +116,7 @@ baseline: $(READY) ## renew the tables with which the tests compare the default 
 expected: $(READY) ## renew the numbers with which the tests compare their small studies (minutes)
 	RENEW=1 $(PYTEST) tests/workflow -k "as_expected"
 
-sweep: $(READY) ## find what changes the results most: one-at-a-time sensitivity (a quarter of an hour)
+sweep: $(READY) ## vary one input at a time, and compare the results (a quarter of an hour)
 	@$(STUDY) "$(CONFIG)"
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/sweep.py --config "$(CONFIG)" --processes $(CORES)
 
@@ -124,7 +124,7 @@ docs: $(READY) ## renew the parts of the documents that are generated from the c
 	$(BIN)/python workflow/document.py
 	$(BIN)/python benchmarks/age.py
 
-site: $(CHECKS) ## make an offline site of the documents and the API in build/site; any warning is an error
+site: $(CHECKS) ## make an offline site of documents and API in build/site (warnings are errors)
 	@# -E: an unchanged page may quote a changed one
 	$(BIN)/python -m sphinx -W --keep-going -E -q -c docs -d build/doctrees . build/site
 	@! grep -rE '<(script|link|img)[^>]+https?://' build/site --include='*.html'

@@ -1,9 +1,9 @@
 """Write the parts of the documents that are generated from the code.
 
 In docs/reference: tables.md, the columns of every table of results, from their schema; choices.md,
-the modelling choices marked ``# ASSUME:`` in the code, by stage; cli.md, what `gst --help` says.
-config/README.md: the tables of keys, from `gstlib.settings` and the JSON schemas. With --check,
-write nothing, and end with exit code 1 if one of them is out of date.
+the modelling choices marked ``# ASSUME:`` in the code, by stage; cli.md, the output of
+`gst --help`. config/README.md: the tables of keys, from `gstlib.settings` and the JSON schemas.
+With --check, write nothing, and end with exit code 1 if one of them is out of date.
 """
 
 import argparse
@@ -144,7 +144,7 @@ def stage_of(name: str) -> str:
 
 
 def commands() -> Iterator[str]:
-    """What `gst --help` says, and the help of each command without its option ``--help``."""
+    """The output of `gst --help`, and the help of each command without its option ``--help``."""
     group = click.Context(
         gst, info_name="gst", terminal_width=WIDTH, **gst.context_settings
     )

@@ -1,4 +1,4 @@
-# What every stage shares: the checked configuration, the patch table, what a job needs.
+# Shared by all stages: the checked config, the patch table, the resources of a job.
 
 import math
 import os
@@ -43,7 +43,7 @@ TABLE_DIGESTS = {
     table: sha256(table) for table in filter(None, GIVEN_TABLES) if os.path.isfile(table)
 }
 PATCHES = read_study(config, CONFIG_FILES)
-# What the config accepts in its own values, as the page tells it.
+# Faults in its own values that the config accepts, for the page.
 CONFIG_FAULTS = [
     {"text": f"{fault.source}: {fault.problem}.", "steps": ["config"], "patches": fault.patches}
     for fault in improbable(config, PATCHES)
@@ -53,7 +53,7 @@ PATCHES = PATCHES.set_index("patch", drop=False)
 IS_GRADED = (PATCHES.t0 == "") & PATCHES.wear_grade.notna()
 GRADED = PATCHES.loc[IS_GRADED, ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]]
 PATCHES = PATCHES[PATCHES.t0 != ""]
-# Without scans, the study says where to scan, and what follows from scans is left out.
+# Without scans, the study proposes positions to scan, and steps that need scans are left out.
 SCANNED = len(PATCHES) > 0
 # as Snakemake names the files in it
 RESULTS = os.path.normpath(config["results"])
@@ -77,9 +77,9 @@ COUNTERFACE_MESH = ACTIVE_TOOL["mesh"] if ACTIVE_TOOL else []
 POSES = poses_of(config)
 if ACTIVE_TOOL:
     ACTIVE_TOOL["reach_mm"] = reach_of(config)
-# What the config says to each stage, by its rule.
+# Config values of each stage, by rule.
 SETTINGS = Settings(**config).by_stage()
-# A claim about other patches says nothing about these.
+# A claim about other patches does not apply to these.
 if not set(config["validation"]["expected_most_worn"]) <= set(ALL_PATCHES):
     SETTINGS["score_wear"]["expected_most_worn"] = []
 LOAD = {name: SETTINGS["solve_macroscale"][name] for name in ("force_N", "load_point")}

@@ -1,5 +1,5 @@
 # Was the prediction right?
-# Takes: what the stages before found. Gives: how well the predicted loss agrees with the measured one,
+# Takes: results of earlier stages. Gives: how well the predicted loss agrees with the measured one,
 # beside baselines that are given the same data; the contact of the patches beside one contact of the whole square at
 # their resolution, and beside published figures; of a synthetic specimen every stage beside the truth.
 

@@ -1,1 +1,1 @@
-"""Every file of a study read before any work: what it holds, what is wrong, what cures it."""
+"""Read every file of a study before any work: contents, problems and fixes."""

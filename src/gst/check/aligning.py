@@ -1,8 +1,9 @@
 """Scans laid on a surface as well as they fit, between its elements, and how sure that is.
 
-What is left between scans and surface is no white noise, but smooth. It has as many independent
-values as waves down to the shortest on the scans' area, and its slopes tell these. The fit takes
-some of the values. The others give the variance, and this the covariance of place and turn.
+The residuals between scans and surface are smooth, and not white noise. They have as many
+independent values as waves down to the shortest on the scans' area, and their slopes determine
+these. The fit takes some of the values. The others give the variance, and this the covariance of
+place and turn.
 """
 
 import math
@@ -110,7 +111,7 @@ class Fit:
         )
 
     def _independent(self, rest: np.ndarray) -> float:
-        """How many independent values are in what is left: waves of equal power, down to some k.
+        """Number of independent values in the residuals: waves of equal power, down to some k.
 
         On an area A they are A k²/4π, and the mean of their squared slopes is k²/2 of that of
         their squares. A plane that was taken has squares but hardly slopes, so it is counted once
@@ -133,13 +134,13 @@ class Refined(NamedTuple):
     correlation: float
     each: np.ndarray  # correlation of each scan by itself, there
     shape: np.ndarray  # covariance of y, x and perhaps the turn, over the variance
-    squares: float  # sum of the squares of what is left, mm²
+    squares: float  # sum of the squares of the residuals, mm²
     freedom: float  # independent values that are left after the fit
     scale: float  # heights of the surface beside those of the scans
     own: float  # sum of the squares of the scans' heights, without their planes, mm²
 
     def squares_with(self, scale: float) -> float:
-        """The squares of what is left with another scale."""
+        """The squares of the residuals with another scale."""
         return self.squares + (self.scale - scale) ** 2 * self.own
 
     @property
@@ -149,7 +150,7 @@ class Refined(NamedTuple):
 
     @property
     def covariance(self) -> np.ndarray:
-        """That of y, x (mm) and the turn (radians), such that 95 % lie within ±1.96 errors."""
+        """Covariance of y, x (mm) and turn (radians), such that 95 % lie within ±1.96 errors."""
         return self.variance * widened(self.freedom) ** 2 * self.shape
 
 
@@ -167,6 +168,6 @@ def part_around(
 
 
 def _correlation(one: np.ndarray, other: np.ndarray) -> float:
-    """That of values without their means; 0 if one is flat."""
+    """Correlation of values without their means, 0 if one is flat."""
     length = math.sqrt(float(one @ one) * float(other @ other))
     return float(one @ other) / length if length > 0 else 0.0

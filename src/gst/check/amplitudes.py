@@ -90,7 +90,7 @@ def _common_waves(
 def other_units(
     at_t0: Mapping[str, Amplitude], mesh_edge_mm: float | None
 ) -> Iterator[FaultError]:
-    """Scans whose heights are in another unit than those of the others, or all than the mesh's.
+    """Scans with heights in another unit than the other scans, or all than the mesh.
 
     A lesser difference is logged as a warning, a mesh whose edges are too long to tell as a note.
     They are None without a mesh.
@@ -100,7 +100,7 @@ def other_units(
     waves = [amplitude.waves for amplitude in at_t0.values() if amplitude.waves]
     remedy = unit_remedy(all(amplitude.states_unit for amplitude in at_t0.values()))
     if at_t0 and mesh_edge_mm and not waves:
-        # Bounds on their own would not tell: polish could be mistaken for a unit.
+        # Bounds alone do not suffice, because polish could be mistaken for a unit.
         _log.log(
             NOTE,
             "scans: the unit of all heights could not be checked, because a mesh with edges of "

@@ -1,4 +1,4 @@
-"""The answer of `gst check`: what a run would do, with the sizes, and a picture of the square.
+"""The answer of `gst check`: a summary of the run, with sizes, and a picture of the square.
 
 The sizes show whether units were read as intended. The sentences stand in `answer.txt`.
 """

@@ -1,4 +1,4 @@
-"""Checks a study without running it, and says what a run would do: `gst check`.
+"""Checks a study without running it, and describes a run (`gst check`).
 
 The check is one walk: settings, tables, files, contact, answer. Each station returns the faults
 that it finds; warnings and notes are logged at once.
@@ -47,7 +47,7 @@ _LEVELS = {logging.ERROR: "accepted fault", logging.WARNING: "warning", NOTE: "n
 
 
 def check_study(path: Path, cures: list[Cure] | None = None) -> None:
-    """Read config, patch table and every measured file of a study, and print what a run would do.
+    """Read config, patch table and every measured file of a study, and describe a run.
 
     If mesh and square can be read, ``check.png`` in the results folder shows them. `cures` takes
     those of the faults; None if they are not asked for. The `GstError` that it raises lists
@@ -100,7 +100,7 @@ class Walk:
     )  # of the answer, about the contact
 
     def run(self) -> None:
-        """Go through all stations, and print what a run would do; an error lists all faults."""
+        """Go through all stations, and describe a run. An error lists all faults."""
         for station in (self.settings, self.tables, self.files, self.contact):
             self.faults += station()
         self.answer()
@@ -171,7 +171,7 @@ class Walk:
         return faults
 
     def answer(self) -> None:
-        """Print what a run would do, and draw the square; an `InputsError` lists all faults."""
+        """Describe a run, and draw the square. An `InputsError` lists all faults."""
         config, inputs = self.config, self.inputs
         print(f"{self.path}: {config['title']}")
         print(summary(config, self.patches, inputs, self.poses), end="")

@@ -47,9 +47,9 @@ _MISSING = 0.3
 
 
 def epochs_on_each_other(study: Study) -> tuple[list[GstError], str]:
-    """What is wrong with scans after use, and in words how far the others are shifted.
+    """Problems of scans after use, and in words the shifts of the others.
 
-    What else is odd is logged as a warning. A T1 that cannot be registered leaves the study.
+    Other oddities are logged as warnings. A T1 that cannot be registered leaves the study.
     """
     problems: list[GstError] = [*_unregistered(study)]
     table = study.registration
@@ -199,7 +199,7 @@ def _without_long_waves(
 
 
 def _times(one: np.ndarray | xr.DataArray, other: np.ndarray | xr.DataArray) -> float:
-    """How many times as high (r.m.s.) the waves of one scan are as those of the other."""
+    """Ratio of the wave heights (r.m.s.) of one scan and the other."""
     return float(one.std() / max(other.std(), np.finfo(float).tiny))
 
 
@@ -227,7 +227,7 @@ def _laid_otherwise(
 def _laid_fault(
     files: pd.Series, patches: list[str], way: str, count: int
 ) -> FaultError:
-    """The fault of T1 that match if they are laid otherwise; `count` is that of all T1."""
+    """The fault of T1 that match if they are laid otherwise; `count` is the number of all T1."""
     who = f"T1 of patch {', '.join(patches)} match{'es' * (len(patches) == 1)} T0"
     if len(patches) == count > 1:
         who = f"all {count} T1 match their T0"

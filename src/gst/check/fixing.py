@@ -41,9 +41,9 @@ _LEAST_MOVED, _LEAST_TURNED = 0.05, 3.0
 
 
 class Cure(NamedTuple):
-    """What takes a fault away, and why: values of the config by key, cells of the patch table.
+    """The changes that remove a fault, in the config by key and in the patch table; the reason.
 
-    `button` says it in a word or two; `fault` is the name of the fault, if a config can accept it.
+    `button` names it in a word or two; `fault` is the name of the fault, if a config can accept it.
     """
 
     why: str
@@ -59,7 +59,7 @@ def cures_of(study: Study) -> list[Cure]:
     Its scans can be read. A T1 that cannot be registered has left the study.
     """
     former = logging.root.manager.disable
-    logging.disable()  # the check has said what is odd
+    logging.disable()  # the check has reported all problems
     try:
         return [*_of_places(study), *_of_face(study)]
     finally:
@@ -214,7 +214,7 @@ def _of_face(study: Study) -> Iterator[Cure]:
 
 
 def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) -> bool:
-    """Show what cures would change in a config and its patch table; ask; whether it was done."""
+    """Show the changes of cures to config and patch table, ask, and return if they were made."""
     table = read_config_file(config).get("patches")
     has_cells = any(cure.cells for cure in cures)
     paths = [config, Path(table)] if table and has_cells else [config]

@@ -1,4 +1,4 @@
-"""Reads the files of a study before any work: what each contains, and what is wrong with it.
+"""Reads the files of a study before any work, with their contents and problems.
 
 A study of hours must not fail at its last scan. After a fault in one file the others are still
 checked, so all can be corrected at once.
@@ -112,7 +112,7 @@ _Pieces = dict[tuple[str, str], _Piece]  # by patch and epoch
 
 @dataclass(frozen=True)
 class Asked:
-    """What the config asks of the files."""
+    """Requirements of the config on the files."""
 
     mesh_unit: str  # as in `gstlib.io.meshes.read_mesh`
     face: Mapping  # the settings of `gstlib.macroscale.face.grid_macroscale`
@@ -136,7 +136,7 @@ def check_inputs(
 
     Notes
     -----
-    What is odd but may be right is logged as a warning.
+    Oddities that may be right are logged as warnings.
     """
     stone, frame, face, problems = _read_stone(mesh, asked)
     heights = (
@@ -213,7 +213,7 @@ def _find_frame(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> Frame
 def _read_scans(
     scans: Iterable[ScanFile], asked: Asked, heights: xr.DataArray | None
 ) -> tuple[_Pieces, list[GstError]]:
-    """The pieces of all scans, and what cannot be used; each file is read once."""
+    """The pieces of all scans, and the unusable files. Each file is read once."""
     by_file: dict[Path, list[ScanFile]] = {}
     for scan in scans:
         by_file.setdefault(scan.path, []).append(scan)
@@ -273,7 +273,7 @@ def _cut(
 def _warn_of_other_bodies(
     stone: "trimesh.Trimesh", frame: Frame, asked: Asked, *, source: str
 ) -> None:
-    """Warn of what is large and apart from the stone, such as the table on which it was scanned."""
+    """Warn of large bodies apart from the stone, such as the table on which it was scanned."""
     from trimesh.graph import connected_component_labels
 
     size_mm = asked.face["size_mm"]

@@ -1,4 +1,4 @@
-"""What a scan or a mesh contains, file by file: `gst inspect`."""
+"""The contents of scans and meshes, file by file (`gst inspect`)."""
 
 import sys
 from collections.abc import Iterable, Iterator

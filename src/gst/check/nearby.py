@@ -1,7 +1,7 @@
 """Scans found near places by hand: which of the peaks around it is the right one, and how sure?
 
 A scan of 0.85 mm shows few waves that a mesh shows, so within half a millimetre there may be
-several places where it fits. What is left between scans and mesh is taken as normal, with a
+several places where it fits. The residuals between scans and mesh are taken as normal, with a
 variance that all scans share. This gives each peak a probability. A scan is found only at a place
 that is nearly certain, and otherwise has its alternatives.
 """
@@ -171,7 +171,7 @@ class _Shared(NamedTuple):
         return cls(variance, freedom, scale, _error_of_turn(lying, variance) ** 2)
 
     def match(self, lying: _Lying, match: Match, is_clear: bool) -> Match:
-        """Where a scan lies, what else is likely, and whether it is found."""
+        """The position of a scan, other likely ones, and whether it is found."""
         best, *others = lying.fits
         squares = np.array([fit.squares_with(self.scale) for fit in lying.fits])
         chances = self._chances(lying.fits, squares)

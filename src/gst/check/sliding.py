@@ -227,7 +227,7 @@ class Image:
     def _sums(
         self, transforms: Sequence[np.ndarray], values: np.ndarray, covered: np.ndarray
     ) -> list[np.ndarray]:
-        """Sums of what was transformed times values of a window, by the window's first element."""
+        """Sums of transformed values times values of a window, by the window's first element."""
         window = np.zeros(covered.shape)
         window[covered] = values
         # along the window's few rows first

@@ -1,1 +1,1 @@
-"""What a user writes, read and checked: the config and its tables."""
+"""Read and check the files that a user writes: the config and its tables."""

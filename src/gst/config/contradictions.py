@@ -26,7 +26,7 @@ _ONE_PATCH = 0.5
 
 
 def improbable(config: Mapping, patches: pd.DataFrame) -> Iterator[FaultError]:
-    """What is so improbable in a config and its patch table that a user has to accept it."""
+    """Improbable values of a config and its patch table that a user has to accept."""
     size_mm = config["square"]["size_mm"]
     yield from _improbable_squares(config, size_mm)
     load = config["load"]

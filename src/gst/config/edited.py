@@ -2,7 +2,7 @@
 
 PyYAML and `csv` read the text, and it is changed only at the values that they found. The round trip
 of ruamel.yaml is no substitute: it alters blanks, indents and nulls elsewhere, even in most of the
-shipped configs, and it does not tell where the value of an empty key belongs.
+shipped configs, and it does not show where the value of an empty key belongs.
 """
 
 import codecs

@@ -33,7 +33,7 @@ def check_files(config: Mapping, patches: pd.DataFrame, source: str) -> None:
 
 
 def path_problem(path: str) -> str | None:
-    """What is wrong with the path of a file, if anything."""
+    """The problem with the path of a file, if there is one."""
     if set("{}") & set(path):
         return f"{path} contains braces, which Snakemake reads as a placeholder"
     if "\0" in path:
@@ -71,7 +71,7 @@ def input_in_results(config: Mapping) -> str | None:
 
 
 def _of_active_tool(config: Mapping) -> dict[str, str]:
-    """Mesh and scan of the active tool, as far as there are any, by what they are."""
+    """Mesh and scan of the active tool, as far as they are given, by their kind."""
     tool = config["counterface"] or {}
     return {
         f"counterface's {name}": tool[name] for name in ("mesh", "scan") if name in tool

@@ -224,5 +224,5 @@ def at_epoch(patch: str, epoch: str) -> str:
 
 
 def natural(name: str) -> str:
-    """What sorts names with "2" before "10": numbers within them are padded to equal length."""
+    """Key that sorts names with "2" before "10": numbers within them are padded to equal length."""
     return re.sub(r"\d+", lambda digits: digits[0].zfill(20), name)

@@ -137,7 +137,7 @@ def _patches_of(config: Mapping) -> pd.DataFrame:
 
 
 def _refuse_without_scans(config: Mapping, grades: pd.Series) -> None:
-    """Refuse what needs scans, of a patch table that has grades in their place, or too few."""
+    """Refuse settings that need scans, for a patch table with grades in their place, or too few."""
     count = len(grades)
     if count < FEWEST_PATCHES or grades.nunique() < 2:
         how = (
@@ -175,7 +175,7 @@ def _accepted_patches(config: Mapping, patches: Collection[str]) -> Iterator[str
 def asked_of_files(
     config: Mapping, mesh_unit: str, active_tool: Mapping | None
 ) -> dict[str, Any]:
-    """What a config asks of the files of its study, for `gst.check.inputs.Asked`.
+    """Requirements of a config on the files of its study, for `gst.check.inputs.Asked`.
 
     `active_tool` is as in `gst.config.contradictions.counterface_mesh`, with ``reach_mm``; None
     without a mesh of it.
@@ -196,7 +196,7 @@ def asked_of_files(
 
 
 def refuse_study(config: Mapping, source: str) -> None:
-    """Refuse what would stop a run before its first step, in sentences of gst alone.
+    """Refuse settings that would stop a run before its first step, in sentences of gst alone.
 
     Raises a `ConfigError` if the config, defaults included, its patch table or its table of poses
     cannot be used, or a measured file is missing; `source` names the config.
@@ -230,7 +230,7 @@ def _contradictions(config: Mapping) -> list[str]:
 
 
 def _to_do(config: Mapping) -> Iterator[str]:
-    """What `gst new` left to the user, in the config and its patch table."""
+    """Values that `gst new` left to the user, in the config and its patch table."""
     yield from left_in(config, _validator().schema)
     table = config.get("patches")
     if isinstance(table, str) and not is_to_do(table) and Path(table).is_file():
@@ -252,7 +252,7 @@ def read_unfinished(path: Path) -> dict:
 
 
 def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:
-    """What is wrong with the values of these keys, each by itself, whatever else is."""
+    """Problems of the values of these keys, each by itself, regardless of other problems."""
     problems = [*_unusable_numbers(config), *_impossible_texts(config)]
     for error in sorted(_validator().iter_errors(config), key=_order):
         place = ".".join(_order(error))
@@ -295,7 +295,7 @@ def _order(error: ValidationError) -> list[str]:
 
 
 def _explain(error: ValidationError) -> str:
-    """What is wrong with a value, and what is asked for."""
+    """The problem with a value, and the required value."""
     key, value = ".".join(_order(error)), error.instance
     if error.validator == "additionalProperties":
         return _unknown_keys(key, set(map(str, value)), error.schema["properties"])

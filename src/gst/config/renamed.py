@@ -1,6 +1,6 @@
 """Names of an earlier version: keys of a config, steps, and headings and values of tables.
 
-Nobody can use an old name by mistake: a config with an old key is refused with the new one, and a
+An old name cannot be used by mistake: a config with an old key is refused with the new one, and a
 results folder with records of an old step is refused as a whole. `workflow/rename_tables.py` copies
 old tables under the present names.
 """

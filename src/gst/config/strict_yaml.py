@@ -5,7 +5,7 @@ false, ``1e3`` is text, and of a key given twice the last value wins in silence.
 follow YAML 1.2 and read other values. This module reads plain decimal numbers, ``true``, ``false``
 and null; it refuses each other spelling that some program takes for a number or a truth value.
 
-PyYAML with these rules is preferred to ruamel.yaml. The latter knows YAML 1.2 and refuses a key
+PyYAML with these rules is preferred to ruamel.yaml. The latter follows YAML 1.2 and refuses a key
 given twice, but it also accepts ``0550`` and ``1_000``, so that the same checks would be needed.
 """
 
@@ -130,7 +130,7 @@ def _not_yaml(source: str | Path, error: Exception) -> ConfigError:
 
 
 def _syntax(text: str) -> Iterator[tuple[int, str]]:
-    """Line and remedy of constructs that no config needs, and that hide what is meant."""
+    """Line and remedy of constructs that no config needs, and that hide the meaning."""
     documents, depth = 0, 0
     for event in yaml.parse(text):
         line = event.start_mark.line + 1

@@ -16,7 +16,7 @@ _SCHEMA = ROOT / "workflow/schemas/tables.yaml"
 
 
 class Column(NamedTuple):
-    """A column of a table; the schema says what the fields are."""
+    """A column of a table. The schema describes the fields."""
 
     meaning: str
     unit: str = ""
@@ -25,7 +25,7 @@ class Column(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table of results; the schema says what the fields are."""
+    """A table of results. The schema describes the fields."""
 
     file: str
     title: str

@@ -1,4 +1,4 @@
-"""What `gst new` could not tell from the files: values that begin with `TODO`.
+"""Values that `gst new` could not infer from the files, which begin with `TODO`.
 
 A likely value may follow the word; whoever deletes the word confirms it. Nothing runs while one is
 left.
@@ -29,7 +29,7 @@ def left_in(config: Any, rule: Mapping, key: str = "") -> Iterator[str]:
 
 
 def sentence(what: str, value: str, description: str) -> str:
-    """What is to be done with a value, and what it means."""
+    """The task that a value leaves to the user, and the meaning of the value."""
     likely = value.removeprefix(TODO).strip()
     text = f"{what} is still {TODO}: fill it in"
     if likely:

@@ -57,7 +57,7 @@ _LAST_ROW = 1 << 20  # of a spreadsheet
 # Problems in a message; who has corrected them is shown the next ones.
 _MOST_LISTED = 50
 
-Problem = tuple[int, str]  # a line number, and what is wrong there
+Problem = tuple[int, str]  # a line number and its problem
 
 
 class Record(NamedTuple):
@@ -222,7 +222,7 @@ def _schema(name: str) -> dict[str, Any]:
 
 
 def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]]:
-    """The column names, what separates the cells, and the cells of each row by line number."""
+    """The column names, the separator, and the cells of each row by line number."""
     try:
         check_size(path, LARGEST_TABLE)
         mark = ""  # in a workbook, a number that was typed as text may have a decimal comma
@@ -361,7 +361,7 @@ def _number(cell: str, mark: str) -> float | str:
 
 
 def _explain(error: ValidationError) -> str:
-    """What is wrong with a cell."""
+    """The problem with a cell."""
     # one that is absent is named by the message, and perhaps what asks for it
     if not error.absolute_path:
         name, *asking = error.message.split("'")[1::2]

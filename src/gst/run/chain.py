@@ -1,4 +1,4 @@
-"""The chain from the measured files to the page: what each step was given, and what it made.
+"""The chain from the measured files to the page: inputs and outputs of each step.
 
 A step leaves a record beside its log. It holds the step's params and the SHA-256 of every file that
 it read or made. Before a run, records are compared with what the steps would be given now; whatever
@@ -66,7 +66,7 @@ class Step(NamedTuple):
 def step_of(
     log: str | Path, params: Mapping, inputs: Iterable, outputs: Iterable
 ) -> Step:
-    """A step by what Snakemake knows about it."""
+    """A step, from Snakemake's data."""
     read, made = ([Path(file) for file in files] for files in (inputs, outputs))
     return Step(Path(log).stem, dict(params), read, made)
 
@@ -110,7 +110,7 @@ def write_record(
 
 
 def given_to(results: Path, step: Step, contents: "_Contents | None" = None) -> Record:
-    """What a step would be given now.
+    """The current inputs of a step.
 
     ``params`` by name, with the files and folders that it ``reads`` and ``makes``; ``inputs``, the
     SHA-256 of the study's own files by their names in the results, which may move; ``files``, that
@@ -279,7 +279,7 @@ def _changed_files(
             for file, digest in record[part].items():
                 path = Path(file) if part == "files" else results / file
                 if part == "files" and not is_readable(path, places):
-                    continue  # what was measured may be gone
+                    continue  # measured files may be gone
                 if contents.digest(path) == digest:
                     continue
                 if os.path.exists(path):
@@ -303,7 +303,7 @@ def steps_in(results: Path) -> dict[str, str | None]:
 
 
 def messages_of(results: Path, step: str, level: str) -> list[str]:
-    """What a step reported at one of the `LEVELS` when it last ran."""
+    """Messages of a step at one of the `LEVELS`, from its last run."""
     return _part_of(results, step, "messages").get(level, [])
 
 

@@ -55,7 +55,7 @@ _USED = (
 )
 # Soon after a process began, for scripts import this early.
 _START = time.perf_counter()
-# Environment variable, set by `gst study --plan`: the display shows what would run, and why.
+# Environment variable, set by `gst study --plan`: the display shows the planned jobs, and why.
 PLAN = "GSTLIB_PLAN"
 # Of the application, and of the library.
 _LOGGERS = "gst", "gstlib"

@@ -138,7 +138,7 @@ def claim(files: Iterable[Path], results: Path) -> None:
 
 
 def claim_picture(results: Path) -> Path | None:
-    """Where `gst check` may draw what it read; None if a user's own file lies there."""
+    """Path for the picture of `gst check`, or None if a user's own file lies there."""
     picture = results / _PICTURE
     if os.path.lexists(picture) and (
         _PICTURE not in claimed_by(results) or picture.is_symlink()

@@ -1,4 +1,4 @@
-"""A study from its config to its page: what `gst study` does around Snakemake.
+"""A study from its config to its page: the work of `gst study` around Snakemake.
 
 Whose the files in the results are, and which run may write them, is known to `gst.run.owned`.
 """
@@ -29,7 +29,7 @@ from gstlib.io.files import check_writable, write_whole
 
 __all__ = ["lay_out", "remove_results", "run_study"]
 
-# Folders of the results with what one stage gives to the next, which no reader needs.
+# Folders of the results with intermediate files, which readers do not need.
 BETWEEN = {
     "change",
     "coupling",
@@ -73,7 +73,7 @@ def run_study(
     options: Sequence[str],
     here: Path | None = None,
 ) -> int:
-    """Run a study in the working folder, and say what to open; the exit code is Snakemake's.
+    """Run a study in the working folder, print the path of the page, return Snakemake's code.
 
     `cores`, `profile` and `plan` are as on the command line; `options` are further ones of
     Snakemake; what is to be opened is named from `here`, by default the working folder. Raises an
@@ -184,7 +184,7 @@ def _check_bytecode() -> None:
 def remove_results(config: Path, *, intermediate: bool) -> None:
     """Ask, and remove what records in the results name; a folder, too, that is empty then.
 
-    Or only the `intermediate` results, which its stages gave to each other; an `InputError` if the
+    Or only the `intermediate` results; an `InputError` if the
     study is not finished, or not that of this config.
     """
     read = read_config(config)

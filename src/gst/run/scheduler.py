@@ -1,7 +1,7 @@
 """Snakemake as `gst study` starts it: ``python -m gst.run.scheduler`` takes the same arguments.
 
 It runs again what the chain of records asks for (`gst.run.chain`), and not what Snakemake's own
-records would, which know a step by its files' dates. It ends when it is told to.
+records would, which know a step by its files' dates. It ends on request.
 """
 
 import io
@@ -65,8 +65,8 @@ def steps_of(workflow: Any, results: Path) -> list[Step]:
 def order_dates(steps: Iterable[Step], again: Container[str] = ()) -> None:
     """Give the outputs of steps the newest date if some input is younger; contents stay.
 
-    Steps that have not run, or that are run `again`, are left out. Dates say nothing: a copy has
-    others, and the clock of an instrument may be wrong.
+    Steps that have not run, or that are run `again`, are left out. Dates are not evidence: a
+    copy has others, and the clock of an instrument may be wrong.
     """
     made = [
         step

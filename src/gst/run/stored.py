@@ -1,4 +1,4 @@
-"""What scripts read of what other jobs stored: one file, or one by one those of patches."""
+"""Read the files of other jobs in scripts: one file, or the files of patches one by one."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -31,7 +31,7 @@ def dataset_of(file: Path | list) -> xr.Dataset | None:
 
 
 def face_of(file: Path) -> xr.Dataset:
-    """What is pressed: heights, the active tool over them, and the side of the square."""
+    """The pressed face: heights, the active tool over them, and the side of the square."""
     return read_dataset(file, only=["height", "counterface", "size_mm"])
 
 

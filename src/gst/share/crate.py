@@ -1,7 +1,7 @@
 """A finished study as one zip, for an archive or a paper.
 
 The zip has the page, tables and figures, the records of the steps, the config with its tables, and
-the program. The records say what was made from what. A small ``ro-crate-metadata.json`` names the
+the program. The records name the inputs of each file. A small ``ro-crate-metadata.json`` names the
 files, as RO-Crate 1.1 asks (w3id.org/ro/crate/1.1). The date of packing is left out, so that the
 same results give the same bytes.
 """

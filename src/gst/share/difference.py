@@ -1,4 +1,4 @@
-"""What changed between two result folders: tables by row and column, and their provenance.
+"""Changes between two result folders: tables by row and column, and their provenance.
 
 A row is identified by the key of its table, as the schema gives it (`gst.config.tables`). Tables
 from another config may therefore have additional or missing rows; the rest is still compared. A

@@ -43,7 +43,7 @@ _UNMEASURED = -9999  # in a grid
 _LIMIT = "level_of_detection"
 _Places = Mapping[str, PatchPosition]
 _Files = dict[str, dict[str, Path]]  # by patch and stage
-# The format asks for a date; that of the export says nothing about a result.
+# The format requires a date, but the date of the export is no property of a result.
 _NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -129,7 +129,7 @@ def _methods(results: Path, made: set[Path]) -> bytes:
 def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
     """The maps of a patch that the study has, on the grid of T0, by the ends of their names."""
     before = read_dataset(files["T0"], only=["height", "filled"])
-    # what was filled from around it was not measured
+    # filled points were not measured
     yield "T0", before.height.where(~before.filled)
     if change := files.get("change"):
         registered = read_dataset(change, only=["t1", "change", _LIMIT])

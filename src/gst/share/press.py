@@ -51,7 +51,7 @@ def press_scan(
 
 
 def describe_press(prepared: xr.Dataset, final: ContactState, modulus: float) -> str:
-    """What was done to a scan, and how it touches at last."""
+    """The preparation of a scan, and its final contact."""
     facts = prepared.attrs
     return (
         f"cleaned     {facts['unmeasured']} unmeasured points and {facts['outliers']} outliers "
