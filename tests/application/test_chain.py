@@ -171,9 +171,9 @@ def test_a_step_without_a_whole_record_is_run_again(study):
     for content in ("[]", '{"params": {}}', record.read_text()[:-9], None):
         record.unlink() if content is None else record.write_text(content)
         assert plan_again(steps, results) == {
-            "results/wear": "no record says how it was made"
+            "results/wear": "no record shows how it was made"
         }
-        assert break_in(results) == "no record says what the step wear made"
+        assert break_in(results) == "no record lists the files that the step wear made"
 
 
 def test_results_may_be_moved_copied_and_renamed(study, tmp_path, monkeypatch):

@@ -52,7 +52,7 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
         ("register_patches", "change/1/7.h5 is not as it was made"),
         ("score_wear", "change/1/7.h5 has changed"),
         ("draw_validation", "change/1/7.h5 has changed"),
-        ("compare_scales", "no record says how it was made"),
+        ("compare_scales", "no record shows how it was made"),
     ):
         assert re.search(
             rf"^{step}: .*\n    {re.escape(why)}; last took \d", text, re.MULTILINE

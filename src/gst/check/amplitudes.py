@@ -1,7 +1,7 @@
 """Are all heights in one unit? A correlation ignores their scale; their amplitudes do not.
 
-The amplitude of a scan is compared with those of the other scans, and in the waves that the mesh
-resolves, too, with the mesh's. A patch that use has polished is smooth beside the others, but as
+The amplitude of a scan is compared with the amplitudes of the other scans. In the waves that the
+mesh resolves, it is also compared with the mesh. A patch that use has polished is smooth beside the others, but as
 high as the mesh under it in those waves. On the files at hand, generated and measured, neither
 ratio is further than a factor of two from that of the other patches.
 """
@@ -140,7 +140,7 @@ def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[Fault
     fault = FaultError(
         WRONG_UNIT,
         own.path,
-        f"its heights (patch {patch}) vary {factor:.3g} times as much as those of the other "
+        f"its heights (patch {patch}) vary {factor:.3g} times as much as on the other "
         "patches" + (", and do not fit the mesh under it" if scan and mesh else ""),
         f"Export all scans in one unit and with one calibration. {unit_remedy(own.states_unit)}",
         [patch],

@@ -317,7 +317,7 @@ def _unlike_t0(pieces: _Pieces) -> Iterator[GstError]:
             yield FaultError(
                 WRONG_UNIT,
                 later.path,
-                f"its heights vary {after / before:.3g} times as much as those of "
+                f"its heights vary {after / before:.3g} times as much as in "
                 f"{first.path}: one of the two is in another unit",
                 "Export both epochs of a patch in one unit. "
                 + unit_remedy(later.amplitude.states_unit),

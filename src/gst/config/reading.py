@@ -62,7 +62,7 @@ def read_config_file(path: str | Path) -> dict:
     """
     config = read_yaml(path, "Correct its path, or make one with `gst new`.")
     if problem := next(_impossible_texts(config), None):
-        raise ConfigError(path, problem, "No name of a file can have it.")
+        raise ConfigError(path, problem, "File names cannot contain it.")
     return config
 
 
@@ -141,14 +141,14 @@ def _refuse_without_scans(config: Mapping, grades: pd.Series) -> None:
     count = len(grades)
     if count < FEWEST_PATCHES or grades.nunique() < 2:
         how = (
-            f"only {count} of its places"
+            f"only {count} of its patches"
             if count < FEWEST_PATCHES
-            else "all of its places alike"
+            else "all patches the same"
         )
         raise ConfigError(
             config["patches"],
             f"grades {how}, which does not show how the tool was used",
-            f"Grade {FEWEST_PATCHES} places or more, better twenty, unworn ones too.",
+            f"Grade {FEWEST_PATCHES} patches or more, better twenty, with unworn ones.",
         )
     needs = [name for name in ("published", "interlayer") if config[name] is not None]
     if config["gesture"] is None or config["use"] is None or needs:

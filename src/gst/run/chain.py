@@ -162,7 +162,7 @@ def _difference(
     """In what a step as recorded differs from the step as it would be now, in a few words."""
     record = read_record(contents.results, step.name)
     if record is None:
-        return "no record says how it was made"
+        return "no record shows how it was made"
     now = given_to(contents.results, step, contents)
     for part in ("files", "inputs"):
         if name := _changed(record[part], now[part]):
@@ -259,7 +259,7 @@ def _breaks(
     for name, step_hash in steps.items():
         record = read_record(results, name)
         if record is None:
-            yield f"no record says what the step {name} made"
+            yield f"no record lists the files that the step {name} made"
             continue
         records[name] = record
         if step_hash not in (None, _hash(record["params"])):
