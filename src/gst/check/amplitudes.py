@@ -1,9 +1,9 @@
 """Are all heights in one unit? A correlation ignores their scale; their amplitudes do not.
 
 The amplitude of a scan is compared with the amplitudes of the other scans. In the waves that the
-mesh resolves, it is also compared with the mesh. A patch that use has polished is smooth beside the others, but as
-high as the mesh under it in those waves. On the files at hand, generated and measured, neither
-ratio is further than a factor of two from that of the other patches.
+mesh resolves, it is also compared with the mesh. A patch that use has polished is smooth beside
+the others, but as high as the mesh under it in those waves. On the files at hand, generated and
+measured, neither ratio is further than a factor of two from the ratio of the other patches.
 """
 
 import logging
