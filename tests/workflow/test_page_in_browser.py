@@ -5,7 +5,10 @@ import contextlib
 import io
 import itertools
 import re
+import shutil
+import zipfile
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -86,7 +89,7 @@ def used(finished_tiny, draws, config, tmp_path_factory):
         Shown(file, "5 Validation", file.stem, "made before")
         for file in sorted(results.glob("figures/*.png"))
     ]
-    none = {"steps": [], "active_tool": None}
+    none = {"steps": [], "active_tool": None, "methods": "Methods."}
     for name, faults in {"index": [], "fault": [{"text": "a fault"}]}.items():
         about = none | {"config_faults": faults}
         write_study_page(folder / f"{name}.html", study, config, figures, **about)
@@ -173,6 +176,59 @@ def test_a_load_far_from_all_draws_or_beyond_the_map(browser, used):
         page.click("#explorer button")
         assert cells(page) == before
         assert not page.evaluate("document.getElementById('explorer').checkValidity()")
+
+
+def saved(page, click):
+    with page.expect_download() as download:
+        click()
+    return Path(download.value.path()).read_bytes()
+
+
+def test_a_copy_of_the_page_alone_saves_all_that_it_shows(
+    browser, finished_tiny, tmp_path
+):
+    results, alone = finished_tiny.results, tmp_path / "alone.html"
+    shutil.copy(results / "index.html", alone)
+    with opened(browser, alone) as page:
+
+        def chosen(folder):
+            page.locator("#save summary").focus()
+            page.keyboard.press("Enter")
+            return saved(page, page.locator(f"[data-save='{folder}']").click)
+
+        whole = chosen("")
+        assert chosen("") == whole
+        methods = chosen("methods.txt").decode()
+        with zipfile.ZipFile(io.BytesIO(whole)) as archive:
+            assert archive.testzip() is None
+            content = {name: archive.read(name) for name in archive.namelist()}
+        figures = {name: content.pop(name) for name in [*content] if "figures" in name}
+        assert content.pop("methods.txt").decode() == methods
+        assert "with 550 N" in methods
+        assert "doi:10.1016/j.jasrep.2024.104939" in methods
+        tables = {*results.glob("tables/*.csv")}
+        tables.remove(results / "tables/microscale_paths.csv")
+        stored = {f"tables/{file.name}": file.read_bytes() for file in tables}
+        assert content == stored
+        patterns = "figures/*.png", "figures/*.svg", "figures/patch/*.png"
+        drawn = [file for pattern in patterns for file in results.glob(pattern)]
+        assert {results / name for name in figures} == {*drawn}
+        for file in drawn:
+            one = figures[file.relative_to(results).as_posix()]
+            if file.suffix == ".svg":
+                assert one == file.read_bytes()
+            else:
+                off = ImageChops.difference(
+                    picture_in(one), picture_in(file.read_bytes())
+                )
+                assert max(ImageStat.Stat(off).mean) < 3
+        link = page.locator("a[href='figures/wear.svg']")
+        assert saved(page, link.click) == figures["figures/wear.svg"]
+        page.click("#show-methods")
+        assert page.locator("#methods-text").text_content() == methods
+        page.click("#copy-methods")
+        page.wait_for_function("document.getElementById('copied').textContent")
+        assert page.evaluate("getSelection().toString()").strip() == methods.strip()
 
 
 def test_turning_the_tool_and_its_light_change_the_picture(page):

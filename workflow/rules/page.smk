@@ -19,6 +19,14 @@ OF_PATCHES = {
 }
 # How the tool was used, where that is asked.
 OF_USE, USE_PICTURE = {}, {}
+CURVES = []
+
+
+def curves(name):
+    """The SVG of a figure, which the page contains, too."""
+    CURVES.append(f"{RESULTS}/figures/{name}.svg")
+    return CURVES[-1]
+
 
 
 if INFERRED:
@@ -96,7 +104,7 @@ if SCANNED:
             load_curves_png=picture(
                 "load_curves", "4 Microscale", "area and pressure curves at both scales"
             ),
-            load_curves_svg=f"{RESULTS}/figures/load_curves.svg",
+            load_curves_svg=curves("load_curves"),
         log:
             f"{RESULTS}/logs/draw_contact.log",
         resources:
@@ -134,15 +142,15 @@ if WORN_PATCHES:
             validation_png=picture(
                 "validation", "5 Validation", "the predicted loss beside its baselines"
             ),
-            validation_svg=f"{RESULTS}/figures/validation.svg",
+            validation_svg=curves("validation"),
             wear_png=picture(
                 "wear", "5 Validation", "how much each patch loses, and at which heights"
             ),
-            wear_svg=f"{RESULTS}/figures/wear.svg",
+            wear_svg=curves("wear"),
             patch_png=pictures_by_patch("patch", "5 Validation", "each patch before and after use"),
             strip_jpg=directory(f"{RESULTS}/figures/strip"),
             texture_png=picture("texture", "5 Validation", "surface texture before and after use"),
-            texture_svg=f"{RESULTS}/figures/texture.svg",
+            texture_svg=curves("texture"),
         log:
             f"{RESULTS}/logs/draw_validation.log",
         resources:
@@ -212,6 +220,7 @@ rule write_page:
         t1=surfaces("T1") if WORN_PATCHES else [],
         exposure=EXPOSURE,
         behind=LOAD_PATHS,
+        curves=CURVES,
         by_patch=rules.draw_validation.output.patch_png if WORN_PATCHES else [],
         strips=rules.draw_validation.output.strip_jpg if WORN_PATCHES else [],
         made_from=[*filter(None, [config["patches"], config["published"]])]

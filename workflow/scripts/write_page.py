@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from gst.page.captions import caption_html, caption_of
+from gst.page.methods import methods_text
 from gst.page.page import Shown
 from gst.page.results import Results
 from gst.page.study_page import (
@@ -60,15 +61,19 @@ def main(
         Shown(file, category, title, caption_html(caption_of(caption), config=config))
         for file, (caption, category, title) in zip(all_files, described, strict=True)
     ]
+    versions = versions_of(page.parent, steps)
+    origin = study_provenance(config, inputs, commit, program, versions)
     about = {
+        "methods": methods_text(
+            origin, [file.stem for file in shown if file.suffix == ".csv"]
+        ),
         "config_faults": config_faults,
         "active_tool": active_tool,
         "steps": list(steps),
     }
     write_study_page(page, study, config, entries[: len(shown)], **about)
     write_contents(contents, page, entries)
-    versions = versions_of(page.parent, steps)
-    write_json(record, study_provenance(config, inputs, commit, program, versions))
+    write_json(record, origin)
 
 
 if "snakemake" in globals():

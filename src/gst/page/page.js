@@ -34,6 +34,96 @@ document.addEventListener("click", (event) => {
 });
 openCard(location.hash);
 
+// --- Save: files are made from the page itself, so that a copy without its folder has them, too
+
+const json = (id) => JSON.parse(document.getElementById(id).textContent);
+const bytesOf = (base64) => Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+const textBytes = (text) => new TextEncoder().encode(text);
+const METHODS = "methods.txt";
+
+function csvOf(table) {
+  const quoted = (text) => (/[",\n\r]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+  return [...table.rows].map((row) => [...row.cells].map((one) => quoted(one.textContent)).join(",") + "\n").join("");
+}
+
+// Each file by its name in the folder of the results, with a function that makes its bytes.
+function files() {
+  const all = { [METHODS]: () => textBytes(document.getElementById("methods-text").textContent) };
+  for (const [name, curve] of Object.entries(json("curves"))) all[name] = () => textBytes(curve);
+  for (const one of document.querySelectorAll("[data-file]"))
+    all[one.dataset.file] = () => (one.matches("img") ? bytesOf(one.src.split(",")[1]) : textBytes(csvOf(one)));
+  return all;
+}
+
+const CRC = Uint32Array.from({ length: 256 }, (_, n) => {
+  for (let bit = 0; bit < 8; bit++) n = n & 1 ? (n >>> 1) ^ 0xedb88320 : n >>> 1;
+  return n;
+});
+
+// A zip without compression and without times: the same page gives the same bytes.
+function zipped(all) {
+  const numbers = (...pairs) => Uint8Array.from(
+    pairs.flatMap(([value, size]) => Array.from({ length: size }, (_, k) => (value >>> (8 * k)) & 255)));
+  const [parts, listed] = [[], []];
+  let [at, length] = [0, 0];
+  for (const name of Object.keys(all).sort()) {
+    const [title, content] = [textBytes(name), all[name]()];
+    const crc = ~content.reduce((sum, byte) => CRC[(sum ^ byte) & 255] ^ (sum >>> 8), -1);
+    const size = content.length;
+    // version 2.0, names in UTF-8, stored, midnight of 1980-01-01
+    const about = [[20, 2], [0x800, 2], [0, 4], [0x21, 2], [crc, 4], [size, 4], [size, 4], [title.length, 2], [0, 2]];
+    parts.push(numbers([0x04034b50, 4], ...about), title, content);
+    listed.push(numbers([0x02014b50, 4], [20, 2], ...about, [0, 10], [at, 4]), title);
+    at += 30 + title.length + size;
+    length += 46 + title.length;
+  }
+  const count = listed.length / 2;
+  const end = numbers([0x06054b50, 4], [0, 4], [count, 2], [count, 2], [length, 4], [at, 4], [0, 2]);
+  return new Blob([...parts, ...listed, end]);
+}
+
+function save(name, content) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([content]));
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+}
+
+function saveAll(folder) {
+  const all = files();
+  if (folder === METHODS) return save(METHODS, all[METHODS]());
+  for (const name of Object.keys(all)) if (!name.startsWith(folder)) delete all[name];
+  const title = document.querySelector("h1").dataset.title.toLowerCase().replace(/[^\p{L}\p{N}]+/gu, "-");
+  save(`${[title, folder.slice(0, -1)].filter(Boolean).join("-")}.zip`, zipped(all));
+}
+
+document.addEventListener("click", (event) => {
+  const menu = document.getElementById("save");
+  const chosen = event.target.closest("[data-save]");
+  if (chosen) saveAll(chosen.dataset.save);
+  if (chosen || !menu.contains(event.target)) menu.open = false;
+  const link = event.target.closest("a[download]");
+  const name = link?.getAttribute("href");
+  const make = name && files()[name];
+  if (make) {
+    event.preventDefault();
+    save(name.split("/").pop(), make());
+  }
+});
+document.getElementById("save").addEventListener("keydown", (event) => {
+  if (event.key !== "Escape") return;
+  event.currentTarget.open = false;
+  event.currentTarget.firstElementChild.focus();
+});
+document.getElementById("show-methods").addEventListener("click", () => document.getElementById("methods").showModal());
+document.getElementById("copy-methods").addEventListener("click", async () => {
+  const text = document.getElementById("methods-text");
+  getSelection().selectAllChildren(text); // remains selected if the browser forbids to copy
+  const isCopied = document.execCommand("copy") || await navigator.clipboard?.writeText(text.textContent).then(() => true, () => false);
+  document.getElementById("copied").textContent = isCopied ? "Copied." : "The text is selected: press Ctrl+C to copy it.";
+});
+
 // --- T0 and T1 of a patch in turn
 
 const EPOCHS = ["T0, before use", "T1, after use"];
@@ -88,11 +178,10 @@ table.tHead.addEventListener("click", (event) => {
 const NEAREST = 50; // draws whose mean is shown
 
 function explore(draws) {
-  const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
-  const [xs, ys, weights] = ["x_mm", "y_mm", "weight"].map((name) => new Float32Array(bytes(draws[name])));
+  const [xs, ys, weights] = ["x_mm", "y_mm", "weight"].map((name) => new Float32Array(bytesOf(draws[name]).buffer));
   const fields = ["pressure", "loss"].filter((name) => draws[name]).map((name) => {
     const { most, values } = draws[name];
-    return Float64Array.from(new Uint16Array(bytes(values)), (level) => (most * level) / 65535);
+    return Float64Array.from(new Uint16Array(bytesOf(values).buffer), (level) => (most * level) / 65535);
   });
   const form = document.getElementById("explorer");
   const map = document.getElementById("map");
@@ -136,7 +225,7 @@ function explore(draws) {
   });
 }
 
-const stored = JSON.parse(document.getElementById("draws").textContent);
+const stored = json("draws");
 if (stored) explore(stored);
 
 // --- the tool

@@ -72,6 +72,7 @@ def write_study_page(
     steps: Sequence[str],
     config_faults: Sequence[Mapping[str, Any]],
     active_tool: Mapping[str, Any] | None,
+    methods: str,
 ) -> None:
     """Write the page of a study in the folder of its results.
 
@@ -80,8 +81,9 @@ def write_study_page(
     page : Path
     study : Results
         With the files ``mesh, surface, contact`` and, if there are, ``counterface, exposure, use,
-        t0, t1`` (folders of prepared scans), ``by_patch`` and ``strips`` (folders of pictures), and
-        tables by the names of their files. Its places have ``t0`` and ``t1``, too: names of scans.
+        t0, t1`` (folders of prepared scans), ``by_patch`` and ``strips`` (folders of pictures),
+        ``curves`` (figures as SVG), and tables by the names of their files. Its places have ``t0``
+        and ``t1``, too: names of scans.
     config : mapping
     shown : sequence of Shown
         Figures and tables.
@@ -91,6 +93,8 @@ def write_study_page(
         Faults that the config accepts in its own values, as from `reported`.
     active_tool : mapping, optional
         Arguments of `ActiveTool.read`.
+    methods : str
+        The methods paragraph with its references.
     """
     results = page.parent
     proposed = study.table("places.csv") if study.has("places.csv") else None
@@ -118,6 +122,11 @@ def write_study_page(
         "proposed": [] if proposed is None else proposed.to_dict("records"),
         "records": patch_records(study) if proposed is None else {},
         "shown": by_category(shown),
+        "methods": methods,
+        "curves": {
+            f"figures/{file.name}": file.read_text("utf-8")
+            for file in study.files.get("curves", [])
+        },
         "compared": study.has("validation_summary.csv"),
     }
     write_whole(page, render("page.html", **content).encode())
