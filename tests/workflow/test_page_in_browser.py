@@ -24,7 +24,7 @@ from gst.page.study_page import write_study_page
 from gstlib.io.store import write_dataset
 from gstlib.io.tables import read_table
 
-from .conftest import middle_of, opened
+from .conftest import listened_to, middle_of, opened
 
 pytestmark = pytest.mark.browser
 
@@ -122,13 +122,13 @@ def test_the_map_and_its_load_points_are_on_the_first_screen(
         assert "outside" in page.locator(".legend").inner_text()
 
 
-def test_a_fault_withholds_the_inferred_load_point_too(browser, used):
+def test_an_accepted_fault_stands_above_the_answer(browser, used):
     with opened(browser, used.with_name("fault.html")) as page:
-        assert page.locator("#map use[data-kind=given]").count() == 1
-        assert (
-            page.locator("#map ellipse, [data-kind=inferred], #explorer").count() == 0
-        )
-        assert "region" not in page.locator(".legend").inner_text()
+        fault, answer = (page.locator(one) for one in (".fault", ".lead"))
+        assert "a fault" in fault.locator("li").inner_text()
+        below = fault.bounding_box()
+        assert below["y"] + below["height"] <= answer.bounding_box()["y"]
+        assert page.locator("#map ellipse.region, #explorer").count() == 2
 
 
 def cells(page):
@@ -166,16 +166,62 @@ def test_a_click_on_the_map_shows_what_the_nearest_draws_did(browser, used, draw
         assert middle_of(page.locator("#asked-at")) == pytest.approx(at, abs=2)
 
 
-def test_a_load_far_from_all_draws_or_beyond_the_map(browser, used):
+def test_a_load_far_from_all_draws_or_beyond_the_face_has_no_numbers(
+    browser, used, draws
+):
     with opened(browser, used) as page:
-        page.fill("#explorer [name=x]", "4.9")
+        page.fill("#explorer [name=x]", "2.2")
         page.press("#explorer [name=x]", "Enter")
-        assert "No draw of the load point" in page.locator("#asked-how").inner_text()
-        before = cells(page)
+        assert page.locator("#asked").is_visible()
+        page.fill("#explorer [name=x]", "4.9")
+        page.click("#explorer button")
+        text = page.locator("#asked-how").inner_text()
+        y = float(page.locator("#explorer [name=y]").input_value())
+        nearest = float(np.hypot(draws.x_mm - 4.9, draws.y_mm - y).min())
+        assert text.startswith("No draw of the load point lies within")
+        assert numbers(text)[-1] == pytest.approx(nearest, rel=6e-3)
+        assert not page.locator("#asked").is_visible()
         page.fill("#explorer [name=x]", "99")
         page.click("#explorer button")
-        assert cells(page) == before
-        assert not page.evaluate("document.getElementById('explorer').checkValidity()")
+        text = page.locator("#asked-how").inner_text()
+        assert "outside the face" in text
+        assert numbers(text)[-2:] == [-2.5, 7.5]
+        assert not page.locator("#asked, #asked-at").first.is_visible()
+        box = page.locator("#map").bounding_box()  # beyond the map, on the face
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] - 4)
+        assert "No draw" in page.locator("#asked-how").inner_text()
+
+
+def numbers(text):
+    texts = re.findall(r"\N{MINUS SIGN}?\d+(?:\.\d+)?", text)
+    return [float(one.replace("\N{MINUS SIGN}", "-")) for one in texts]
+
+
+def test_cards_and_explorer_work_in_the_sandbox_of_gst_place(browser, used):
+    """Where forms are dead: their buttons have scripts."""
+    page = browser.new_page()
+    policy = {"Content-Security-Policy": "sandbox allow-scripts allow-downloads"}
+    answer = {"path": used, "headers": policy, "content_type": "text/html"}
+    page.route("**", lambda route: route.fulfill(**answer))
+    _, complaints = listened_to(page)
+    page.goto("http://place.test/results/index.html")
+    page.click("#patch-table a[href='#patch-13']")
+    page.click("#patch-13 form button")
+    page.locator("#patch-13").wait_for(state="hidden")
+    page.click("#explorer button")
+    assert page.locator("#asked").is_visible()
+    assert saved(page, lambda: save_everything(page)).startswith(b"PK")
+    page.click("#show-methods")
+    page.click("#copy-methods")
+    assert page.locator("#copied").inner_text() == "Copied."
+    assert complaints == []
+    page.close()
+
+
+def save_everything(page):
+    page.locator("#save summary").focus()
+    page.keyboard.press("Enter")
+    page.click("[data-save='']")
 
 
 def saved(page, click):

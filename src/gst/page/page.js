@@ -21,6 +21,11 @@ window.addEventListener("hashchange", () => openCard(location.hash));
 document.addEventListener("click", (event) => {
   const link = event.target.closest("a[href^='#patch-']");
   if (link && openCard(link.getAttribute("href"))) event.preventDefault();
+  const close = event.target.closest("dialog form button");
+  if (close) {
+    event.preventDefault(); // a form is dead in the sandbox of `gst place`
+    close.closest("dialog").close();
+  }
   const blink = event.target.closest(".blink");
   if (blink) compare(blink.dataset.patch);
   const picture = event.target.closest(".enlarge");
@@ -186,21 +191,32 @@ function explore(draws) {
   const form = document.getElementById("explorer");
   const map = document.getElementById("map");
   const { patches, measured, near_mm: near } = draws;
-  const short = (value) => (Math.abs(value) < 0.005 ? "0" : String(Number(value.toPrecision(3))));
+  const [low, high] = form.dataset.face.split(" ").map(Number);
+  const short = (value) => (Math.abs(value) < 0.005 ? "0" : String(Number(value.toPrecision(3))).replace("-", "−"));
   const total = weights.reduce((sum, weight) => sum + weight, 0);
 
+  const say = (text, isKnown) => {
+    document.getElementById("asked-how").textContent = text;
+    document.getElementById("asked").hidden = !isKnown;
+  };
+
   function show(x, y) {
+    const place = `x ${short(x)}, y ${short(y)} mm`;
+    if (![x, y].every((value) => low <= value && value <= high)) {
+      document.getElementById("asked-at").setAttribute("display", "none");
+      return say(`${place} lies outside the face, which covers x and y from ${short(low)} to ${short(high)} mm.`);
+    }
+    for (const [name, value] of Object.entries({ cx: x, cy: -y, display: "inline" }))
+      document.getElementById("asked-at").setAttribute(name, value);
     const away = Array.from(xs, (draw, k) => Math.hypot(draw - x, ys[k] - y));
     const nearest = [...away.keys()].sort((a, b) => away[a] - away[b]).slice(0, NEAREST);
+    const [first, last] = [away[nearest[0]], away[nearest.at(-1)]].map(short);
+    if (away[nearest[0]] > near)
+      return say(`No draw of the load point lies within ${short(near)} mm of ${place}: the nearest one is ${first} mm away.`);
     const sum = nearest.reduce((all, k) => all + weights[k], 0);
     const mean = (field, patch) =>
       nearest.reduce((all, k) => all + weights[k] * field[k * patches.length + patch], 0) / sum;
     const within = weights.reduce((all, weight, k) => all + (away[k] <= near ? weight : 0), 0) / total;
-    const [first, last] = [away[nearest[0]], away[nearest.at(-1)]].map(short);
-    const likely = first > near ? `No draw of the load point lies within ${short(near)} mm of it.`
-      : `${short(100 * within)} % of the draws of the load point, by weight, lie within ${short(near)} mm of it.`;
-    document.getElementById("asked-how").textContent =
-      `Load at x ${short(x)}, y ${short(y)} mm. ${likely} Below are means of the ${nearest.length} nearest draws, ${first} to ${last} mm away.`;
     const rows = patches.map((patch, number) => {
       const row = document.createElement("tr");
       for (const text of [patch, ...fields.map((field) => short(mean(field, number))), short(measured[number])])
@@ -208,20 +224,18 @@ function explore(draws) {
       return row;
     });
     form.querySelector("tbody").replaceChildren(...rows);
-    document.getElementById("asked").hidden = false;
-    const mark = document.getElementById("asked-at");
-    for (const [name, value] of Object.entries({ cx: x, cy: -y, display: "inline" })) mark.setAttribute(name, value);
+    say(`The load acts at ${place}. ${short(100 * within)} % of the draws of the load point, by weight, lie within ${short(near)} mm of it. The values below are means over the ${nearest.length} nearest draws, which are ${first} to ${last} mm away.`, true);
   }
 
-  form.addEventListener("submit", (event) => {
-    event.preventDefault();
-    show(Number(form.elements.x.value), Number(form.elements.y.value));
-  });
+  const ask = () => show(form.elements.x.valueAsNumber, form.elements.y.valueAsNumber);
+  form.addEventListener("submit", (event) => event.preventDefault());
+  form.addEventListener("keydown", (event) => { if (event.key === "Enter") ask(); });
+  form.querySelector("button").addEventListener("click", ask);
   map.addEventListener("click", (event) => {
     if (event.target.closest("a")) return;
     const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(map.getScreenCTM().inverse());
     [form.elements.x.value, form.elements.y.value] = [at.x.toFixed(2), (-at.y).toFixed(2)];
-    form.requestSubmit(); // a place beyond the map is refused, with a reason
+    ask();
   });
 }
 

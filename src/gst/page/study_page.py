@@ -178,6 +178,7 @@ def _scene(
     if study.has("exposure"):
         exposure = study.data("exposure", "exposure").exposure
         fields.append(exposure.assign_attrs(title="exposure"))
+    x = fields[0].x.values  # the face is as wide along y
     places: Any = study.places
     if proposed is None:
         fields = [square_of(field, study.size_mm) for field in fields]
@@ -191,7 +192,11 @@ def _scene(
             ActiveTool.read(**active_tool), frame, size_mm=study.size_mm
         )
     sizes = study.size_mm, study.patch_mm
-    return tool_scene(tool, frame, fields, places, sizes, active)
+    scene = tool_scene(tool, frame, fields, places, sizes, active)
+    half = (x[1] - x[0]) / 2
+    return scene | {
+        "face": [round(float(x[0] - half), 6), round(float(x[-1] + half), 6)]
+    }
 
 
 def _loss_on(square: xr.DataArray, study: Results) -> xr.DataArray:
