@@ -431,11 +431,12 @@ def test_text_stands_out_in_both_colour_schemes(browser, finished_tiny, scheme):
 
 
 def test_a_print_is_short_and_keeps_its_colours(page):
-    """Six cards and two or more figures on a sheet, with the colours of grounds and the tool."""
+    """Answer and tool, table, four figures a sheet, six cards a sheet; all with their colours."""
     pdf = page.pdf(prefer_css_page_size=True)
     sheets = len(re.findall(rb"/Type */Page\b", pdf))
     figures = page.locator("main section > figure > .enlarge").count()
-    assert figures / 4 < sheets <= 3 + figures / 2
+    cards = page.locator("dialog.card").count()
+    assert figures / 4 < sheets <= 2 + -(-figures // 4) + -(-cards // 6)
     drawn = b""
     for stream in re.findall(rb"stream\r?\n(.*?)endstream", pdf, re.DOTALL):
         with contextlib.suppress(zlib.error):
