@@ -302,7 +302,7 @@ def test_the_most_loaded_patches_with_a_t1_are_drawn(tmp_path):
     files = {"pressures": tmp_path / "pressures.csv"}
     assert Results(files, "123", "23", max_plotted_patches=1).compared == ["3"]
     assert Results(files, "123", "23", max_plotted_patches=2).drawn == ["1", "3"]
-    with pytest.raises(InputError, match=r"pressures\.csv.*one row for each patch"):
+    with pytest.raises(InputError, match=r"pressures\.csv.*exactly one row per patch"):
         _ = Results(files, "124").pressures
 
 

@@ -24,11 +24,12 @@ WORE, CONTACT, USED = (
 )
 WHERE, DEEP = "Where within the patches?", "How deep, how much?"
 LOAD, SURE, LAW = (
-    "Which patches bear the load?",
+    "Which patches carry the load?",
     "How sure?",
     "Which law predicts best?",
 )
 SHOWN = {1: "better than", -1: "worse than", 0: "not shown to be better or worse"}
+SMALLER = {1: "smaller", -1: "larger", 0: "no difference is shown"}
 
 # As `compared` has them; "own" is the model of the study. Read from a file, an empty cell is NaN.
 SUMMARY = f"""model;statistic;value;low;high;p_value;n;against
@@ -115,7 +116,7 @@ def compared(changes=(), *, model=BARE, losses=()):
     [
         ([1.0, 30.0, 31.0, 8.0], "Patches c and b carry", [87, 4, 35, 62, 95, 1, 120]),
         ([10.0] * 16, "The load is spread", [9, 56, 16, 80, 20, 95, 1, 120]),
-        ([3.0], "Patch a bears the highest", [6, 95, 1, 120]),
+        ([3.0], "Patch a has the highest", [6, 95, 1, 120]),
         ([0.0, 0.0], "No scanned patch touches", [200, 95, 120]),
     ],
 )
@@ -128,10 +129,18 @@ def test_the_fewest_patches_that_carry_most_of_the_load(forces, first, percent):
 @pytest.mark.parametrize(
     ("losses", "patches", "counts"),
     [
-        ({}, "cbad", [4, 4, 4, 30, 1.2, 2]),
-        ({"above_noise": [True, True, False, True]}, "bad", [3, 4, 4, 20, 1.2, 2, 1]),
-        ({"loss_fraction": [0.1, 0.2, 0.3, 0.0]}, "cba", [3, 4, 10, 30, 2, 1]),
-        ({"mean_wear_depth_um": [NAN, 0.4, NAN, NAN]}, "b", [1, 1, 20, 2, 3]),
+        ({}, "cbad", [4, 4, 4, 30, 1.2, 2, 0.05, 0.6]),
+        (
+            {"above_noise": [True, True, False, True]},
+            "bad",
+            [3, 4, 4, 20, 1.2, 2, 0.05, 0.4, 1],
+        ),
+        (
+            {"loss_fraction": [0.1, 0.2, 0.3, 0.0]},
+            "cba",
+            [3, 4, 10, 30, 2, 0.2, 0.6, 1],
+        ),
+        ({"mean_wear_depth_um": [NAN, 0.4, NAN, NAN]}, "b", [1, 1, 20, 2, 0.4, 3]),
         ({"found": [False, NAN, False, False]}, "", []),
     ],
 )
@@ -189,9 +198,8 @@ def test_an_error_is_better_where_interval_and_test_show_it(
     ratio = {"value": value, "low": low, "high": high, "p_value": p_value}
     depth = line(DEEP, compared({"relative_to_best(map_error)": ratio}))
     volume = line(DEEP, compared({"relative(volume_error)": ratio}))
-    word = SHOWN[shown].removesuffix(" than")
-    assert f"{MODELS['rigid']}: {word} (" in depth
-    assert f"times as much as it: {word} (" in volume
+    assert f"{MODELS['rigid']}: {SMALLER[shown]} (" in depth
+    assert f"the error of this baseline: {SMALLER[shown]} (" in volume
     assert numbers(depth)[0] == numbers(volume)[1] == value
 
 
@@ -221,7 +229,10 @@ def test_interlayer_and_gesture_are_named():
     answer = verdict(tables, interlayer=interlayer, poses=7)
     assert numbers(answer.details[0])[:3] == [7, 300, 250]
     assert numbers(answer.details[2]) == [1.1, 0.02]
-    assert "patch b is exposed most; 25 % of them" in sentences(answer)[LOAD]
+    assert (
+        "patch b is exposed most: it is touched in 25 % of them"
+        in sentences(answer)[LOAD]
+    )
 
 
 @pytest.mark.parametrize(
@@ -233,7 +244,7 @@ def test_interlayer_and_gesture_are_named():
         (NOTHING, "Not shown"),
     ],
 )
-def test_untouched_patches_are_those_that_the_stated_load_does_not_touch(row, start):
+def test_untouched_patches_are_those_that_the_given_load_does_not_touch(row, start):
     tables = compared({TOUCHED: row})
     sentence = line(CONTACT, tables)
     assert sentence.startswith(f"{start}: ")
@@ -289,7 +300,7 @@ def used(use):
     return next(line for line in answer.lines if line.question == USED)
 
 
-def test_the_use_is_said_with_the_stated_one():
+def test_the_use_is_shown_with_the_prior():
     _, short, rest = used(inferred())
     assert numbers(short) == [2.2, 3.1, 0.7, 170, 550]
     assert numbers(rest) == [95, 2.0, 2.5, 3.0, 3.3, 0.4, 1.1, 130, 220, 2.5, 2.5, 200]
@@ -300,12 +311,12 @@ def test_the_use_is_said_with_the_stated_one():
     ("answer", "start", "goes_on", "competitor"),
     [
         (PRESSED, "Pressed about x 2.2 mm", None, True),
-        (PERHAPS, "Perhaps pressed about x 2.2 mm", "under this use", True),
-        (NOT_PRESSED, "Not shown", "as stated", True),
+        (PERHAPS, "Perhaps pressed about x 2.2 mm", "this", True),
+        (NOT_PRESSED, "Not shown", "the given", True),
         (
             f"{UNKNOWN}, because only 3 uses count",
             "Cannot be inferred",
-            "as stated",
+            "the given",
             False,
         ),
     ],
@@ -313,7 +324,9 @@ def test_the_use_is_said_with_the_stated_one():
 def test_each_answer_says_how_the_study_goes_on(answer, start, goes_on, competitor):
     _, short, rest = used(inferred(answer))
     assert short.startswith(start)
-    assert rest.endswith(f"The study goes on {goes_on}.") == (goes_on is not None)
+    assert rest.endswith(f"The study continues with {goes_on} load.") == (
+        goes_on is not None
+    )
     assert ("a spot of wear" in rest) == competitor
     assert ("because only 3 uses count" in rest) != competitor
 
@@ -324,7 +337,7 @@ def test_a_use_that_may_lie_beyond_the_square_is_at_its_edge():
     _, short, rest = used(inferred(PERHAPS, low=low, high=high))
     assert short.startswith("Perhaps")
     assert "the edges x = 0 and y = 5 mm" in short
-    assert "x \N{MINUS SIGN}0.1 to 2.5" in rest
+    assert "x [\N{MINUS SIGN}0.1, 2.5]" in rest
 
 
 def test_the_law_that_predicts_best_is_named():

@@ -1,1 +1,1 @@
-"""What a person looks at after a study: the page, the answer, the viewer and the figures."""
+"""The page of a study, its answer, its viewer and its figures."""

@@ -1,6 +1,6 @@
-"""The draws of the inferred use for the page, which shows there what a load elsewhere would do.
+"""The draws of the inferred load for the page, which shows the effect of a load elsewhere.
 
-`page.js` takes the draws nearest to a point. It reads numbers as `gst.page.viewer.packed` has them.
+`page.js` takes the draws nearest to a point. `gst.page.viewer.packed` writes its numbers.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from gstlib.conditions import Law
 
 __all__ = ["draws_to_explore"]
 
-# Letters of base64 that the page takes, and the fewest draws that are worth it.
+# The most letters of base64 in the page, and the fewest draws that are useful.
 _MOST, _FEWEST = 280_000, 100
 _LEVELS = 2**16 - 1  # of a number in two bytes
 
@@ -24,7 +24,7 @@ _LEVELS = 2**16 - 1  # of a number in two bytes
 def draws_to_explore(
     study: Results, wear_law: Mapping[str, float] | None
 ) -> dict[str, Any] | None:
-    """Load points, weights, and what each load does to the patches; None without a use.
+    """Load points, weights, and the effect of each load on the patches; None without a use.
 
     Every nth draw is taken, so that the page grows by less than 300 kB.
 

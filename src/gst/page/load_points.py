@@ -1,6 +1,6 @@
-"""Where the load acts, for the map: as given, as inferred from the wear, and in truth.
+"""The load points for the map: given, inferred from the wear, and true.
 
-The true load point is known of a synthetic specimen alone.
+The true load point is known only for a synthetic specimen.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from gst.page.results import Results
 
 __all__ = ["adopted_use", "load_points"]
 
-_CERTAINTY = 0.95  # weight of the draws that the region holds
+_CERTAINTY = 0.95  # weight of the draws that the region contains
 
 
 def adopted_use(study: Results) -> xr.Dataset | None:
@@ -32,14 +32,14 @@ def load_points(study: Results, given: Sequence[float] | None) -> dict[str, Any]
     study : Results
         With ``use`` and ``truth.csv`` if there are.
     given : (float, float) or None
-        ``y, x`` as the config has it; None if the stone does not tilt under the load.
+        ``y, x`` from the config; None if the stone does not tilt under the load.
 
     Returns
     -------
     dict
-        ``points``: those that are known, of ``inferred``, ``given`` and ``true``; ``region``: half
-        axes (mm) and turn (degrees) of the ellipse that holds 95 % of the draws by weight, or None;
-        ``held``: for each point whether it lies in there.
+        ``points``: the known ones among ``inferred``, ``given`` and ``true``; ``region``: half axes
+        (mm) and rotation (degrees) of the ellipse that contains 95 % of the draws by weight, or
+        None; ``held``: for each point whether it lies in the region.
     """
     points = {}
     if given is not None:

@@ -1,4 +1,4 @@
-"""What a study did, with its settings and versions, as a paragraph for a paper with its citations.
+"""The methods paragraph of a study for a paper, with settings, versions and citations.
 
 The sentences are in ``methods.jinja`` beside this module.
 """

@@ -98,13 +98,13 @@ def tool_scene(
     sizes_mm: tuple[float, float],
     second: "trimesh.Trimesh | None" = None,
 ) -> dict[str, Any]:
-    """The tool for the viewer, its square and its patches, and maps of what lies on it.
+    """The tool for the viewer, its square and its patches, and maps of the fields on it.
 
     Parameters
     ----------
     mesh, frame, fields
-        As in `gst.page.figures.tool.coloured_tool`; a field's attributes ``title`` and ``units``
-        say what it is.
+        As in `gst.page.figures.tool.coloured_tool`; a field has the attributes ``title`` and
+        ``units``.
     places : mapping
         ``patch, x_mm, y_mm, rotation_deg``: a list each.
     sizes_mm : (float, float)

@@ -1,4 +1,4 @@
-"""The stored results of a study, as its figures and its page read them."""
+"""The stored results of a study, for its figures and its page."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -78,7 +78,7 @@ class Results:
     def pressures(self) -> pd.DataFrame:
         table = self.table("pressures")
         if list(table["patch"]) != list(self.patches):
-            problem = "has not one row for each patch"
+            problem = "does not have exactly one row per patch"
             raise InputError(
                 self.files["pressures"], problem, "Delete it and run the study again."
             )
@@ -86,7 +86,7 @@ class Results:
 
     @property
     def by_stated_pressure(self) -> pd.DataFrame:
-        """``patch, stated_MPa``, the pressures under the load as stated."""
+        """``patch, stated_MPa``, the pressures under the given load."""
         return self.pressures[["patch"]].assign(stated_MPa=stated(self.pressures))
 
     @cached_property

@@ -40,7 +40,7 @@ __all__ = [
 # Tables that the answer is computed from.
 _SCORED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
 _SCORED += ["validation_summary", "exposure", "use", "laws", "placement"]
-# Tables with a row for each patch, by what a card calls them.
+# Tables with a row for each patch, by their names on a card.
 _OF_PATCHES = {
     "pressure": "patch_pressures.csv",
     "interval": "patch_intervals.csv",
@@ -88,7 +88,7 @@ def write_study_page(
     shown : sequence of Shown
         Figures and tables.
     steps : sequence of str
-        The steps of the study, whose messages the page tells.
+        The steps of the study, whose messages the page shows.
     config_faults : sequence
         Faults that the config accepts in its own values, as from `reported`.
     active_tool : mapping, optional
@@ -110,7 +110,8 @@ def write_study_page(
         "draws": draws_to_explore(study, config["wear_law"]),
         "truth": truth_met(study, load["held"]),
         "answer": _answer(study, config, proposed),
-        "generated": config["specimen"] is not None,
+        "generated": (config["specimen"] or {}).get("wear_placement"),
+        "worn": study.has("registration.csv") or not graded.empty,
         "faults": [*config_faults, *reported(results, steps, "ERROR")],
         "warnings": reported(results, steps, "WARNING"),
         "notes": reported(results, steps, "NOTE"),
@@ -208,7 +209,7 @@ def _loss_on(square: xr.DataArray, study: Results) -> xr.DataArray:
         if depth > 0:
             share = footprint_weights(square, place, study.patch_mm)
             loss.values[share > _INSIDE] = depth
-    return loss.assign_attrs(title="measured loss", units="µm")
+    return loss.assign_attrs(title="measured loss, mean over the patch", units="µm")
 
 
 def patch_records(study: Results) -> dict[str, dict[str, Any]]:
@@ -260,7 +261,7 @@ def _picture(study: Results, folder: str, name: str) -> str | None:
 
 
 def reported(results: Path, steps: Sequence[str], level: str) -> list[dict[str, Any]]:
-    """What a study's steps reported at a level, each once: ``text``, ``steps``, ``patches`` named.
+    """The messages of the steps at a level, each once: ``text``, ``steps``, ``patches`` named.
 
     `level` is one of `gst.run.chain.LEVELS`.
     """

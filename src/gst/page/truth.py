@@ -1,4 +1,4 @@
-"""How much of the truth about a synthetic specimen lies within the intervals of its study."""
+"""The number of true values of a synthetic specimen inside the intervals of its study."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ __all__ = ["truth_met"]
 
 
 def truth_met(study: Results, held: Mapping[str, bool]) -> dict[str, tuple[int, int]]:
-    """How many true values of each kind lie within the 95 % of the study, and of how many.
+    """The number of true values of each kind inside their 95 % intervals, and the number of all.
 
     `held` is from `gst.page.load_points.load_points`. The result is empty for a measured tool.
     """

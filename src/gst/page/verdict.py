@@ -1,8 +1,8 @@
 """The answer of a study in a few labelled lines, computed from its tables.
 
-Which patches wore; whether patches that the stated load does not touch wear less; how the tool was
-used; whether the loss that the other patches predict of each is right, and better than baselines
-that are given the same data; which patches carry the load. The statistics behind it are details.
+Which patches wore; whether patches that the given load does not touch wear less; how the tool was
+used; whether the loss of each patch, predicted from the other patches, is right, and better than
+baselines with the same data; which patches carry the load. The statistics behind it are details.
 No sentence claims more than its numbers allow: a difference must show in an interval and in a test.
 
 This module computes the numbers; the sentences are in ``verdict.jinja`` beside it.
@@ -41,9 +41,9 @@ MODELS = {
     "none": "no loss",
     "mean_volume": "a plane that cuts off the others' mean volume",
     "pressure_volume": "a plane that cuts off a volume in proportion to pressure",
-    "pressure_fraction": "a plane that wears a share in proportion to pressure",
+    "pressure_fraction": "a plane that wears a fraction in proportion to pressure",
     "rigid": "a rigid flat sunk equally deep into every patch",
-    ORACLE: "a plane that wears the patch's own share",
+    ORACLE: "a plane that wears the patch's own fraction",
 }
 TOUCHED = "spearman(touched, mean_wear_depth_um)"
 # A longer list of names does not help a reader.
@@ -91,13 +91,13 @@ def verdict(
     second: bool = False,
     wear_law: Mapping[str, float] | None = None,
 ) -> Answer:
-    """What the study found: the wear, its use, its prediction, and the load.
+    """The answer about the wear, the use, the prediction and the load.
 
     `tables` are, by name, ``patch_pressures``, ``patch_intervals``; of a study with scans after
-    use, ``registration``, ``validation_patches`` and ``validation_summary``; of one whose wear says
-    how the tool was used, ``use``; with enough losses, ``laws``; of one with a gesture, which has
+    use, ``registration``, ``validation_patches`` and ``validation_summary``; if the load was
+    inferred from the wear, ``use``; with enough losses, ``laws``; of one with a gesture, which has
     so many `poses`, ``exposure``. ``placement``, where patches were compared with the
-    mesh. `force_N` is the whole load, `square_mm` the side of the square; `second` says whether the
+    mesh. `force_N` is the whole load, `square_mm` the side of the square; `second` is whether the
     active tool has a mesh; `wear_law` has the fields of `gstlib.conditions.Law`.
     """
     pressures, intervals = tables["patch_pressures"], tables["patch_intervals"]
@@ -147,7 +147,7 @@ def where_to_scan(
 ) -> Answer:
     """Where pressure and exposure concentrate, and which places to scan.
 
-    `places` and `use`, where the wear says how the tool was used, are the tables of these names;
+    `places` and, if the load was inferred from the wear, `use` are the tables of these names;
     `force_N` is the whole load, `square_mm` the side of the square.
     """
     exposed, controls = (places[places.kind == kind] for kind in (EXPOSED, CONTROL))
@@ -193,7 +193,7 @@ def _highest(table: pd.DataFrame, column: str) -> dict[str, Any]:
 
 
 def _wore(losses: pd.DataFrame) -> dict[str, Any]:
-    """Which patches lost height, the most first; how many the given load touches; the others."""
+    """The worn patches, the most worn first; the number that the given load touches; the others."""
     measured = losses.dropna(subset="mean_wear_depth_um")
     is_lost = measured.loss_fraction > 0
     is_certain = measured.above_noise.eq(True)
@@ -210,7 +210,7 @@ def _wore(losses: pd.DataFrame) -> dict[str, Any]:
 
 
 def _contact(losses: pd.DataFrame) -> dict[str, pd.Series]:
-    """Depths of patches that the load as stated, which no wear has shaped, touches or not."""
+    """Depths of patches that the given load, which no wear has shaped, touches or not."""
     measured = losses[losses.above_noise.eq(True)].dropna(subset="mean_wear_depth_um")
     depths, is_touched = measured.mean_wear_depth_um, measured.stated_MPa > 0
     return {"touched": depths[is_touched], "untouched": depths[~is_touched]}
@@ -219,7 +219,7 @@ def _contact(losses: pd.DataFrame) -> dict[str, pd.Series]:
 def _load(
     pressures: pd.DataFrame, intervals: pd.DataFrame, force_N: float
 ) -> dict[str, Any]:
-    """Which patches carry the load, and how well the highest pressure is known."""
+    """The patches that carry the load, and the highest pressure with its interval."""
     total = float(pressures.force_N.sum())
     if not total > 0:
         may = _highest(intervals.fillna({"high_MPa": 0}), "high_MPa")
@@ -227,7 +227,7 @@ def _load(
     highest = pressures.patch[pressures.pressure_MPa.idxmax()]
     ordered = pressures.sort_values("force_N", ascending=False, kind="stable")
     shares = ordered.force_N.cumsum() / total
-    fewest = (shares <= 0.5).sum() + 1  # that bear more than half
+    fewest = (shares <= 0.5).sum() + 1  # that carry more than half
     return {
         "count": len(pressures),
         "highest": intervals[intervals.patch == highest].iloc[0],
@@ -238,7 +238,7 @@ def _load(
 
 
 def _certainty(tables: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
-    """Marks for how many patches there are, where they lie, and how well T1 lies on T0."""
+    """Marks for the number of patches, their positions, and the registration of T1 to T0."""
     facts: dict[str, Any] = dict.fromkeys(("patches", "places", "matched"))
     if "validation_patches" in tables:
         count = int(tables["validation_patches"].in_statistics.sum())
@@ -321,7 +321,7 @@ def _p(value: float) -> str:
 
 
 def _sign(row: Mapping[str, float], no_difference: float = 0.0) -> int:
-    """Whether a value is higher (1) or lower (-1) than that of no difference; 0 if neither shows.
+    """Whether a value is shown to be above (1) or below (-1) no difference; otherwise 0.
 
     The difference must show in both the interval and the test.
     """

@@ -96,7 +96,7 @@ def exposure_figure(
         "the single pose: pressure (MPa)": single,
         "all poses: mean pressure (MPa)": exposure["mean_pressure"].values,
         "highest pressure (MPa)": exposure["highest_pressure"].values,
-        "share of the poses that touch": exposure["touched"].values,
+        "fraction of the poses that touch": exposure["touched"].values,
     }
     look = {"cmap": maps.FORCE_MAP, "bar": "square-root scale"}
     drawn = [

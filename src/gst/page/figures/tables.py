@@ -65,7 +65,7 @@ def _draw_losses(axes: Axes, losses: pd.DataFrame, is_counted: pd.Series) -> Non
         look["in_layout"] = False  # an empty one would lie at the corner of the figure
         axes.plot(drawn.stated_MPa, drawn.mean_wear_depth_um, "o", label=name, **look)
     axes.set(
-        xlabel="pressure under the load as stated (MPa)", ylabel="loss per area (µm)"
+        xlabel="pressure under the given load (MPa)", ylabel="mean depth lost (µm)"
     )
     axes.set(xlim=(0, None), ylim=(0, None))
     touched = losses[is_touched]
@@ -76,7 +76,7 @@ def _draw_losses(axes: Axes, losses: pd.DataFrame, is_counted: pd.Series) -> Non
 
 def _correlations(summary: pd.DataFrame) -> Iterator[str]:
     """A question, and the correlations that answer it."""
-    yield "Do patches under more pressure wear more?"
+    yield "Do patches under higher pressure wear more?"
     names = statistic_names(summary)
     for words, name in _CORRELATED.items():
         for row in summary[names == name].dropna(subset="value").itertuples():
@@ -110,7 +110,7 @@ def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
     axes.set(xlim=(0, 1), ylim=(len(means) - 0.5, -0.7), yticks=[])
     axes.set_xlabel("mean MCC of predicted and measured loss")
     count = int(means.n.max()) if len(means) else 0
-    title = f"Was the place of the loss predicted? ({count} patches)"
+    title = f"Was the position of the loss predicted? ({count} patches)"
     axes.set_title(
         f"{title}\n| the most that masks of its areas could reach", fontsize=7
     )

@@ -1,4 +1,4 @@
-"""Where the tool was pressed and against how round a tool, as its wear says."""
+"""The load point and the radius of the active tool, inferred from the wear."""
 
 import numpy as np
 import pandas as pd
@@ -39,7 +39,7 @@ def use_figure(
     """
     panels = 2 if losses is None else 3
     figure, (square, radius, *others) = style.panels(panels, 2)
-    stated = table.set_index("parameter").prior
+    prior = table.set_index("parameter").prior
     maps.draw_map(square, height, ticks=True, **maps.HEIGHTS)
     maps.draw_footprints(square, patches, patch_size_mm, colour=BLACK)
     generator = np.random.default_rng(0)
@@ -48,11 +48,11 @@ def use_figure(
     strikes = strikes_of(likely, generator)
     square.plot(*strikes.T, ".", color=VERMILION, markersize=4, alpha=0.25, zorder=2)
     square.plot(likely.x_mm, likely.y_mm, ".", color=BLACK, markersize=2, alpha=0.4)
-    point = stated["load_point_x"], stated["load_point_y"]
+    point = prior["load_point_x"], prior["load_point_y"]
     square.plot(*point, "P", color=BLUE, markersize=10, markeredgecolor="white")
     square.set_xlim(0, height.x[-1] + height.x[0])
     square.set_ylim(0, height.y[-1] + height.y[0])
-    square.set_title("stated (cross); from wear: strikes (red), centre (black)")
+    square.set_title("prior (cross); inferred strikes (red) and centre (black)")
     _draw_radius(radius, use, table)
     if losses is not None:
         _draw_losses(others[0], losses)
@@ -62,17 +62,19 @@ def use_figure(
 def _draw_radius(axes: Axes, use: xr.Dataset, table: pd.DataFrame) -> None:
     """How likely each radius of the active tool is."""
     axes.set_title("radius of the active tool")
-    stated = table.set_index("parameter").prior
-    if "radius" not in stated:
-        axes.text(0.5, 0.5, "not asked for", ha="center", transform=axes.transAxes)
+    prior = table.set_index("parameter").prior
+    if "radius" not in prior:
+        axes.text(0.5, 0.5, "not inferred", ha="center", transform=axes.transAxes)
         axes.set_axis_off()
         return
-    told = stated["radius"]
+    prior_radius = prior["radius"]
     radii, weights = use.radius_mm.values, use.weight.values
     low, high = np.quantile(radii, _SHOWN, weights=weights, method="inverted_cdf")
-    edges = np.geomspace(min(low, told) / 1.5, 1.5 * max(high, told), _BINS + 1)
-    axes.hist(radii, edges, weights=weights, color=VERMILION, label="from the wear")
-    axes.axvline(told, color=BLUE, label="stated")
+    edges = np.geomspace(
+        min(low, prior_radius) / 1.5, 1.5 * max(high, prior_radius), _BINS + 1
+    )
+    axes.hist(radii, edges, weights=weights, color=VERMILION, label="inferred")
+    axes.axvline(prior_radius, color=BLUE, label="prior")
     axes.set(xscale="log", xlabel="radius (mm)", ylabel="probability")
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter("{x:g}")
