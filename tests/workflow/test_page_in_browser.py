@@ -420,6 +420,9 @@ def test_text_stands_out_in_both_colour_schemes(browser, finished_tiny, scheme):
     for place in (
         ".verdict dd",
         ".verdict dt",
+        ".deliver button",
+        "summary",
+        "td .interval",
         "nav a",
         "figcaption",
         ".mark",
@@ -515,6 +518,21 @@ def test_headings_names_and_labels_are_as_accessibility_asks(page):
     assert page.locator(nameless).count() == 0
     missing = "all => all.filter(one => !document.querySelector(one.getAttribute('href'))).length"
     assert page.locator("a[href^='#']").evaluate_all(missing) == 0
+
+
+def test_the_keyboard_reaches_every_control(browser, used):
+    with opened(browser, used) as page:
+        count = page.evaluate("""() => {
+          window.left = new Set([...document.querySelectorAll(
+            "a[href], button, input, summary, canvas, [tabindex='0']")].filter((one) =>
+            one.checkVisibility() && !(one.type === "radio" && !one.checked)));
+          document.addEventListener("focusin", (event) => left.delete(event.target));
+          return left.size;
+        }""")
+        assert count > 50
+        for _ in range(count + 2):
+            page.keyboard.press("Tab")
+        assert page.evaluate("[...left].map((one) => one.outerHTML.slice(0, 80))") == []
 
 
 def test_without_scripts_the_answer_and_the_figures_are_there(browser, finished_tiny):
