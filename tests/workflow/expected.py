@@ -23,8 +23,8 @@ from gst.share.difference import compare_results, describe_changes
 from gstlib.io.store import read_dataset
 
 EXPECTED = Path(__file__).parent / "expected"
-# Of the page, what is shown elsewhere: tables, programs, and the specimen's solid.
-ELSEWHERE = "//script | //style | //main//details[.//table]"
+# Of the page, what is shown elsewhere: tables, programs, the specimen's solid, and versions.
+ELSEWHERE = "//script | //style | //*[@id='methods'] | //main//details[.//table]"
 # How much may differ with the processor: of leans, and of levels of grey.
 ALLOWED = {"fields": 0.01, "pictures": 0.5}
 # How the page packs numbers.
