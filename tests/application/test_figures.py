@@ -216,8 +216,8 @@ def test_a_patch_without_a_known_change_shows_its_scans():
         PatchResult("1", CONTACTS["1"], unknown, PREDICTED)
     )
     titles = [axes.get_title() for axes in figure.axes]
-    assert titles[1] == "T1, after use, not laid on T0"
-    assert titles[3] == "no change is known"
+    assert titles[1] == "T1, after use, not registered to T0"
+    assert titles[3] == "the change is unknown"
     assert len(titles) == 5
 
 

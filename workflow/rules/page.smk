@@ -34,7 +34,7 @@ if INFERRED:
     if WORN_PATCHES:
         OF_USE["surface"] = rules.grid_macroscale.output.face
         OF_USE["predicted_losses"] = rules.infer_use.output.losses
-    USE_PICTURE["use_png"] = picture("use", "6 Use", "where the tool was pressed, and against what")
+    USE_PICTURE["use_png"] = picture("use", "6 Use", "load point and radius of the active tool")
 
 
 if SCANNED:
@@ -84,14 +84,14 @@ if SCANNED:
             **(
                 {
                     "exposure_png": picture(
-                        "exposure", "3 Coupling", "what a gesture leaves on the square"
+                        "exposure", "3 Coupling", "effect of a gesture on the square"
                     )
                 }
                 if EXPOSURE
                 else {}
             ),
             **(
-                {"two_scales_png": picture("two_scales", "3 Coupling", "what two scales cost")}
+                {"two_scales_png": picture("two_scales", "3 Coupling", "cost of two scales")}
                 if REFERENCE
                 else {}
             ),
@@ -180,7 +180,7 @@ if not SCANNED:
             places_png=picture("places", "0 Overview", "where to scan: a sheet to print"),
             places_pdf=f"{RESULTS}/figures/places.pdf",
             contact_steps_png=picture("contact_steps", "2 Macroscale", "contact as the load grows"),
-            exposure_png=picture("exposure", "2 Macroscale", "what a gesture leaves on the face"),
+            exposure_png=picture("exposure", "2 Macroscale", "effect of a gesture on the face"),
         log:
             f"{RESULTS}/logs/draw_places.log",
         resources:

@@ -85,7 +85,7 @@ def exposure_figure(
     *,
     patch_size_mm: float,
 ) -> Figure:
-    """What a gesture leaves on the square, beside the single pose, and some of its poses.
+    """The effect of a gesture on the square, beside the single pose, and some of its poses.
 
     `exposure` is from `gstlib.macroscale.gesture.exposure`; `contact` is the square's in the
     single pose.

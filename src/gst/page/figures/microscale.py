@@ -116,7 +116,7 @@ def two_scales_figure(
     reference: Mapping[str, np.ndarray],
     scores: pd.DataFrame,
 ) -> Figure:
-    """Contact within patches, levelled and placed, beside that of the whole square.
+    """Contact within patches, for both couplings, beside the contact of the whole square.
 
     `contacts` are those of each variant; `reference` (ny, nx) marks where the single-scale contact
     touches each patch; `scores` is ``two_scales.csv``.
@@ -139,7 +139,7 @@ def two_scales_figure(
     pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
     figure.suptitle(
         "Contact of the patches against one contact of the whole square at the scans' resolution\n"
-        f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
+        f"agreement (F1) over all patches: {pooled}; 1 would be perfect"
     )
     names = {
         "found": BLUE,
@@ -173,9 +173,9 @@ def patch_figure(result: PatchResult) -> Figure:
     touched = f"contact before use: {100 * touching.mean():.2f} %"
     drawn = [
         ("T0, before use", t0, heights),
-        ("T1, after use" + ", not laid on T0" * nowhere, t1, heights),
+        ("T1, after use" + ", not registered to T0" * nowhere, t1, heights),
         (touched, t0, {"marks": {BLACK: touching}}),
-        ("no change is known" if nowhere else lost, t0, measured),
+        ("the change is unknown" if nowhere else lost, t0, measured),
     ]
     agreement = {}
     if predicted is not None:

@@ -67,7 +67,7 @@ def places_figure(
     face.plot(*corners[[0, 1, 2, 3, 0]].T, color=VERMILION)
     face.plot(*corners[0], "o", color=VERMILION)
     maps.scale_bar(face)
-    face.set_title("the face: what any pose touches;\nthe square, and its corner")
+    face.set_title("the face, black if any pose touches it;\nthe square and its corner")
     _draw_places(square, square_of(exposure.exposure, size_mm), places, patch_size_mm)
     _write_table(table, places)
     figure.suptitle(f"Where to scan\n{_X_AND_Y}", x=0.02, ha="left")

@@ -18,7 +18,7 @@ from gstlib.validation.scoring import own_model
 
 __all__ = ["draw", "figure_of", "result_of"]
 
-# Figures of patches in the study, and of predicted losses: if there are none, each says so.
+# Figures of patches in the study, and of predicted losses: without any, they are a sentence.
 OF_STUDIED = {"microscale_maps", "two_scales"}
 OF_PREDICTED = {"validation", "wear"}
 # Patches of the figure of two scales, the most heavily loaded.
@@ -26,7 +26,7 @@ MOST_COMPARED = 8
 
 
 def change_of(study: Results, patch: str) -> xr.Dataset | None:
-    """Height change of a patch, with T1 as it was scanned where no change is known."""
+    """Height change of a patch, with T1 as it was scanned where the change is unknown."""
     if patch not in study.worn:
         return None
     only = "t1", "change", "level_of_detection", "loss", "gain"
@@ -207,7 +207,7 @@ def draw(study: Results, pictures: Mapping[str, Path], note: str | None) -> None
             figure = message_figure("No patch is in the microscale study.")
         elif name in OF_PREDICTED and study.table("wear").empty:
             figure = message_figure(
-                "No loss of a patch could be predicted from the others'."
+                "No loss of a patch could be predicted from the losses of the others."
             )
         else:
             figure = figure_of(name, study)
