@@ -860,6 +860,16 @@ def test_the_first_table_has_a_check_for_each_row():
     assert len(table("# Evidence")) == len(FIRST)
 
 
+def test_the_readme_repeats_the_first_table():
+    first = [
+        (numbers(f"{number} {count}"), holds)
+        for _, number, count, holds in table("# Evidence")
+    ]
+    for _, number, holds in table("> **Status.**", ROOT / "README.md"):
+        shown = numbers(number)
+        assert any((shown, holds) == (own[: len(shown)], held) for own, held in first)
+
+
 # --- Rows, and what they must show whatever the documents say ------------------------------------
 
 
