@@ -1,11 +1,11 @@
 """Snakemake's logger plugin of this project (`logger: gst` in the profile): shows progress.
 
-It prints a line when a step begins, and, with the time that is left, when another tenth of the
-steps is done. After a minute of silence it shows how far the running steps are. A step's warnings
+It prints a line when a step begins, and when another tenth of the steps is done. Each line begins
+with the time since the start. The time left is not estimated, because the steps of two studies
+differ too much. After a minute of silence it shows how far the running steps are. A step's warnings
 and errors come from its log. For `gst study --plan` it shows what would run, why, and how long that
 last took. If Snakemake is asked for anything else (--dry-run, --verbose, ...), its own display is
-used. The plugin `rich` shows neither a step's own messages nor the time that is left, and it needs
-a terminal.
+used. The plugin `rich` does not show the messages of a step, and it needs a terminal.
 """
 
 import os
@@ -43,21 +43,6 @@ _WANTED = (
     "Trying to restart",
     "Waiting at most",
 )
-# Seconds of CPU that the longest jobs take in the default study, by rule; others take about three.
-# Only their ratios matter: the run itself shows how fast this machine is.
-_COSTS = {
-    "generate_specimen": 40,
-    "infer_use": 18,
-    "solve_reference": 17,
-    "bound_pressures": 16,
-}
-_COSTS |= {
-    "solve_patches": 10,
-    "predict_wear": 9,
-    "draw_validation": 9,
-    "draw_contact": 7,
-}
-_USUAL_COST = 3
 _SILENCE = 60.0  # seconds after which the running steps are shown
 _PLACE = re.compile(
     r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE
@@ -76,7 +61,7 @@ class LogHandler(LogHandlerBase):
         other = asked.quiet or asked.verbose or asked.debug_dag or asked.printshellcmds
         self.writes_to_stream = not other and asked.dryrun == self.is_plan
         self.start = self.last_shown = time.time()
-        self.total = self.done = self.cost = self.cost_done = 0
+        self.total = self.done = 0
         self.steps: dict[int, Any] = {}  # by job, how Snakemake announced it
         self.running: set[int] = set()
         self.planned: dict[str, Any] = {}  # by the text of the plan, likewise
@@ -119,9 +104,6 @@ class LogHandler(LogHandlerBase):
                     if rule not in ("all", "total")  # the rule "all" makes nothing
                 }
                 self.total = sum(counts.values())
-                self.cost = sum(
-                    _COSTS.get(rule, _USUAL_COST) * n for rule, n in counts.items()
-                )
                 self._print(f"{_steps(self.total)} to do.")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
                 self._finish(record.job_id)
@@ -134,7 +116,7 @@ class LogHandler(LogHandlerBase):
                     self.total
                     and 10 * self.done // self.total > 10 * before // self.total
                 ):
-                    progress = f"{self.done} of {self.total} steps done{self._left()}"
+                    progress = f"{self.done} of {self.total} steps done"
                     self._print(f"{self._elapsed()}  {progress}")
             case LogEvent.JOB_ERROR:
                 self._fail(record.jobid, record.rule_msg)
@@ -171,7 +153,6 @@ class LogHandler(LogHandlerBase):
 
     def _finish(self, job: int) -> None:
         self.running.discard(job)
-        self.cost_done += _COSTS.get(self.steps[job].rule_name, _USUAL_COST)
         for level in LEVELS:
             for text in logged(Path(self.steps[job].log[0]), level):
                 self._tell("ACCEPTED FAULT" if level == "ERROR" else level, text, job)
@@ -194,18 +175,6 @@ class LogHandler(LogHandlerBase):
             [*order, f"{_steps(len(steps))} would run."]
             if steps
             else ["Nothing to do."]
-        )
-
-    def _left(self) -> str:
-        """About how long the rest takes, at the pace so far."""
-        if not 0 < self.cost_done < self.cost or self.done == self.total:
-            return ""
-        elapsed = time.time() - self.start
-        minutes = elapsed * (self.cost / self.cost_done - 1) / 60
-        return (
-            f", about {minutes:.0f} min left"
-            if minutes >= 1
-            else ", less than a minute left"
         )
 
     def _watch(self) -> None:
