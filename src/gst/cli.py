@@ -9,6 +9,7 @@ The commands have these exit codes. Once `study` has started Snakemake, it retur
 
 import errno
 import io
+import logging
 import os
 import shlex
 import sys
@@ -89,6 +90,16 @@ _CONFIG = click.argument(
 )
 
 
+class _Screen(logging.Handler):
+    """Shows the warnings of a command that has no config, in terms of its options."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        from gst.share.options import in_options
+
+        text = in_options(record.getMessage())
+        click.echo(f"{record.levelname}: {text}", err=True)
+
+
 class _Commands(click.Group):
     """Commands that end with the message of an error and exit code 2."""
 
@@ -113,12 +124,17 @@ class _Commands(click.Group):
 
 @click.group(cls=_Commands, context_settings=_SETTINGS)
 @click.version_option(gstlib.__version__, prog_name="gst")
-def main() -> None:
+@click.pass_context
+def main(context) -> None:
     """Where does a ground stone tool wear? Set up, check and run a study, or inspect its files.
 
     Exit code 0 means success. Code 1 means that `diff` found tables that differ. Code 2 means an
     error, wrong usage or an interruption. `study` returns Snakemake's code once that has started.
     """
+    if context.invoked_subcommand in ("new", "inspect", "press", "change"):
+        root, screen = logging.getLogger(), _Screen(logging.WARNING)
+        root.addHandler(screen)
+        context.call_on_close(lambda: root.removeHandler(screen))
 
 
 @main.command()

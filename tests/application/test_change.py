@@ -66,7 +66,12 @@ def test_moulds_are_turned_over(folder):
 
 @pytest.mark.parametrize(
     ("scale", "step", "remedy"),
-    [(1000, 1, "Export both in one unit"), (1, 2, "Resample one of the two surfaces")],
+    [
+        (10, 1, "Export both scans in one unit"),
+        (25.4, 1, "Export both scans in one unit"),
+        (1000, 1, "Export both scans in one unit"),
+        (1, 2, "Resample one of the two surfaces"),
+    ],
 )
 def test_two_scans_that_cannot_be_subtracted_are_refused(folder, scale, step, remedy):
     """Of another unit, and of another distance of the points."""
@@ -77,6 +82,22 @@ def test_two_scans_that_cannot_be_subtracted_are_refused(folder, scale, step, re
         assert result.exit_code == 2
         assert remedy in result.stderr
         assert "patch" not in result.stderr
+
+
+def test_a_smaller_scan_after_use_is_compared_where_it_lies(folder):
+    heights = gstlib.read_scan(folder / "T1.plu").values[:120, :120]
+    gstlib.write_plu(folder / "small.plu", heights, SPACING)
+    result = run(folder, "T0.plu", "small.plu")
+    assert result.exit_code == 0, result.output
+    assert "NOTE: the change of the rest of T0 is not measured" in result.stdout
+
+
+def test_a_doubt_of_the_library_is_a_warning_about_the_file(folder):
+    """Heights may be calibrated otherwise, by a factor that wear might leave."""
+    heights = 1.4 * gstlib.read_scan(folder / "again.plu").values
+    gstlib.write_plu(folder / "an odd scan.plu", heights, SPACING)
+    result = run(folder, "T0.plu", "an odd scan.plu")
+    assert "WARNING: an odd scan.plu: its dales at T1 are 1.4 times" in result.stderr
 
 
 @pytest.mark.parametrize("files", [("other.plu",), ("T1.plu", "--repeat", "other.plu")])

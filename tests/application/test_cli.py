@@ -94,3 +94,14 @@ def test_a_scan_alone_is_told_of_options_and_not_of_a_config(
     assert f"Set {option} to " in result.stderr
     for word in ("config", "scans.", "patch"):
         assert word not in result.stderr
+
+
+def test_an_odd_scan_is_not_accepted_in_a_config_that_nobody_has(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.savetxt("a.txt", np.random.default_rng(1).normal(size=(30, 30)))
+    options = ("--pressure", "5", "--unit", "m", "--spacing-um", "4")
+    result = run("press", "a.txt", *options)
+    assert result.exit_code == 2
+    assert "Check --unit" in result.stderr
+    for word in ("config", "accept"):
+        assert word not in result.stderr

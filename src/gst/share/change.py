@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from gstlib.change.change import estimate_detection_limit, register_patch, wear_summary
+from gstlib.change.registration import is_other
 from gstlib.errors import InputError
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
@@ -20,8 +21,8 @@ __all__ = ["compare_scans", "describe_change"]
 _MOST_UNMEASURED = 0.9
 # T1 is looked for as far as it covers a quarter of T0, however large the scans are.
 _LARGEST_SHIFT = 0.75
-# Wear changes the r.m.s. height less than that, and another unit more.
-_OTHER_UNIT = 30.0
+# Share of T0 below which the user is told that T1 misses the rest.
+_LEAST_COVERED = 0.75
 
 
 def compare_scans(
@@ -40,19 +41,11 @@ def compare_scans(
     in `gstlib.io.scans.read_scan`; the heights of a `mould` are turned over.
 
     The result is the prepared T0 (y, x), mm, and the dataset of
-    `gstlib.change.change.register_patch`. Raises an `InputError` if T1 is not found on T0, or if
-    the repeat does not show the surface of T0.
+    `gstlib.change.change.register_patch`. Raises an `InputError` if T1 is not found on T0 or has
+    heights in another unit, or if the repeat does not show the surface of T0.
     """
     settings = Settings()
     before, after = (_prepared(path, unit, spacing_um, mould) for path in (t0, t1))
-    low, high = sorted(scan.attrs["Sq_after_um"] for scan in (before, after))
-    if high > _OTHER_UNIT * low:
-        problem = (
-            f"has another unit than {t0}: one has heights of {low:.3g} µm (r.m.s.), "
-            f"and one of {high:.3g} µm"
-        )
-        remedy = "Export both in one unit. --unit applies to files without a unit."
-        raise InputError(t1, problem, remedy)
     sides = np.multiply(spacing_of(before.height), before.height.shape)
     search: dict[str, Any] = {
         "maximum_shift_mm": _LARGEST_SHIFT * float(max(sides)),
@@ -73,6 +66,16 @@ def compare_scans(
         raise InputError(
             t1, problem, "Look at both with `gst inspect --pictures FOLDER`."
         )
+    if is_other(ratio := change.attrs["dale_depth_ratio"]):
+        problem = (
+            f"shows the surface of {t0}, but with dales {ratio:.3g} times as deep, "
+            "which no wear causes"
+        )
+        remedy = (
+            "Export both scans in one unit and with one height calibration. --unit gives "
+            "the unit of files that state none."
+        )
+        raise InputError(t1, problem, remedy)
     return before["height"], change
 
 
@@ -96,6 +99,11 @@ def describe_change(change: xr.Dataset) -> Iterator[str]:
         f"overlap     {100 * facts['overlap']:.0f} % of T0, "
         f"correlation {facts['correlation']:.3f}"
     )
+    if facts["overlap"] < _LEAST_COVERED:
+        yield (
+            "NOTE: the change of the rest of T0 is not measured. Scan the same area at T0 and T1 "
+            "if you need all of it"
+        )
     if not facts["known_fraction"]:
         yield "change      none, because hardly any point has a height of its own in both scans"
         return

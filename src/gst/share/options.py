@@ -1,4 +1,4 @@
-"""Messages of the library in the words of a command that has options, and no config."""
+"""Messages of the library for the user of a command that has options, and no config."""
 
 import re
 
@@ -15,7 +15,9 @@ _MEANT = {
     r" in the patch table, or the folder": "",
     r", or leave repeat empty in the patch table": ", or leave --repeat out",
     r"are heights and spacing in mm": "are the units of heights and spacing right",
-    r"\bpatch (?=\S+\.\w)": "",
+    r" If it is right as it is, write accept: \[\w+\] in the config\.": "",
+    r" all over the patch\b": " everywhere",
+    r"\bpatch (?=[^:\n]+\.\w+:)": "",
 }
 
 
