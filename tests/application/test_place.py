@@ -387,14 +387,14 @@ def test_what_cures_a_cause_is_written_while_the_check_holds(server, study):
     causes = [{"level": "warning", "text": "", "cure": cure} for cure in cures]
     said = {"causes": causes, "digest": digest_of(server.config), "summary": ""}
     Path(".snakemake/place_check.log").write_text(json.dumps(said))
-    assert ask(server, "said/check")[1]["changed"] is False
+    assert ask(server, "report/check")[1]["changed"] is False
     assert saved(server, "cure", 0)["kept"] == "study.yaml.bak"
     assert written()["macroscale"] == {"face_mm": 14.4}
     saved(server, "answers", {"accept": ["overlap:B"]})
     assert written()["accept"] == ["overlap:B"]
     assert saved(server, "cure", 1)["kept"] == "patches.tsv.bak"
     assert "B\t\t2,5\t2" in (study / "patches.tsv").read_text()
-    assert ask(server, "said/check")[1]["changed"] is True
+    assert ask(server, "report/check")[1]["changed"] is True
     assert save(server, "cure", 2)[0] == 422
     saved(server, "answers", {"load.force_N": 100})
     assert save(server, "cure", 0)[0] == 422

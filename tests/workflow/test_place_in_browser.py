@@ -77,7 +77,7 @@ def opened(browser, folder, complaints=()):
         browser.new_page(viewport={"width": 1366, "height": 900}) as page,
     ):
         page.set_default_timeout(0)  # a busy machine is no fault
-        asked, said = listened_to(page)
+        asked, complained = listened_to(page)
         try:
             url = next(
                 line.strip() for line in server.stdout if line.startswith("http")
@@ -89,7 +89,9 @@ def opened(browser, folder, complaints=()):
             server.terminate()
     assert server.returncode in (0, -signal.SIGTERM)
     assert [one for one in asked if not one.startswith((url, "data:"))] == []
-    assert [line for line in said if not any(part in line for part in complaints)] == []
+    assert [
+        line for line in complained if not any(part in line for part in complaints)
+    ] == []
 
 
 @pytest.fixture(scope="module")
@@ -198,9 +200,9 @@ def place_scans(page, folder, wanted):
             page.fill(f"#{key}-{patch}", f"{wanted[key][patch]}")
             page.locator(f"#{key}-{patch}").dispatch_event("change")
     saved(page)
-    found = table_of(folder)
-    assert found[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
-        wanted.loc[found.index, ["x_mm", "y_mm"]].to_numpy(), abs=0.03
+    placed = table_of(folder)
+    assert placed[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
+        wanted.loc[placed.index, ["x_mm", "y_mm"]].to_numpy(), abs=0.03
     )
     return first
 
@@ -253,7 +255,7 @@ def say_how(page, folder):
     assert config["counterface"] == {"radius_mm": 274}
     assert config["uncertainty"]["radius_log_sd"] == 0.98
     page.click("text=1 Where")
-    page.check("text=Where it was pressed")
+    page.check("text=Set the load point")
     page.mouse.click(*seen_on_plan(page, 3.5, 3.5))
     saved(page)
     assert config_of(folder)["load"]["at_mm"] == pytest.approx([3.5, 3.5], abs=0.03)
@@ -284,7 +286,7 @@ def open_result(page):
     result = popup.value
     result.set_default_timeout(0)
     result.wait_for_selector("#patch-table")
-    _, said = listened_to(result)
+    _, complained = listened_to(result)
     result.reload()
     assert result.evaluate("origin") == "null"
     result.wait_for_selector("canvas", state="attached")
@@ -299,7 +301,7 @@ def open_result(page):
     with result.expect_download() as download:
         result.evaluate("document.querySelector('a[download]').click()")
     assert download.value.failure() is None
-    assert said == []
+    assert complained == []
     assert page.inner_text("#no-result") == ""
     result.close()
 
@@ -355,11 +357,11 @@ def test_the_five_steps(browser, folder, finished_tiny, stone):
     with opened(browser, folder) as (page, _):  # the study went on
         page.click("text=4 Run")
         wait_for(page, "study")
-        assert "Done." in page.locator("#run .said").inner_text()
+        assert "Done." in page.locator("#run .messages").inner_text()
         open_result(page)
 
 
-# What no file tells.
+# Values that no file contains.
 USED = {
     "load.force_N": 550,
     "counterface.radius_mm": 200,
@@ -387,7 +389,7 @@ def test_a_stale_tab_saves_nothing_and_shows_what_was_not_saved(browser, unscann
             page.goto(stale.url)
             page.wait_for_selector("canvas", state="attached")
             click_stone(page)
-            page.check("text=Grade places")
+            page.check("text=Grade positions")
             for _ in range(2):
                 page.click("#add")
             saved(page)
@@ -395,7 +397,7 @@ def test_a_stale_tab_saves_nothing_and_shows_what_was_not_saved(browser, unscann
         before = [(unscanned / name).read_bytes() for name in files]
         click_stone(stale, 20)
         assert "reload the page" in stale.inner_text("#status")
-        stale.check("text=Grade places")
+        stale.check("text=Grade positions")
         stale.click("#add")
         saved(stale)
         stale.click("text=2 How")
@@ -415,6 +417,57 @@ def test_a_stale_tab_saves_nothing_and_shows_what_was_not_saved(browser, unscann
         assert (unscanned / "patches.csv.bak").read_bytes() == before[1]
 
 
+def test_the_progress_is_the_steps_and_the_time_since_the_start(browser, unscanned):
+    with opened(browser, unscanned) as (page, _):
+        page.click("text=4 Run")
+        page.evaluate(
+            """const box = document.querySelector("#run .messages");
+            box.innerText = "29 steps to do.\\n0:00:28  3 of 29 steps done\\n0:01:07  Pressing";
+            showProgress({ running: true }, box);"""
+        )
+        text = page.inner_text("#run [role=status]")
+        assert text == "3 of 29 steps done 0:01:07 after the start."
+
+
+# Texts whose contrast is less than 4.5 to 1, and controls without a name.
+UNREADABLE = """() => {
+  const numbers = (text) => text.match(/[0-9.]+/g).map(Number);
+  const light = (rgb) => [0.2126, 0.7152, 0.0722].reduce((sum, share, k) => {
+    const value = rgb[k] / 255;
+    return sum + share * (value <= 0.04 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
+  }, 0);
+  const seen = (each) => each.offsetParent && !each.disabled && !each.closest("[inert]");
+  const ground = (each) => {
+    const rgba = numbers(getComputedStyle(each).backgroundColor);
+    return rgba[3] === 0 && each.parentElement ? ground(each.parentElement) : rgba;
+  };
+  const isPale = (each) => {
+    const [a, b] = [numbers(getComputedStyle(each).color), ground(each)].map(light);
+    return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05) < 4.5;
+  };
+  const isText = (node) => node.nodeType === 3 && node.data.trim();
+  const hasText = (each) => [...each.childNodes].some(isText);
+  const name = (each) => each.ariaLabel || (each.labels?.[0] || each).textContent.trim();
+  const everything = [...document.querySelectorAll("body *:not(svg *)")].filter(seen);
+  return [
+    ...everything.filter((each) => hasText(each) && isPale(each)),
+    ...everything.filter((each) => each.matches("input, select, button") && !name(each)),
+  ].map((each) => each.outerHTML);
+}"""
+
+
+def test_every_text_is_readable_and_every_control_has_a_name(browser, unscanned):
+    with opened(browser, unscanned) as (page, _):
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            for step in ("where", "how", "check", "run", "result"):
+                page.evaluate(f"go('{step}')")
+                page.wait_for_selector(f"nav [href='#{step}'][aria-current]")
+                assert page.evaluate(UNREADABLE) == []
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
 def test_each_cause_has_its_own_button(browser, unscanned):
     """The check's words are given here, as it takes a while."""
     points = [[-2.5, -2.5, 10.0], [2.5, -2.5, 10.0], [-2.5, 2.5, 10.0]]
@@ -432,8 +485,8 @@ def test_each_cause_has_its_own_button(browser, unscanned):
     causes[1]["cure"] = cure | {"button": "Use 14.4 mm"}
     with opened(browser, unscanned) as (page, _):
         digest = page.evaluate("state.digest")
-        said = {"causes": causes, "digest": digest, "summary": "as it is"}
-        (unscanned / ".snakemake/place_check.log").write_text(json.dumps(said))
+        report = {"causes": causes, "digest": digest, "summary": "as it is"}
+        (unscanned / ".snakemake/place_check.log").write_text(json.dumps(report))
         page.reload()
         page.click("text=3 Check")
         page.wait_for_selector("nav a.wrong")
@@ -522,7 +575,7 @@ def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
     folder = unscanned
     with opened(browser, folder) as (page, server):
         click_stone(page)
-        page.check("text=Grade places")
+        page.check("text=Grade positions")
         page.mouse.click(*seen_on_plan(page, 3.5, 4.5))
         saved(page)
         table = pd.read_csv(folder / "patches.csv", sep=";")
@@ -546,10 +599,10 @@ def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
         page.reload()
         page.click("text=4 Run")
         page.click("[data-start=study]")
-        page.wait_for_selector("#run .said p", timeout=0)
+        page.wait_for_selector("#run .messages p", timeout=0)
         page.click("[data-stop=study]")
         page.wait_for_selector("[data-start=study]:not([disabled])", timeout=0)
-        assert "Stopped with" in page.locator("#run .said").inner_text()
+        assert "Stopped with" in page.locator("#run .messages").inner_text()
         assert page.locator("#run .error").count() == 0
         page.click("#end")
         server.wait()

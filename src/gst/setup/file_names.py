@@ -1,4 +1,4 @@
-"""What laboratories say in the names of their scans: which place, before or after use, a repeat.
+"""Names of scans as laboratories write them: the patch, before or after use, a repeat.
 
 A name has *chunks*, parted by blanks, signs, folders and capitals. Some are marks: words (before,
 vorher), epochs (T0, stage 2), amounts of use (2000 strokes, 2 h), dates, repeats. Scans whose names
@@ -83,8 +83,8 @@ class Names(NamedTuple):
 
     rows: list[Row]  # in natural order; where there are questions, the likely reading
     questions: list[str]
-    # What tells earlier scans from later ones, such as ``"before"`` and ``"after"``, in quotes if
-    # it is in the names; empty if nothing does.
+    # Marks of the earlier and the later scans, such as ``"before"`` and ``"after"``, in quotes if
+    # the names contain them; empty if there are none.
     epochs: tuple[str, str]
     left: list[str]  # names in no row
 
@@ -119,16 +119,15 @@ class _Name:
 def read_names(names: Iterable[str], pattern: str | None = None) -> Names:
     """Rows of a patch table from the names of scans, with ``/`` between folders.
 
-    A `pattern` such as ``"{patch}_{epoch}"`` says where place and epoch stand in names without an
-    ending; the earlier epoch comes first in natural order. Raises an `InputError` if a name has
-    another form.
+    A `pattern` such as ``"{patch}_{epoch}"`` marks patch and epoch in names without an ending; the
+    earlier epoch comes first in natural order. Raises an `InputError` if a name has another form.
 
     Examples
     --------
     >>> read_names(["loc1 after.sur", "loc1 before.sur"]).rows
     [Row(patch='1', t0='loc1 before.sur', t1='loc1 after.sur', repeat='')]
     >>> read_names(["S1a.sur", "S1b.sur"]).questions
-    ['none of the names says which scan was made before use and which after it']
+    ['the names do not show which scan was made before use and which after use']
     >>> read_names(["S1a.sur", "S1b.sur"], "{patch}{epoch}").rows
     [Row(patch='1', t0='S1a.sur', t1='S1b.sur', repeat='')]
     """
@@ -156,7 +155,7 @@ def read_names(names: Iterable[str], pattern: str | None = None) -> Names:
 
 
 def _by_pattern(names: Sequence[str], pattern: str) -> list[_Name]:
-    """Names of which a pattern says where place and epoch stand."""
+    """Names in which a pattern marks patch and epoch."""
     form = re.escape(pattern)
     for part in ("patch", "epoch"):
         form = form.replace(rf"\{{{part}\}}", f"(?P<{part}>.+)", 1)
@@ -231,13 +230,13 @@ def _is_mark(file: _Name, chunk: str, *, is_joined: bool = False) -> bool:
 
 
 def _rank(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
-    """Give each file its rank; the marks that tell earlier from later ones, and questions."""
+    """Give each file its rank. Returns the marks of earlier and later ones, and questions."""
     questions = [
         f"{file.name} has two marks of use that disagree"
         for file in files
         if file.is_twofold
     ]
-    # of a repeat, the epoch need not be said
+    # a repeat does not need an epoch
     scans = [file for file in files if file.repeat is None] or files
     kinds = sorted({kind for file in files for kind in file.marks})
     vary = [kind for kind in kinds if len({file.marks.get(kind) for file in scans}) > 1]
@@ -250,7 +249,7 @@ def _rank(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
         for file, rank in zip(files, complete[0], strict=True):
             file.rank = rank
     if len(complete) < len(vary):
-        questions.append("some names say when the scan was made, and others do not")
+        questions.append("some names contain the time of the scan, and others do not")
     elif any(not _agree(complete[0], other) for other in complete[1:]):
         shown = ", ".join(
             sorted({f.written[k] for f in files for k in vary if k in f.marks})
@@ -270,21 +269,21 @@ def _rank(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
 
 
 def _rank_alike(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
-    """`_rank` of names with no marks that differ: all of one epoch, or told apart by dates."""
+    """`_rank` of names with no marks that differ: all of one epoch, or distinguished by dates."""
     first = files[0]
     kinds = sorted(first.marks)
     for kind in kinds:
         if first.marks[kind] == 0:
             return (f'"{first.written[kind]}"', ""), []
     if kinds:
-        text = f"all names say '{first.written[kinds[0]]}', and none is of before use"
-        return ("", ""), [f"{text}: t0 is yours to give"]
+        text = f"all names contain '{first.written[kinds[0]]}', so no scan before use is named"
+        return ("", ""), [f"{text}: please enter t0"]
     days: dict[tuple[str, ...], list[str]] = {}
     for file in files:
         days.setdefault(file.key, []).append(file.day)
     if any(len(own) != 2 or len({*own} - {""}) != 2 for own in days.values()):
         text = (
-            "none of the names says which scan was made before use and which after it"
+            "the names do not show which scan was made before use and which after use"
         )
         return ("", ""), [text]
     for file in files:
@@ -300,7 +299,7 @@ def _complete(
     is_open = any(kind not in file.marks for file in scans)
     if is_open and len({*ranks}) > 1:
         return None
-    # the others are what those with the mark are not, and a repeat is of the earliest
+    # scans without the mark have the other epoch, and a repeat has the earliest
     earliest = min(ranks)
     other = earliest - 1 if earliest > 0 else max(ranks) + 1
     return [
@@ -337,18 +336,18 @@ def _doubts(
 ) -> Iterator[str]:
     """Questions of one place: whether all of its scans are there, no others, and in order."""
     if t1 and not t0:
-        yield f"{t1.name} is of after use, and no scan of before use is named like it"
+        yield f"{t1.name} was scanned after use, and no scan before use is named like it"
     for file in rest:
         for scan in filter(None, (t0, t1)):
             # a further repeat is of no use, and no other place
             is_second = file.repeat is not None and scan is not t0
             if file.rank == scan.rank and not is_second:
                 text = f"{file.name} is named like {scan.name}"
-                yield f"{text}, and one of the two is in the table"
+                yield f"{text}, and only one of the two is in the table"
     if t0 and not t1 and any({*key} < {*t0.key} for key in keys):
-        yield f"{t0.name} may be a place of its own, or a repeat of another scan"
+        yield f"{t0.name} may be a patch of its own, or a repeat of another scan"
     if t0 and t1 and t0.day > t1.day > "":
-        yield f"{t0.name} is named as before use, and has a later date than {t1.name}"
+        yield f"{t0.name} is named as before use, but has a later date than {t1.name}"
 
 
 def _patch_names(files: Sequence[_Name]) -> list[str]:

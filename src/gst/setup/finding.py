@@ -1,8 +1,8 @@
-"""Where a stone was scanned: an overview map, or scans that the stage ties together, on its mesh.
+"""Search of an overview map, or of scans that the stage ties together, on the mesh of a stone.
 
-The stone is looked at from two opposite sides, as it lies when it is put down; then, if nothing is
-found, from the other four. What is found there is found again on the mesh as it looks straight from
-above, on shorter elements.
+The stone is viewed from two opposite sides, as it rests when it is put down; then, if nothing is
+found, from the other four. Each match is refined on shorter elements, with the mesh as
+seen straight from above.
 """
 
 import itertools
@@ -36,10 +36,10 @@ _MARGIN = 1.5
 
 
 class OnStone(NamedTuple):
-    """Where scans lie on a stone.
+    """Position of scans on a stone.
 
-    `match` is that of their common point in `frame`, whose x runs as theirs does, or against it if
-    they are mirrored. `reading` is that of the stage.
+    `match` belongs to their common point in `frame`, whose x runs as their x does, or against it if
+    they are mirrored. `reading` is the reading of the stage.
     """
 
     frame: Frame
@@ -62,7 +62,7 @@ def find_on_stone(
     Returns
     -------
     OnStone or None
-        Its match may be one that is not found, and then says how near it came; None if the scans
+        Its match may not count as found, and then shows how near it came; None if the scans
         are too small for the mesh, or larger than the stone.
     """
     edge, best = float(mesh.edges_unique_length.mean()), None
@@ -112,8 +112,8 @@ def view_of(
     """Heights (y, x) of a stone as it is seen along a frame's normal, NaN beside it, mm.
 
     `size_mm` is the side of a square at the frame's origin, of which the view shows `around_mm`
-    more on every side, and `step` that of its elements, by default a quarter of the mesh's edges.
-    What hides behind other parts of the stone is not told apart: it is a view to match maps with.
+    more on every side, and `step` is the side of its elements, by default a quarter of the mesh's
+    edges. Parts that hide behind others are not treated separately: maps are matched with the view.
     """
     edge = float(mesh.edges_unique_length.mean())
     step = edge / _CLOSE if step is None else step

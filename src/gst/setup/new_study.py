@@ -1,8 +1,8 @@
 """A study from a mesh and a folder of scans: `gst new FOLDER --mesh M --scans S`.
 
-It writes ``study.yaml`` and ``patches.csv``, and says what was inferred and from what. Where the
-scans lie is found with an overview map or the stage's places. What the files do not tell is marked
-`TODO`, and `gst check` refuses it.
+It writes ``study.yaml`` and ``patches.csv``, and reports each inferred value with its source. The
+scans are located with an overview map or the stage's places. Missing values are marked `TODO`, and
+`gst check` refuses them.
 """
 
 import contextlib
@@ -68,7 +68,7 @@ _SHOWN = 12
 _RAYS = 50
 # How the load point scatters where the study proposes places to scan, as in config/mesh_only.yaml.
 _GESTURE = {"load_point_scatter_mm": 1.0, "poses": 60}
-# What only the user knows.
+# Values that only the user can give.
 _USE = (
     "load.force_N",
     "counterface.radius_mm",
@@ -76,9 +76,9 @@ _USE = (
     "material.young_2_MPa",
 )
 _HEAD = """\
-# Made by `gst new` from the files that it names. A value that begins with TODO is yours to give:
-# `gst check` lists what is left. Paths are relative to this folder. Keys not given here have their
-# defaults; docs/how-to/your-own-tool.md has the steps.
+# Made by `gst new` from the files that it names. Values that begin with TODO are missing, and
+# `gst check` lists them. Paths are relative to this folder. All other keys have their defaults.
+# The steps are described in docs/how-to/your-own-tool.md.
 """
 
 
@@ -97,7 +97,7 @@ def new_study(
     overview: Path | None = None,
     names: str | None = None,
 ) -> str:
-    """Write a study into a folder; returns what was inferred, from what, and what is to be done.
+    """Write a study into a folder; returns the inferred values, their sources and the missing ones.
 
     An `overview` is a map of the face that holds the scanned places; among the scans, the one that
     is much larger than the others is taken for it. `names` is the pattern of the scans' names, as
@@ -125,11 +125,11 @@ def new_study(
         values |= {"patches": table_path.name} | more
     else:
         values |= {"patches": None, "inputs.scan_folder": None, "gesture": _GESTURE}
-        text = "none: the study proposes where to scan, for a load point that scatters by 1 mm"
+        text = "none: the study proposes positions to scan, for a load point that scatters by 1 mm"
         lines.append(Line("Scans", text, DOUBT))
     face_mm, of_face = _face(stone, values)
     values = {"macroscale.face_mm": face_mm} | values
-    use = "how hard, against what, and of which rocks: no file tells it"
+    use = "force, active tool and rocks: the files do not contain them"
     lines += [of_face, Line("Use", use, TO_DO)]
     text = _template(values, [line.text for line in lines if line.state == TO_DO])
     if table:
@@ -165,7 +165,7 @@ def _read_stone(path: Path) -> _Stone:
         text = f"{shown} → {unit} (only {unit} makes a hand-sized stone)"
     else:
         sizes = [f"{max(sides) * UNITS[each]:.3g} mm ({each})" for each in fitting]
-        text = f"{shown}, its unit not stated: is the stone {' or '.join(sizes)} long?"
+        text = f"{shown}, without a unit: is the stone {' or '.join(sizes)} long?"
         return _Stone(mesh, TODO, Line("Mesh", text, TO_DO))
     text += f", coordinates in {steps_of(mesh)}"
     return _Stone(mesh, unit, Line("Mesh", text, OK))
@@ -188,9 +188,9 @@ def _face(stone: _Stone, values: Mapping[str, Any]) -> tuple[float, Line]:
     usual: float = max(complete({})["macroscale"]["face_mm"], size_mm)
     why = "the mesh does not show the stone's thickness under the square"
     if is_to_do(corners):
-        why = "once the square is laid, gst check tells the thickness under it"
+        why = "gst check reports the thickness under the square once it is placed"
     elif not is_closed(stone.mesh):
-        why = "the mesh has no underside, so no thickness"
+        why = "the mesh does not have an underside, so the thickness is unknown"
     else:
         with contextlib.suppress(InputError):
             frame, layout = frame_from_points(corners), Layout(size_mm, _RAYS, 0)
@@ -219,7 +219,9 @@ def _from_scans(
     )
     if not scans:
         raise InputError(
-            root, f"no scan in it can be read: {faults[0]}", "Export them again."
+            root,
+            f"does not contain a scan that can be read: {faults[0]}",
+            "Export them again.",
         )
     pairs = pair_scans(scans, names)
     by_name = {scan.name: scan for scan in scans if scan not in pairs.overviews}
@@ -237,7 +239,7 @@ def _from_scans(
     lines = [of_units, *of_sizes, *_of_pairs(pairs)]
     if is_to_do(values["scans.mould.invert"]) == is_to_do(
         pairs.invert
-    ):  # else the mesh tells
+    ):  # else the mesh shows it
         state = TO_DO if is_to_do(pairs.invert) else OK
         lines.append(Line("Mould", pairs.mould, state))
     lines += where.lines
@@ -263,10 +265,10 @@ def _read_overview(path: Path) -> list[Scan]:
 
 
 def _units(scans: Sequence[Scan]) -> tuple[dict[str, Any], Line]:
-    """The unit of files that do not state it, and the spacing where nothing tells it."""
+    """The unit of files that do not state it, and the spacing if the files do not state it."""
     units, count = {scan.unit for scan in scans} - {None}, f"{len(scans)} files"
     if TODO in units or len(units) > 1:
-        text = f"{count}; some state neither unit nor spacing: what are these?"
+        text = f"{count}; some state neither unit nor spacing: please enter both"
         return {"scans.unit": TODO, "scans.spacing_um": TODO}, Line(
             "Scans", text, TO_DO
         )
@@ -286,7 +288,7 @@ def _sizes(
     """The side of the patches, and whether they are cut from the scans before use."""
     if (
         units["scans.unit"] == TODO
-    ):  # of points without a spacing, only the others tell it
+    ):  # the side of points without a spacing follows from other scans
         sides = [side for scan in scans if scan.unit != TODO for side in scan.size_mm]
         likely = f"{TODO} {np.mean(sides):.3g}" if sides and _are_same(sides) else TODO
         return {"scans.size_mm": likely}, False, []
@@ -295,9 +297,9 @@ def _sizes(
         return {"scans.size_mm": float(f"{np.mean(sides):.3g}")}, False, []
     size_mm = math.floor(1e3 * min(sides)) / 1e3
     if _are_same([min(scan.size_mm) for scan in scans]):
-        text = f"they are not square: the middle {size_mm:g} mm of each one before use are taken"
+        text = f"not all are square: the middle {size_mm:g} mm of each scan before use are taken"
         return {"scans.size_mm": size_mm}, True, [Line("", text, DOUBT)]
-    text = f"they are of several sizes: is {size_mm:g} mm the side of all patches?"
+    text = f"the scans differ in size: is {size_mm:g} mm the side of all patches?"
     return {"scans.size_mm": f"{TODO} {size_mm:g}"}, True, [Line("", text, TO_DO)]
 
 
@@ -306,7 +308,7 @@ def _are_same(sides: Sequence[float]) -> bool:
 
 
 def _of_pairs(pairs: Pairs) -> Iterator[Line]:
-    """Which scans belong together and why, and what is asked."""
+    """The lines on scans that belong together, with reasons and questions."""
     wide = [max(map(len, column)) for column in zip(*pairs.rows, strict=True)]
     for row, evidence in list(zip(pairs.rows, pairs.evidence, strict=True))[:_SHOWN]:
         cells = [
@@ -318,11 +320,11 @@ def _of_pairs(pairs: Pairs) -> Iterator[Line]:
         yield Line("", f"… and {len(pairs.rows) - _SHOWN} more")
     again = sum(bool(row.repeat) for row in pairs.rows)
     after = sum(row.t1 not in ("", TODO) for row in pairs.rows)
-    text = f"{len(pairs.rows)} places, {after} with a scan after use, {again} scanned twice"
+    text = f"{len(pairs.rows)} patches, {after} with a scan after use, {again} scanned twice"
     yield Line("", f"{text}; {pairs.earlier}" if pairs.earlier else text, OK)
     if any(evidence.endswith(OTHER_SPACING) for evidence in pairs.evidence):
         text = (
-            "scans before and after use differ in spacing, so that nothing can be compared: scan "
+            "scans before and after use differ in spacing and cannot be compared: scan "
             "both with the same objective, or resample one in your instrument's software"
         )
         yield Line("", text, TO_DO)
@@ -330,7 +332,7 @@ def _of_pairs(pairs: Pairs) -> Iterator[Line]:
         yield Line("", question, TO_DO)
     for overview in pairs.overviews:
         height, width = overview.size_mm
-        text = f"{overview.name}, {width:.3g} × {height:.3g} mm, is a map of several places"
+        text = f"{overview.name}, {width:.3g} × {height:.3g} mm, is a map of several patches"
         yield Line("Overview", text, DOUBT)
 
 
@@ -364,20 +366,20 @@ def _template(values: dict[str, Any], questions: Sequence[str]) -> str:
     asked = "".join(f"{lines.fill(question)}\n" for question in questions)
     text = _HEAD + asked + with_values(body, values)
     if "uncertainty.placement_um" in values:  # comes last
-        text = f"{text.rstrip()}  # of the places found by heights\n"
+        text = f"{text.rstrip()}  # of the positions found by heights\n"
     return text
 
 
 def _what_next(folder: Path, table: str, text: str) -> str:
-    """Which files were written, what is left in them, and the next commands."""
+    """The files that were written, the number of missing values, and the next commands."""
     left, cells = len([*left_in(parse_yaml(text, "study.yaml"), {})]), table.count(TODO)
     written = f"  wrote {folder / 'study.yaml'} ({left} {TODO})"
     written += f" and {folder / 'patches.csv'} ({cells} {TODO})" * bool(table)
     place = shlex.join(["gst", "place", str(folder)])
     return (
         f"{written}\n"
-        f"  ({OK}: told by the files; {DOUBT}: a default or a doubt; {TO_DO}: {TODO} in them)\n"
+        f"  ({OK}: read from the files; {DOUBT}: a default or a doubt; {TO_DO}: still {TODO})\n"
         f"\nNext:\n  {place}\n"
-        "  (a page to lay the scans on the stone, say how it was used, check and run;\n"
-        f"  or write all that is {TODO} into these files, then gst check and gst study)\n"
+        "  (opens a page to place the scans, describe the use, check and run;\n"
+        f"  or replace each {TODO} by hand, then run gst check and gst study)\n"
     )

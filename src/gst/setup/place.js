@@ -1,4 +1,4 @@
-/* The five steps of `gst place`. What is done is saved at once, and read again when the page is. */
+/* The five steps of `gst place`. Each entry is saved at once, and read again when the page is loaded. */
 
 "use strict";
 
@@ -6,7 +6,7 @@ const $ = (id) => document.getElementById(id);
 const all = (selector) => [...document.querySelectorAll(selector)];
 const STEPS = ["where", "how", "check", "run", "result"];
 
-/** An element with properties, and what is inside it. */
+/** An element with properties and contents. */
 function make(tag, properties, ...inside) {
   const made = Object.assign(document.createElement(tag), properties);
   made.append(...inside);
@@ -21,7 +21,7 @@ let clicks = []; // of corners
 let marks = []; // drawn on the stone
 const earlier = []; // for undo: square and patches as they were
 let pointed = []; // patches that the check is about
-let fits = {}; // what was said of each patch when their places were sought
+let fits = {}; // a sentence on each patch, from the last search of their positions
 
 // --- the server
 
@@ -32,12 +32,12 @@ async function ask(route, sent, digest = "") {
   try {
     answer = await fetch(route, sent === undefined ? {} : { ...how, body: JSON.stringify(sent) });
   } catch {
-    throw new Error("gst place has ended. Start it again to go on.");
+    throw new Error("gst place has ended. Start it again to continue.");
   }
-  const found = await answer.json();
-  if (answer.ok) return found;
-  if (answer.status === 409) refuse(found.error);
-  throw new Error(found.error);
+  const content = await answer.json();
+  if (answer.ok) return content;
+  if (answer.status === 409) refuse(content.error);
+  throw new Error(content.error);
 }
 
 // A save was refused, because the files have changed. Until the page is reloaded, it shows the
@@ -55,10 +55,10 @@ function say(text, isWrong = false) {
   $("status").className = isWrong ? "wrong" : "";
 }
 
-/** Say what went wrong, where the browser would not. */
-const told = (work) => work.catch((error) => say(error.message, true));
+/** Show the error of some work, which the browser would not show. */
+const guarded = (work) => work.catch((error) => say(error.message, true));
 
-/** Lock what must not change meanwhile, until some work is done. */
+/** Lock the controls until some work is done. */
 const locks = [];
 async function locked(text, work) {
   locks.push(text);
@@ -74,7 +74,7 @@ async function locked(text, work) {
 /** While a check or a study reads the files, nothing is edited; one thing is done at a time. */
 function lock() {
   const isRead = isRunning("check") || isRunning("study");
-  const text = isRunning("check") ? "Checking …" : isRunning("study") ? "The study runs …" : locks.at(-1);
+  const text = isRunning("check") ? "Checking …" : isRunning("study") ? "The study is running …" : locks.at(-1);
   $("busy").textContent = text || "";
   $("busy").hidden = !text;
   for (const id of ["where", "how"]) $(id).inert = isRead;
@@ -88,10 +88,10 @@ let last = Promise.resolve();
 function save(route, sent) {
   const text = JSON.parse(JSON.stringify(sent)); // as it is now
   const origin = state;
-  last = last.then(() => locked("Saving …", () => told(
+  last = last.then(() => locked("Saving …", () => guarded(
     ask(route, text, origin.digest).then(({ digest, kept }) => {
       origin.digest = digest;
-      if (said.check) said.check.changed = true;
+      if (reports.check) reports.check.changed = true;
       showSteps();
       say(kept ? `Saved. What was there is kept as ${kept}.` : "Saved.");
     }))));
@@ -108,7 +108,7 @@ const side = () => state.patch_size_mm || 0.85;
 const frame = () => state.square.points_mm && frameOf(state.square.points_mm);
 const rounded = (points) => points.map((point) => point.map((value) => +value.toFixed(3)));
 
-/** Keep what is now, for undo. */
+/** Keep the present state, for undo. */
 function keep() {
   const { square, patches } = state;
   earlier.push(JSON.stringify({ square, patches }));
@@ -139,11 +139,11 @@ function picked(hit) {
     clicks.push(hit);
     if (clicks.length < 3) return draw();
     const three = clicks.map((click) => click.point);
-    const found = frameOf(three);
-    const inward = found && isInward(found, clicks);
+    const corner = frameOf(three);
+    const inward = corner && isInward(corner, clicks);
     clicks = [];
     draw();
-    if (!found) return say("The three corners are in line: click them again.", true);
+    if (!corner) return say("The three corners are in line. Click them again.", true);
     keep();
     const [origin, first, second] = rounded(three);
     state.square.points_mm = inward ? [origin, second, first] : [origin, first, second];
@@ -197,7 +197,7 @@ function rotate(patch, degrees) {
   const group = together() ? state.patches.filter(isSet) : [patch];
   const [x, y] = ["x_mm", "y_mm"].map(
     (key) => group.reduce((sum, each) => sum + each[key], 0) / group.length);
-  const [cos, sin] = [Math.cos, Math.sin].map((of) => of((degrees * Math.PI) / 180));
+  const [cos, sin] = [Math.cos, Math.sin].map((ratio) => ratio((degrees * Math.PI) / 180));
   for (const each of group) {
     const [dx, dy] = [each.x_mm - x, each.y_mm - y];
     each.x_mm = +(x + dx * cos - dy * sin).toFixed(3);
@@ -321,7 +321,7 @@ function thumbnail(patch, number) {
     src: pictureOf(number),
     alt: `Scan of ${patch.patch}`,
     draggable: false,
-    onerror: () => told(ask(pictureOf(number))), // which says why
+    onerror: () => guarded(ask(pictureOf(number))), // which shows the reason
     onpointerdown: (event) => drag(event, (_dx, _dy, [x, y]) =>
       Object.assign(patch, { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) })),
   });
@@ -378,11 +378,12 @@ function addPlace(x, y) {
 function gradingHint() {
   const graded = state.patches.filter(isGraded);
   const left = state.patches.length - graded.length;
-  const said = `${count(state.patches.length, "place")}, ${left} ungraded and left out; ${state.fewest} are needed.`;
-  if (!state.patches.length) return "Click each place whose wear you can grade, then press 0 (unworn) to 3.";
-  if (graded.length < state.fewest) return said;
-  return new Set(graded.map((patch) => patch.wear_grade)).size > 1 ? `${said} Go on to 2, How.`
-    : `${said} All have one grade: grade places that are worn otherwise, too.`;
+  const counts = `${count(graded.length, "graded position") || "No graded position"}; ${state.fewest} are needed.${
+    left ? ` ${left} without a grade ${left > 1 ? "are" : "is"} left out.` : ""}`;
+  if (!state.patches.length) return "Click each position whose wear you can grade, then press 0 (unworn) to 3.";
+  if (graded.length < state.fewest) return counts;
+  return new Set(graded.map((patch) => patch.wear_grade)).size > 1 ? `${counts} Continue with step 2, How.`
+    : `${counts} All have the same grade. Grade positions with more or less wear, too.`;
 }
 
 function hint() {
@@ -391,38 +392,38 @@ function hint() {
   if (!isPlacing() && chosen("pick") === "corners") return `Click ${first[clicks.length]}.`;
   const isAll = state.patches.every(isSet);
   if (!frame())
-    return `Click the middle of the square.${state.has_scans
-      ? " With an overview map, Find their exact places needs none." : ""}`;
+    return `Turn the stone to the worn area and zoom in. Then click the middle of the square.${
+      state.has_scans ? " If there is an overview map, press Find the exact positions instead." : ""}`;
   if (!isPlacing()) {
     const isOff = (corner) => !viewer.normal(corner, size() / 2);
     if (corners(frame(), size() / 2, size() / 2, size()).some(isOff))
-      return "A corner is off the stone: does the square stick out?";
-    return `The square is laid${isAll && state.patches.length
-      ? ", and all places are on it: a click would move it away from them."
-      : ". Turn it, or click elsewhere."}`;
+      return "A corner of the square is beside the stone. Make the square smaller, or click elsewhere.";
+    return isAll && state.patches.length
+      ? "The square and all positions on it are set. A click would move the square away from them."
+      : "The square is set. Turn it, or click elsewhere to move it.";
   }
-  if (isPressing()) return "Click where the force acted on average.";
+  if (isPressing()) return "Click the point through which the force acted on average.";
   if (!state.has_scans) return gradingHint();
   const left = state.patches.filter((patch) => !isSet(patch)).length;
-  if (left) return `Drag ${left} more to their places.`;
+  if (left) return `Drag ${count(left, "more scan")} to the right position.`;
   const out = state.patches.filter(sticksOut).length;
-  return out ? `${out} stick out of the square: move them, or make it larger.`
-    : "All are placed: go on to 2, How.";
+  return out ? `${count(out, "scan")} beyond the edge of the square: move the scans, or enlarge the square.`
+    : "All scans are placed. Continue with step 2, How.";
 }
 
 function draw() {
   for (const mark of marks) mark.remove();
   marks = [];
-  const [found, placing] = [frame(), isPlacing() && frame() !== null];
-  if (viewer && found) {
-    marks.push(...drawSquare(viewer, found, size()));
+  const [laid, placing] = [frame(), isPlacing() && frame() !== null];
+  if (viewer && laid) {
+    marks.push(...drawSquare(viewer, laid, size()));
     for (const { patch, x_mm: x, y_mm: y, rotation_deg: turn } of placing ? [] : state.patches)
       if (x !== null && y !== null)
-        marks.push(...drawPatch(viewer, found, { name: patch, x, y, turn }, side()));
+        marks.push(...drawPatch(viewer, laid, { name: patch, x, y, turn }, side()));
   }
   if (viewer) for (const { point } of clicks) marks.push(viewer.addLabel(point, "○"));
   $("size").value = size() ?? "";
-  if (found && axes) $("turn").value = turnOf(found, axes);
+  if (laid && axes) $("turn").value = turnOf(laid, axes);
   $("plan").toggleAttribute("hidden", !placing);
   $("of-square").hidden = placing;
   $("of-places").hidden = !placing || isPressing();
@@ -434,15 +435,15 @@ function draw() {
   $("scan-keys").hidden = !state.has_scans;
   $("grade-keys").hidden = state.has_scans;
   $("undo").disabled = !earlier.length && !clicks.length;
-  $("straight").disabled = !found;
+  $("straight").disabled = !laid;
   $("whole").disabled = placing;
-  for (const choice of all("[name=mode]")) choice.disabled = !found && choice.value !== "square";
+  for (const choice of all("[name=mode]")) choice.disabled = !laid && choice.value !== "square";
   $("hint").textContent = hint();
   if (placing) drawPlan();
   drawList();
 }
 
-/** Show what the mode needs; or another mode. */
+/** Show the controls of the mode, or of another one. */
 function setMode(mode) {
   if (mode) all("[name=mode]").find((choice) => choice.value === mode).checked = true;
   if (isPlacing()) straighten();
@@ -474,7 +475,7 @@ async function showStone() {
 
 $("size").onchange = () => {
   const value = Number($("size").value);
-  if (!(value > 0 && value <= 100)) return say("Give a side between 0 and 100 mm.", true);
+  if (!(value > 0 && value <= 100)) return say("The side must be more than 0 and at most 100 mm. Enter another side.", true);
   keep();
   const former = { frame: frame(), side: size() };
   state.square.size_mm = value;
@@ -520,17 +521,17 @@ $("turn-all").onchange = () => {
   $("turn-all").value = 0;
   savePlaces();
 };
-$("exact").onclick = () => told(last.then(async () => {
-  const found = await locked("Comparing heights: this takes up to a minute …", () => ask("find", {}));
-  fits = found.said;
+$("exact").onclick = () => guarded(last.then(async () => {
+  const match = await locked("Comparing heights: this takes up to a minute …", () => ask("find", {}));
+  fits = match.fits;
   keep();
-  state.square = found.square;
-  for (const place of found.places)
+  state.square = match.square;
+  for (const place of match.places)
     Object.assign(state.patches.find(({ patch }) => patch === place.patch), place);
   await savePlaces();
-  if (found.places.length) await answer(found.answers);
-  say(found.all, !found.places.length);
-  if (found.places.length) setMode("places"); // where each says how well it fits
+  if (match.places.length) await answer(match.answers);
+  say(match.all, !match.places.length);
+  if (match.places.length) setMode("places"); // whose list shows how well each fits
 }));
 $("add").onclick = () => addPlace(size() / 2, size() / 2);
 $("plan").onpointerdown = () => { dragged = false; };
@@ -546,12 +547,12 @@ for (const choice of all("[name=pick]")) choice.onchange = () => { clicks = []; 
 
 // --- step 2: each choice is the values that it writes
 
-// how a scan is flipped, the mesh may have told
+// the mesh may have shown how a scan is flipped
 const isAnswer = (values) => Object.entries(values).every(
   ([key, value]) => key === "scans.mould.flip" || state.answers[key] === value);
 const valuesOf = (choice) => JSON.parse(choice.dataset.values);
 const isToDo = (value) => typeof value === "string" && value.startsWith("TODO");
-/** Whether one of these keys of the scans is still to be given: before, they cannot be shown. */
+/** Whether one of these keys of the scans is still missing: without it, they cannot be shown. */
 const lacks = (...keys) => keys.some((key) => isToDo(state.answers[`scans.${key}`]));
 const lacksUnit = () => lacks("unit", "spacing_um", "size_mm");
 $("rock-2").innerHTML = $("rock").innerHTML;
@@ -559,10 +560,10 @@ $("rock-2").innerHTML = $("rock").innerHTML;
 function showAnswers() {
   for (const name of new Set(all("#how [type=radio]").map((choice) => choice.name))) {
     const group = all(`[name=${name}]`);
-    const found = group.find((choice) => choice.dataset.values && isAnswer(valuesOf(choice)));
+    const chosenOne = group.find((choice) => choice.dataset.values && isAnswer(valuesOf(choice)));
     const own = group.find((one) => "own" in one.dataset);
     const isOwn = own && isGiven(own.closest("fieldset").querySelector(".own input").dataset.key);
-    for (const choice of group) choice.checked = choice === (found || (isOwn ? own : null));
+    for (const choice of group) choice.checked = choice === (chosenOne || (isOwn ? own : null));
   }
   for (const input of all("[data-key]")) {
     if (input === document.activeElement) continue; // what is being typed there stays
@@ -589,12 +590,12 @@ function showAnswers() {
   const modulus = state.answers["material.contact_modulus_MPa"];
   $("own-modulus").hidden = modulus === null;
   $("own-modulus").firstElementChild.textContent =
-    `The config gives contact_modulus_MPa, ${modulus} MPa, which is used in place of these.`;
+    `The config contains contact_modulus_MPa, ${modulus} MPa, which replaces these constants.`;
   for (const choice of all("#against input")) choice.disabled = state.own_tool;
-  if (state.own_tool) $("own-tool").textContent = "The config gives its mesh and pose, which are used.";
+  if (state.own_tool) $("own-tool").textContent = "The config contains the mesh and pose of the active tool, which are used.";
 }
 
-/** Which scan a patch has at an epoch, where neither names nor heights say it. */
+/** Which scan a patch has at an epoch, if neither names nor heights show it. */
 function showFiles() {
   $("files").hidden = !state.asked.length;
   const words = { t0: "before use", t1: "after use", repeat: "again, without use" };
@@ -607,7 +608,7 @@ function showFiles() {
       await save("file", { patch, column, name: choice.value });
       await load();
     };
-    return make("label", {}, `${patch} ${words[column]} `, choice, likely && ` likely ${likely}`);
+    return make("label", {}, `${patch} ${words[column]} `, choice, likely && ` suggestion: ${likely}`);
   }));
 }
 
@@ -643,44 +644,44 @@ for (const choice of all("[data-stone]")) {
 }
 document.querySelector("form").onsubmit = (event) => event.preventDefault();
 
-// --- steps 3 and 4: commands, and what they say
+// --- steps 3 and 4: commands and their reports
 
 const SECTIONS = { check: "check", study: "run" };
-const said = {}; // by command, as the server says it
+const reports = {}; // by command, from the server
 const shown = {};
 const handled = new Set(); // numbers of causes, since the check
-const isRunning = (name) => Boolean(said[name]?.running);
+const isRunning = (name) => Boolean(reports[name]?.running);
 const count = (number, word) => (number ? `${number} ${word}${number > 1 ? "s" : ""}` : "");
-const found = (level) => (said.check?.causes || []).filter((cause) => cause.level === level).length;
-const warnings = () => [count(found("accepted"), "accepted fault"), count(found("warning"), "warning")]
+const countCauses = (level) => (reports.check?.causes || []).filter((cause) => cause.level === level).length;
+const warnings = () => [count(countCauses("accepted"), "accepted fault"), count(countCauses("warning"), "warning")]
   .filter(Boolean).join(" · ");
 
 function howItIs(name, { running, code, changed, causes }) {
   if (running) return "Running …";
-  if (changed) return "Something was changed since this was said.";
-  if (causes) return found("error") ? `It cannot run yet: ${count(found("error"), "fault")}.`
-    : `It can run. ${warnings()}`;
+  if (changed) return "Your entries have changed since then. Repeat this step.";
+  if (causes) return countCauses("error") ? `The study cannot run yet: ${count(countCauses("error"), "fault")}.`
+    : `The study can run. ${warnings()}`;
   if (code === null) return ""; // of another server
-  if (code === 0) return "Done: go on to 5, Result.";
+  if (code === 0) return "Done. Continue with step 5, Result.";
   if (code < 0) return "Stopped.";
-  return "It ended before it was done: see below.";
+  return "It ended early. The messages below give the reason.";
 }
 
-function showSaid(name) {
+function showReport(name) {
   const section = $(SECTIONS[name]);
-  const text = JSON.stringify([said[name], state.answers.accept, [...handled]]);
+  const text = JSON.stringify([reports[name], state.answers.accept, [...handled]]);
   lock();
   if (shown[name] === text) return;
   shown[name] = text;
-  section.querySelector("[role=status]").textContent = howItIs(name, said[name]);
-  const box = section.querySelector(".said");
-  box.replaceChildren(...said[name].records.map(
+  section.querySelector("[role=status]").textContent = howItIs(name, reports[name]);
+  const box = section.querySelector(".messages");
+  box.replaceChildren(...reports[name].records.map(
     ({ level, text: line }) => make("p", { className: level }, line)));
-  if (name === "study") showProgress(said.study, box);
-  else showCauses(said.check);
+  if (name === "study") showProgress(reports.study, box);
+  else showCauses(reports.check);
 }
 
-// --- step 3: each cause once, with what can be done about it
+// --- step 3: each cause once, with its remedies
 
 const MARKS = { error: "✖ ", accepted: "✔ ", warning: "▲ ", note: "" };
 
@@ -695,9 +696,9 @@ function showCauses({ causes, summary, running }) {
   lock();
 }
 
-const does = (text, work) => make("button", { type: "button", onclick: () => told((async () => work())()) }, text);
+const does = (text, work) => make("button", { type: "button", onclick: () => guarded((async () => work())()) }, text);
 
-/** Do away with a cause, whose line then says so. */
+/** Remove a cause, whose line then shows it. */
 async function handle(number, route, sent) {
   handled.add(number);
   await locked("Saving …", () => save(route, sent).then(load));
@@ -705,7 +706,7 @@ async function handle(number, route, sent) {
 
 function lineOf(cause, number) {
   const { level, text, more, accept, cure } = cause;
-  if (handled.has(number)) return make("li", {}, make("span", {}, `✓ Done, check it again: ${text}`));
+  if (handled.has(number)) return make("li", {}, make("span", {}, `✓ Done. Check again to confirm it: ${text}`));
   const [, line, meaning] = text.match(/^(.*?)(?: \[(.*)\]\.?)?$/s);
   const further = meaning ? [meaning, ...more] : [...more];
   if (cure) further.push(`${cure.button} writes ${JSON.stringify({ ...cure.values, ...cure.cells })}.`);
@@ -716,7 +717,7 @@ function lineOf(cause, number) {
       { accept: [...new Set([...(state.answers.accept || []), ...accept])] })) : "",
     patches.length ? does("Show", () => point(patches)) : step ? does("Show", () => go(step)) : "",
     further.length ? make("details", {},
-      make("summary", {}, more.length ? `${more.length} more` : cure ? "What the button writes" : "What it means"),
+      make("summary", {}, more.length ? `${more.length} more` : cure ? "Values that the button writes" : "Explanation"),
       ...further.map((each) => make("p", {}, each))) : "");
 }
 
@@ -747,24 +748,26 @@ function showPicture() {
   $("check-picture").src = $("check-link").href = place;
 }
 
-/** How far it is, and how long it still takes, as it says itself. */
+/** The steps done of all, and the time since the start, from the messages of the study. */
 function showProgress({ running }, box) {
-  const last = [...box.textContent.matchAll(/(\d+) of (\d+) steps done.*/g)].at(-1);
-  $("progress").hidden = !last;
-  if (!last) return;
-  const [text, done, whole] = last;
+  const text = box.innerText;
+  const [, done, whole] = [...text.matchAll(/(\d+) of (\d+) steps done/g)].at(-1) || [];
+  const [, passed] = [...text.matchAll(/^(\d+:\d\d:\d\d) /gm)].at(-1) || [];
+  $("progress").hidden = !done;
+  if (!done) return;
   $("progress").value = done / whole;
-  if (running) $("run").querySelector("[role=status]").textContent = `${text}.`;
+  if (running) $("run").querySelector("[role=status]").textContent =
+    `${done} of ${whole} steps done ${passed} after the start.`;
   box.scrollTop = box.scrollHeight;
 }
 
 const timers = {};
 async function follow(name) {
   const wasRunning = isRunning(name);
-  said[name] = await ask(`said/${name}`);
-  showSaid(name);
+  reports[name] = await ask(`report/${name}`);
+  showReport(name);
   clearTimeout(timers[name]);
-  if (isRunning(name)) timers[name] = setTimeout(() => told(follow(name)), 1000);
+  if (isRunning(name)) timers[name] = setTimeout(() => guarded(follow(name)), 1000);
   else if (wasRunning) {
     if (name === "study") $("answer").removeAttribute("src");
     await showResult();
@@ -774,7 +777,7 @@ async function follow(name) {
 
 for (const button of all("[data-start]")) {
   const name = button.dataset.start;
-  button.onclick = () => told(locked("Starting …", async () => {
+  button.onclick = () => guarded(locked("Starting …", async () => {
     await last;
     handled.clear();
     await ask(`start/${name}`, {});
@@ -782,7 +785,7 @@ for (const button of all("[data-start]")) {
   }));
 }
 for (const button of all("[data-stop]"))
-  button.onclick = () => told(ask(`stop/${button.dataset.stop}`, {}));
+  button.onclick = () => guarded(ask(`stop/${button.dataset.stop}`, {}));
 
 // --- step 5
 
@@ -790,12 +793,12 @@ let result = {};
 async function showResult() {
   result = await ask("result");
   const { page, problem } = result;
-  $("found").hidden = page === null;
+  $("own-page").hidden = page === null;
   if (page) $("open").href = page;
   $("answer").hidden = page === null;
   // read when it is first looked at, and again after each run
   if (page && now === "result" && !$("answer").src) $("answer").src = page;
-  $("no-result").textContent = problem ? `${page ? "Run it again: " : ""}${problem}.` : "";
+  $("no-result").textContent = problem ? `${page ? "Run the study again: " : ""}${problem}.` : "";
 }
 
 // --- the steps, how far each is, and the next one
@@ -820,8 +823,8 @@ function howFar() {
   const isEnough = has_scans ? placed === patches.length : !patches.length || (placed >= state.fewest
     && new Set(patches.filter(isGraded).map((patch) => patch.wear_grade)).size > 1);
   const answered = how.filter(Boolean).length;
-  const causes = !isRunning("check") && !said.check?.changed && said.check?.causes;
-  const faults = causes ? found("error") : 0;
+  const causes = !isRunning("check") && !reports.check?.changed && reports.check?.causes;
+  const faults = causes ? countCauses("error") : 0;
   const { page, problem } = result;
   const isWhole = Boolean(page && !problem);
   return {
@@ -830,7 +833,7 @@ function howFar() {
     how: { done: answered === how.length, text: `${answered} of ${how.length}` },
     check: { done: Boolean(causes) && !faults, wrong: faults,
       text: isRunning("check") ? "…" : faults ? count(faults, "fault") : causes ? warnings() : "" },
-    run: { done: isWhole && !isRunning("study"), wrong: !isWhole && !isRunning("study") && said.study?.code > 0,
+    run: { done: isWhole && !isRunning("study"), wrong: !isWhole && !isRunning("study") && reports.study?.code > 0,
       text: isRunning("study") ? `${Math.round(100 * $("progress").value)} %` : "" },
     result: { done: isWhole, text: page && problem ? "outdated" : "" },
   };
@@ -846,7 +849,7 @@ function showSteps() {
     link.querySelector(".state").textContent = wrong ? "✖" : done ? "✓" : step === next ? "●" : "○";
     link.querySelector("small").textContent = text;
     link.className = wrong ? "wrong" : done ? "done" : "";
-    link.title = wrong ? "Something is wrong here" : done ? "Done" : "To do";
+    link.title = wrong ? "This step has a fault" : done ? "Done" : "To do";
   }
   const behind = STEPS[STEPS.indexOf(now) + 1];
   $("next").hidden = !behind;
@@ -868,26 +871,26 @@ function show() {
     else link.removeAttribute("aria-current");
   }
   if (step === "how") document.querySelector("form").append($("mould"), $("scan-unit"));
-  if (step === "check") told(follow("check"));
-  if (step === "run") told(follow("study"));
-  if (step === "result") told(showResult());
+  if (step === "check") guarded(follow("check"));
+  if (step === "run") guarded(follow("study"));
+  if (step === "result") guarded(showResult());
   showSteps();
 }
 
 async function load() {
-  let before, found;
+  let before, fresh;
   do { // until nothing was answered meanwhile, which would be shown as it was before
     before = last;
     await before;
-    found = await ask("state");
+    fresh = await ask("state");
   } while (before !== last);
   if (isStale) return; // what is shown is the user's unsaved work
-  // undo would take back what this page did not do
-  if (state && state.digest !== found.digest) earlier.length = 0;
-  state = found;
+  // undo would revert changes of another page
+  if (state && state.digest !== fresh.digest) earlier.length = 0;
+  state = fresh;
   $("title").textContent = document.title = state.title;
-  $("things").textContent = state.has_scans ? "Place the scans" : "Grade places";
-  $("legend").textContent = state.has_scans ? "Scans" : "Places, and how worn they are";
+  $("things").textContent = state.has_scans ? "Place the scans" : "Grade positions";
+  $("legend").textContent = state.has_scans ? "Scans" : "Positions and their grades";
   showAnswers();
   showFiles();
   draw();
@@ -900,7 +903,7 @@ async function load() {
   draw();
 }
 
-$("end").onclick = () => told(last.then(() => ask("end", {})).then(() =>
+$("end").onclick = () => guarded(last.then(() => ask("end", {})).then(() =>
   say("gst place has ended, and everything is saved. You may close this page.")));
 addEventListener("hashchange", () => { say(""); show(); });
-told(load());
+guarded(load());

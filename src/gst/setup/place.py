@@ -65,7 +65,7 @@ _FILES = dict.fromkeys(
 )
 _FILES |= dict.fromkeys(("page.css", "viewer.js"), "gst.page")
 _JSON = "application/json"
-# Bytes of what a page sends: ten thousand patches.
+# Most bytes that a page sends: ten thousand patches.
 _MOST_SENT = 2_000_000
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -87,8 +87,8 @@ _CHANGES = {"answers", "cure", "file", "places"}
 _DIGEST = "Study-Digest"
 _COMMANDS = {"check": ("gst.setup.place_check",), "study": ("gst", "study")}
 _BUSY = {
-    "check": "The check runs: wait for its end, or stop it.",
-    "study": "The study runs, and its files stay as they are: wait for its end, or stop it.",
+    "check": "A check is running. Wait until it ends, or stop it.",
+    "study": "The study is running and reads its files. Wait until it ends, or stop it.",
 }
 # A line that begins what `gst` reports, with the lines behind it that are indented.
 _REPORT = re.compile(r"^(ERROR|WARNING|NOTE): ")
@@ -105,7 +105,7 @@ class _RefusedError(Exception):
 class _Command:
     """A command of `gst` in a process of its own, which outlives the page and the server.
 
-    What it says is in a file, its number in another, so that a later server finds both.
+    Its messages are in a file, its number in another, so that a later server finds both.
     """
 
     def __init__(self, name: str, config: Path):
@@ -142,10 +142,10 @@ class _Command:
             process.terminate()
 
     def report(self) -> dict[str, Any]:
-        """What it said so far, by level, and how it is.
+        """Its messages so far, by level, and its state.
 
-        That is whether it is ``running``, its exit ``code`` if it is known, and whether the config
-        was ``changed`` since it said so. A check that has ended says its ``causes``.
+        The state is whether it is ``running``, its exit ``code`` if there is one, and whether the
+        config was ``changed`` since then. A check that has ended reports its ``causes``.
         """
         is_running = self.is_running()
         text, changed = "", False
@@ -176,7 +176,7 @@ class _Command:
 
 
 def _causes(text: str) -> dict[str, Any] | None:
-    """What `gst.setup.place_check` printed; None while it has not, or if it broke off."""
+    """The output of `gst.setup.place_check`; None until it ends, or if it was interrupted."""
     try:
         check = json.loads(text)
     except ValueError:
@@ -185,7 +185,7 @@ def _causes(text: str) -> dict[str, Any] | None:
 
 
 def _records(text: str) -> list[dict[str, str]]:
-    """What was said, in pieces of one level: error, warning, note or text."""
+    """Messages in pieces of one level: error, warning, note or text."""
     records: list[dict[str, str]] = []
     for line in text.splitlines():
         match = _REPORT.match(line)
@@ -314,13 +314,13 @@ class PlaceServer(ThreadingHTTPServer):
         if digest != digest_of(self.config):
             why = (
                 f"Another tab or program has changed {self.config} or its patch table, so nothing "
-                "was saved: note what you entered here, then reload the page."
+                "was saved. Note your entries, then reload the page."
             )
             raise _RefusedError(HTTPStatus.CONFLICT, why)
         check_files(self.config)
 
     def check_idle(self, but: str = "") -> None:
-        """Refuse what a command that runs would not expect; `but` is itself a command."""
+        """Refuse a change during a command, except the command `but` itself."""
         for name, command in self.commands.items():
             if name != but and command.is_running():
                 raise _RefusedError(HTTPStatus.LOCKED, _BUSY[name])
@@ -333,12 +333,12 @@ class PlaceServer(ThreadingHTTPServer):
         command.start()
 
     def cure(self, number: int) -> dict[str, str | None]:
-        """Write what cures a cause of the check into the files that were checked."""
+        """Write the cure of a cause of the check into the files that were checked."""
         report = self.commands["check"].report()
         causes = report.get("causes", [])
         is_other = report["changed"] and digest_of(self.config) not in self.mended
         if is_other or not 0 <= number < len(causes) or "cure" not in causes[number]:
-            why = "The study is not as it was checked: check it again first."
+            why = "The study has changed since the check. Check it again first."
             raise _RefusedError(HTTPStatus.UNPROCESSABLE_ENTITY, why)
         return self.noted(save_cure(self.config, **causes[number]["cure"]))
 
@@ -352,11 +352,11 @@ class PlaceServer(ThreadingHTTPServer):
         return saved
 
     def result(self) -> dict[str, Any]:
-        """Where the page of the result is, if it is there, and what is wrong with it."""
+        """The address of the result's page, or None, and why it is missing or outdated."""
         config = read_unfinished(self.config)
         folder = Path(config["results"])
         if not (folder / "index.html").is_file():
-            return {"page": None, "problem": "the study has not been run to its end"}
+            return {"page": None, "problem": "the study has not finished yet"}
         broken = break_in(folder, config)
         return {"page": "results/index.html", "problem": broken}
 
@@ -365,7 +365,9 @@ class PlaceServer(ThreadingHTTPServer):
         folder = Path(os.path.realpath(read_unfinished(self.config)["results"]))
         file = Path(os.path.realpath(folder / (name or "index.html")))
         if not (file.is_relative_to(folder) and folder.is_relative_to(Path.cwd())):
-            raise _RefusedError(HTTPStatus.FORBIDDEN, "outside the study's results")
+            raise _RefusedError(
+                HTTPStatus.FORBIDDEN, "the file is outside the study's results"
+            )
         if not (file.is_dir() if name.endswith("/") else file.is_file()):
             raise _RefusedError(HTTPStatus.NOT_FOUND, "no such file")
         return file
@@ -377,15 +379,15 @@ _SENT = {
     "file": SENT_FILE,
     "places": SENT_PLACES,
 }
-# What is asked for by the first part of a path, and how it is answered: the server, and what was
-# sent or else the rest of the path. Bytes are a picture, a path is a file, all else is JSON.
+# The answer to a request, by the first part of its path. It takes the server and the data that were
+# sent, or else the rest of the path. Bytes are a picture, a path is a file, all else is JSON.
 _Answers = dict[str, Callable[["PlaceServer", Any], Any]]
 _GET: _Answers = {
     "state": lambda server, _: state_of(server.config),
     "stone": lambda server, _: stone_of(server.config),
     "stage": lambda server, _: {"all": has_stage(server.config)},
     "scan": lambda server, rest: picture_of(server.config, _number(rest)),
-    "said": lambda server, rest: _command(server, rest).report(),
+    "report": lambda server, rest: _command(server, rest).report(),
     "result": lambda server, _: server.result(),
     "results": lambda server, rest: server.result_file(rest),
 }
@@ -406,7 +408,7 @@ _POST: _Answers = {
 
 
 def _listing(folder: Path) -> str:
-    """A page with links to what is in a folder of the results."""
+    """A page with links to the contents of a folder of the results."""
     names = sorted(
         f"{each.name}{'/' * each.is_dir()}"
         for each in folder.iterdir()
@@ -436,7 +438,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 60
 
     def log_message(self, *_: Any) -> None:
-        """Say nothing: the token is in every address."""
+        """Log nothing, because the token is in every address."""
 
     def _answer(self) -> None:
         try:
@@ -469,22 +471,26 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_error(str(error), HTTPStatus.UNPROCESSABLE_ENTITY)
         except Exception:  # a bug, or a config that no check has seen yet
             traceback.print_exc()
-            why = "unexpected error: the terminal has more"
+            why = "Unexpected error. The terminal shows the details. Reload the page to continue."
             self._send_error(why, HTTPStatus.INTERNAL_SERVER_ERROR)
 
     do_GET = do_POST = _answer
 
     def _asked_for(self) -> str:
-        """The path behind the token; what comes from elsewhere is refused."""
+        """The path behind the token. Requests from elsewhere are refused."""
         origin = self.headers.get("Origin", f"http://{self.server.host}")
         if self.headers.get("Host") != self.server.host:
-            raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for under a foreign name")
+            raise _RefusedError(
+                HTTPStatus.FORBIDDEN, "request refused: wrong host name"
+            )
         if origin != f"http://{self.server.host}":
-            raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for by a foreign page")
+            raise _RefusedError(
+                HTTPStatus.FORBIDDEN, "request refused: it comes from another page"
+            )
         path = self.path.partition("?")[0].removeprefix("/")
         token, _, rest = path.partition("/")
         if not secrets.compare_digest(token.encode(), self.server.token.encode()):
-            raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for without the token")
+            raise _RefusedError(HTTPStatus.FORBIDDEN, "request refused: wrong address")
         name = unquote(rest)
         if not name.isprintable():  # such as a NUL, which no path can have
             raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
@@ -561,12 +567,13 @@ def serve(config: Path, *, browser: bool) -> None:
             signal.signal(number, signal.default_int_handler)  # as Ctrl-C does
     with PlaceServer(config) as server:
         print(
-            f"{server.url}\nThis page is on this machine alone. Ctrl-C ends it.",
+            f"{server.url}\nOnly this machine can open the page. Ctrl-C ends gst place.",
             flush=True,
         )
         if browser:
             print(
-                "If the browser does not show it, open this address there.", flush=True
+                "If the browser does not show the page, open this address in it.",
+                flush=True,
             )
             server.open_browser()
         try:
@@ -574,4 +581,4 @@ def serve(config: Path, *, browser: bool) -> None:
         except KeyboardInterrupt:
             print()
         if server.commands["study"].report()["running"]:
-            print("The study still runs; open the page again to see it, or to stop it.")
+            print("The study is still running. Open the page again to see or stop it.")

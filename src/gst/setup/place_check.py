@@ -1,9 +1,9 @@
-"""A check of a study for the page of `gst place`: every cause once, with what can be done about it.
+"""A check of a study for the page of `gst place`: every cause once, with its remedies.
 
 `python -m gst.setup.place_check CONFIG` prints it as one line of JSON, and ends with 0 also if
 there are faults. A cause is a fault, a warning or a note. It has in ``more`` the same message about
 other patches or files, in ``accept`` under which names the config accepts it, and in
-``cure`` what takes it away: ``values`` of the config and ``cells`` of each patch.
+``cure`` the changes that remove it: ``values`` of the config and ``cells`` of each patch.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ _LEVELS = {logging.ERROR: "accepted", logging.WARNING: "warning", NOTE: "note"}
 
 
 class _Causes(logging.Handler):
-    """What is wrong or odd, in the order in which it was found."""
+    """Faults and oddities, in the order of the check."""
 
     def __init__(self) -> None:
         super().__init__(NOTE)
@@ -78,7 +78,7 @@ class _Causes(logging.Handler):
 
 
 def _cells_of(cure: Cure, table: str | None) -> dict[str, dict[str, object]]:
-    """What a cure changes in each row of the patch table, by patch."""
+    """The changes of a cure in each row of the patch table, by patch."""
     changed: dict[str, dict[str, object]] = {}
     if cure.cells is None or table is None:
         return changed
@@ -102,7 +102,7 @@ def _each(errors: Iterable[GstError]) -> Iterator[GstError]:
 
 
 def causes_of(path: Path) -> dict[str, Any]:
-    """The causes of a study, the digest of the files that were checked, and what a run would do."""
+    """The causes of a study, the digest of the checked files, and a summary of the run."""
     handler, digest = _Causes(), digest_of(path)
     cures: list[Cure] = []
     root = logging.getLogger()

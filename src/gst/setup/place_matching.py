@@ -1,4 +1,4 @@
-"""Positions without clicking: where scans lie on a stone, by an overview map or by the stage.
+"""Positions of scans on a stone without clicking, from an overview map or from the stage.
 
 The overview is found on the mesh and the scans on the overview, by their heights; without one, the
 stage ties the scans together, and they are found on the mesh as one map.
@@ -33,14 +33,14 @@ __all__ = [
     "snapped",
 ]
 
-# The stage's zero is anywhere, and no file says which way its axes run.
+# The stage's zero is anywhere, and files do not contain the direction of its axes.
 _DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 # How far around a square (mm) the mesh is looked at for scans that may stick out of it.
 _AROUND = 1.5
 
 
 class Matches(NamedTuple):
-    """What was matched."""
+    """Scans that were matched, found or not."""
 
     frame: Frame | None  # in which places are; None if nothing was found on the stone
     # Of the overview, or of all scans together; None if they cannot be matched.
@@ -137,7 +137,7 @@ def snapped(
     scans: Mapping[str, xr.DataArray],
     places: Mapping[str, PatchPosition],
 ) -> dict[str, Match]:
-    """Where scans lie whose places on a square of a stone are known to half a millimetre.
+    """Positions of scans that are within 0.75 mm of their places on a square of a stone.
 
     Raises a `ValueError` if the mesh is too coarse.
     """
@@ -156,7 +156,7 @@ def snapped(
 
 
 def seen_in(frame: Frame, matches: Matches) -> dict[str, PatchPosition]:
-    """Where the scans that are found lie on another square."""
+    """Positions of the scans that are found, on another square."""
     assert matches.frame is not None
     x_axis, y_axis, _ = matches.frame.axes
     along = frame.axes[:2] @ x_axis
@@ -191,5 +191,5 @@ def described(match: Match) -> str:
         )
         more = f", and as well at {others}" * bool(others)
         at = f"x {match.place.x_mm:.2f}, y {match.place.y_mm:.2f} mm"
-        return f"not certain (fits at {at}, {error}{more}); an overview map would tell"
+        return f"not certain (fits at {at}, {error}{more}); add an overview map"
     return f"not found ({fit})"

@@ -1,4 +1,4 @@
-"""The scans on the page of `gst place`: their pictures, and where they lie on the stone."""
+"""The scans on the page of `gst place`: their pictures and their positions on the stone."""
 
 import contextlib
 import functools
@@ -45,12 +45,12 @@ _MOSTLY_HOLES = 0.9
 
 
 def find_places(path: Path) -> dict[str, Any]:
-    """Where the scans lie on the stone by their heights, to be shown; nothing is written.
+    """Positions of the scans on the stone by their heights, to be shown; nothing is written.
 
     On an overview map in the scans' folder, or tied together by the stage; otherwise near the
     places that the table has. The result has the ``square`` and the ``places`` that were found
-    (``patch, x_mm, y_mm, rotation_deg``); a sentence on each patch (``said``) and on ``all``; and
-    the ``answers`` that follow from how the scans are laid.
+    (``patch, x_mm, y_mm, rotation_deg``); a sentence on each patch (``fits``) and on ``all``; and
+    the ``answers`` that follow from the orientation of the scans.
     """
     config = read_unfinished(path)
     rows, _ = rows_of(config)
@@ -76,7 +76,9 @@ def find_places(path: Path) -> dict[str, Any]:
         hand = rows.dropna(subset=["x_mm", "y_mm"])
         if laid is None or hand.empty:
             raise ConfigError(
-                path, _nothing_found(by_heights), "Lay the square, and the scans on it."
+                path,
+                _nothing_found(by_heights),
+                "Place the square, and drag the scans to it.",
             )
         frame = frame_from_points(laid)
         try:
@@ -92,7 +94,7 @@ def find_places(path: Path) -> dict[str, Any]:
         "places": [
             {"patch": patch} | _shown(place, turn) for patch, place in places.items()
         ],
-        "said": {patch: described(match) for patch, match in matches.items()},
+        "fits": {patch: described(match) for patch, match in matches.items()},
         "all": problem or _how_many(len(places), len(rows), matches),
         "answers": answers,
     }
@@ -104,30 +106,30 @@ def _shown(place: PatchPosition, turn: float) -> dict[str, float]:
 
 
 def _how_many(places: int, scans: int, matches: Mapping[str, Match]) -> str:
-    """How many scans are found, which are not certain, and what to do next."""
+    """The number of scans found, the uncertain ones, and the remedy."""
     uncertain = ", ".join(
         patch for patch, match in matches.items() if match.is_uncertain
     )
     doubt = (
-        f" {uncertain}: not certain, and not moved. Lay each nearer to its place by eye, or add an "
-        "overview map."
+        f" The positions of {uncertain} are not certain, and these scans were not moved. Drag them "
+        "nearer to their positions, or add an overview map."
     ) * bool(uncertain)
     if not places and uncertain:
-        return f"No scan is found.{doubt}"
+        return f"No scan was found.{doubt}"
     if not places:
         return (
-            "No scan is found, and all stay where they were: does each lie within half a "
-            "millimetre of its place, and turned as on the stone, within 10°?"
+            "No scan was found, and none was moved. Drag each to within 0.75 mm and 12° of its "
+            "position on the stone, then try again."
         )
-    rest = "" if places == scans else " The others stay where they were."
-    return f"{places} of {scans} are found; each says how well it fits.{rest}{doubt}"
+    rest = "" if places == scans else " The others were not moved."
+    return f"{places} of {scans} scans were found. The list shows how well each fits.{rest}{doubt}"
 
 
 def _nothing_found(matches: Matches) -> str:
-    """Why no scan is found without places by hand."""
+    """Why no scan was found without positions by hand."""
     if matches.on_stone is None:
-        return "has neither an overview map nor the stage's places, nor places by hand"
-    return f"has scans that are not found on the stone: {described(matches.on_stone)}"
+        return "has neither an overview map nor positions from the stage or by hand"
+    return f"has scans that were not found on the stone: {described(matches.on_stone)}"
 
 
 def _of_matches(
@@ -186,7 +188,7 @@ def _side_of(scan: xr.DataArray) -> float:
 
 
 class _Scan(NamedTuple):
-    """What the page needs of a scan."""
+    """A scan as the page needs it."""
 
     picture: bytes  # PNG, y up
     stage_mm: tuple[float, float] | None
@@ -215,20 +217,24 @@ def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
     rows, _ = rows_of(config)
     scan_folder = (config["inputs"] or {}).get("scan_folder")
     if scan_folder is None:
-        raise ConfigError(path, "names no scans", "Give inputs.scan_folder.")
+        raise ConfigError(
+            path, "does not name a folder of scans", "Give inputs.scan_folder."
+        )
     folder, settings = Path(scan_folder).resolve(), config["scans"]
     grid = settings["size_mm"], settings["unit"], settings["spacing_um"]
     scans = []
     for number in numbers:
         if number not in rows.index or not rows.t0[number]:
-            raise InputError(path, f"there is no scan {number}", "Load the page again.")
+            raise InputError(path, f"does not have a scan {number}", "Reload the page.")
         file = (folder / rows.t0[number]).resolve()
         if not file.is_relative_to(folder):
             raise InputError(file, f"lies outside {folder}", "Correct the patch table.")
         row = rows.loc[number]
         mould = mould_of(settings["mould"], row.flip)
         if left := [value for value in (*grid, mould["invert"]) if is_to_do(value)]:
-            raise ConfigError(path, f"has {left} in scans", "Give it first.")
+            raise ConfigError(
+                path, f"still has {left} in scans", "Answer the open questions."
+            )
         mirrored = bool(mould["invert"]), mould["flip"]
         with accepting(config["accept"]), concerning([row.patch]):
             scans.append(_scan(file, grid, mirrored, crop_of(row), version_of(file)))

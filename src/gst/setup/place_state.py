@@ -1,4 +1,4 @@
-"""What the page of `gst place` shows and saves: its whole state is the config and the patch table.
+"""State of the page of `gst place`: it is in the config and the patch table alone.
 
 Both are read anew for every answer, and only the values that the page asks for are written. A copy
 of the table is kept beside it before rows or filled cells are removed.
@@ -54,8 +54,7 @@ __all__ += [
     "version_of",
 ]
 
-# What the page may write into the config; `inputs.mesh`, for one, is not among it, for the page
-# shows files.
+# Keys that the page may write. `inputs.mesh`, for one, is missing, because the page shows files.
 _ANSWERS = (
     "accept",
     "counterface.radius_mm",
@@ -82,7 +81,7 @@ _RENAMED = {"place": "patch"}
 _TABLE = "patches.csv"
 # Decimals of a place (mm) and of a turn (degrees).
 DECIMALS = 3
-# What the page sends, as JSON.
+# Schemas of the JSON that the page sends.
 SENT_ANSWERS: dict[str, Any] = {
     "type": "object",
     "propertyNames": {"enum": [*_ANSWERS]},
@@ -131,7 +130,7 @@ def check_files(path: Path) -> None:
     for file in _files_of(path):
         if file.is_symlink() or not file.resolve().is_relative_to(Path.cwd()):
             problem = (
-                "is a link, or lies outside the folder of the study, and is not changed"
+                "is a link or outside the folder of the study, so it is not changed"
             )
             raise InputError(file, problem, "Put the file itself into the folder.")
 
@@ -145,7 +144,7 @@ def _files_of(path: Path) -> list[Path]:
 
 
 def state_of(path: Path) -> dict[str, Any]:
-    """All that the page shows, ready for JSON; a value that is still to be given is null.
+    """The content of the page, ready for JSON. A missing value is null.
 
     Raises a `ConfigError` if the config or its table cannot be read.
     """
@@ -216,7 +215,7 @@ def rows_of(config: Mapping) -> tuple[pd.DataFrame, bool]:
     )
     rows = table.rows.reset_index(drop=True)
     if config["inputs"] is not None and has_scans:
-        # what no file fits, the check says
+        # names without a file are reported by the check
         list(find_scans(rows, table.columns, config["inputs"]["scan_folder"]))
     return rows, has_scans
 
@@ -246,10 +245,8 @@ def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str |
         (row["patch"], row["column"]) for row in state["asked"]
     ]
     if not is_asked or name not in ["", *state["files"]]:
-        problem = (
-            f"{column} of patch {patch} is not asked for, or there is no scan {name}"
-        )
-        raise ConfigError(config["patches"], problem, "Load the page again.")
+        problem = f"does not need {column} of patch {patch}, or there is no scan {name}"
+        raise ConfigError(config["patches"], problem, "Reload the page.")
     cells = {column: cell_of(name)}
     kept = _write_cells(
         Path(config["patches"]), lambda row: cells if row["patch"] == patch else {}
@@ -260,7 +257,7 @@ def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str |
 def save_cure(
     path: Path, values: Mapping[str, Any], cells: Mapping[str, Any], **_: Any
 ) -> dict[str, str | None]:
-    """Write what cures a fault: values of the config by key, cells of the table by patch.
+    """Write the cure of a fault: values of the config by key, cells of the table by patch.
 
     The files are kept as they were beside them.
     """
@@ -279,16 +276,16 @@ def save_places(
 ) -> dict[str, str | None]:
     """Write the square and the patches' places, or the places of a tool without scans.
 
-    They fit `SENT_PLACES`; null is still to be given. Raises a `ConfigError` if a value cannot be
-    meant, or the table has become another.
+    They fit `SENT_PLACES`; null is still to be given. Raises a `ConfigError` if a value is
+    impossible, or the table has other patches.
     """
     config = read_unfinished(path)
     former, has_scans = rows_of(config)
     names = [row["patch"] for row in rows]
     is_known = sorted(names) == sorted(former.patch)
     if not is_known and (has_scans or len({*names}) < len(names)):
-        problem = f"the page has the patches {names}, the table {[*former.patch]}"
-        raise ConfigError(config["patches"], problem, "Load the page again.")
+        problem = f"contains the patches {[*former.patch]}, but the page shows {names}"
+        raise ConfigError(config["patches"], problem, "Reload the page.")
     is_turned = bool(
         former.rotation_deg.any() or any(row["rotation_deg"] for row in rows)
     )
@@ -344,7 +341,7 @@ def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> str |
     """
     file = Path(former or _TABLE)
     if former is None and rows and os.path.lexists(file):
-        raise InputError(file, "exists, and the config does not name it", "Rename it.")
+        raise InputError(file, "exists, but the config does not name it", "Rename it.")
     if former is None and rows:
         lines = [";".join(rows[0]), *(";".join(row.values()) for row in rows)]
         write_whole(file, "".join(f"{line}\n" for line in lines).encode())
@@ -436,7 +433,7 @@ def mesh_of(path: Path) -> "trimesh.Trimesh":
         )
     if is_to_do(inputs["mesh_unit"]):
         raise ConfigError(
-            path, "does not say the unit of the mesh", "Give it on this page."
+            path, "does not state the unit of the mesh", "Give it on this page."
         )
     mesh = Path(inputs["mesh"])
     return _read_once(mesh, inputs["mesh_unit"], version_of(mesh))
@@ -448,5 +445,5 @@ def _read_once(mesh: Path, unit: str | None, _version: object) -> "trimesh.Trime
 
 
 def version_of(path: Path) -> object:
-    """What changes with a file; None while there is none."""
+    """A mark that changes with the file; None if there is no file."""
     return (path.stat().st_mtime_ns, path.stat().st_size) if path.is_file() else None

@@ -1,4 +1,4 @@
-"""Scans as a laboratory keeps them: which show one place before and after use, and what says so.
+"""Scans as a laboratory keeps them, paired by place before and after use, with the evidence.
 
 Names decide (`gst.setup.file_names`), and heights confirm. Where the two disagree, or names have
 two readings, a cell of the patch table begins with `TODO` and the likely value follows.
@@ -42,7 +42,7 @@ __all__ = [
 
 # Points along a scan that is compared with others, and points that make a loss.
 _COARSE, _SPOT = 128, 2
-# Fields (mm) that a scan of a patch or an overview can have: they tell the unit of text.
+# Fields (mm) that a scan of a patch or an overview can have: they determine the unit of text.
 _FIELDS = 0.05, 30.0
 # Scans with which one that does not fit its own is compared: each takes a tenth of a second or two.
 _MOST_OTHERS = 40
@@ -59,16 +59,16 @@ OVERVIEW = 1.8
 
 @dataclass(frozen=True)
 class Scan:
-    """What a file says."""
+    """The content of a file."""
 
     path: Path
     name: str  # its path in the folder of all scans, with ``/``
-    # Its unit if the file does not state it, or `TODO` if nothing tells it; None if it does.
+    # Its unit if the file does not state it, or `TODO` if it cannot be inferred; None if it does.
     unit: str | None
     size_mm: tuple[float, float]  # (y, x)
     spacing_mm: tuple[float, float]  # (y, x)
     stage_mm: tuple[float, float] | None  # (x, y)
-    acquired: str  # when, if the file says so
+    acquired: str  # the time, if the file states it
     coarse: xr.DataArray  # its heights (y, x) on fewer points
 
     def prepared(self, times: int = 1) -> xr.Dataset:
@@ -79,7 +79,7 @@ class Scan:
 def scans_in(paths: Iterable[Path]) -> tuple[Path, list[Path], list[Path]]:
     """The folder of all scans, those in it, and other files there.
 
-    Files that are named are scans, whatever their ending; in folders, it tells. Raises an
+    Files that are named are scans, whatever their ending; in folders, the ending decides. Raises an
     `InputError` if there is no such file or folder, or no scan in it.
     """
     scans: set[Path] = set()
@@ -96,13 +96,13 @@ def scans_in(paths: Iterable[Path]) -> tuple[Path, list[Path], list[Path]]:
     root = Path(os.path.commonpath(sorted(roots)))
     if not scans:
         raise InputError(
-            root, "holds no scan", "Name the folder of the scans as --scans."
+            root, "contains no scan", "Name the folder of the scans as --scans."
         )
     return root, sorted(scans), sorted(others - scans)
 
 
 def read_scans(root: Path, paths: Sequence[Path]) -> tuple[list[Scan], list[str]]:
-    """What scans say, and why others cannot be read."""
+    """The scans that can be read, and why others cannot."""
     scans, faults = [], []
     for path in paths:
         try:
@@ -168,13 +168,13 @@ class Pairs(NamedTuple):
     """The rows of a patch table, and how sure they are."""
 
     rows: list[Row]  # a cell that is doubtful begins with `TODO`
-    evidence: list[str]  # for each row, what says that its scans show one place
+    evidence: list[str]  # for each row, why its scans show one place
     earlier: str  # which scans are the earlier, and why; empty if there is one epoch
-    questions: list[str]  # what is not told, in sentences
+    questions: list[str]  # missing values, in sentences
     # Whether moulds were scanned: False if heights fell with use, as on the stone itself, or a
     # text that begins with `TODO`.
     invert: bool | str
-    mould: str  # what tells it, or that nothing does
+    mould: str  # the evidence for it, or that there is none
     left: list[str]  # names of scans that are in no row
     overviews: list[Scan]  # maps of several places
 
@@ -261,10 +261,10 @@ def _overviews(scans: Sequence[Scan]) -> list[Scan]:
 def _confirmed(
     row: Row, rows: Sequence[Row], compared: _Comparisons
 ) -> tuple[Row, str, str]:
-    """A row with its doubtful cells, what its heights say of its names, and a question."""
+    """A row with its doubtful cells, the evidence of its heights, and a question."""
     _, t0, t1, again = row
     if again and not compared.match(t0, again).is_found:
-        text = f"{again} is named as a repeat of {t0}, and does not show its place"
+        text = f"{again} is named as a repeat of {t0}, but does not show its surface"
         return row._replace(repeat=_doubtful(again)), "", text
     if not (t0 and t1):
         return row, " and heights" * bool(again), ""
@@ -282,12 +282,12 @@ def _confirmed(
     )
     if not other:
         return row, _NOT_FOUND, ""
-    text = f"{t1} shows the place of {other}, and is named like {t0}"
+    text = f"{t1} shows the surface of {other}, but is named like {t0}"
     return row._replace(t1=_doubtful(t1)), "", text
 
 
 class _Order(NamedTuple):
-    """In how many pairs something speaks for or against the order of t0 and t1."""
+    """Numbers of pairs that support or contradict the order of t0 and t1."""
 
     pairs: int
     compared: int  # pairs whose heights can be compared
@@ -319,14 +319,14 @@ class _Order(NamedTuple):
         return self.dated > 0 and self.backwards == 0
 
     def of_epochs(self, epochs: tuple[str, str]) -> tuple[str, list[str]]:
-        """Which scans are the earlier and why, and questions."""
+        """The sentence on which scans are earlier and why, and questions."""
         why = ["by name"] * any(epochs)
         why += ["by the dates in the files"] * self.agrees_with_dates
         why += [f"{self.fell} of {self.pairs} lost height"] * bool(self.fell)
         questions = []
         if not self.matched and self.compared > 1:
             questions.append(
-                "no scan after use is found by its heights on the one before use"
+                "no scan after use was found by its heights on the scan before use"
             )
         if self.backwards:
             pairs = f"{self.backwards} of {self.pairs} pairs"
@@ -348,4 +348,4 @@ class _Order(NamedTuple):
                 False,
                 f"the stone itself was scanned: heights fell with use in {pairs}",
             )
-        return TODO, "the stone itself, or moulds of it? Nothing tells"
+        return TODO, "the stone itself, or moulds of it? The files do not show it"

@@ -1,4 +1,4 @@
-"""Where `gst new` puts the scans on the square: found on the mesh, by the stage, or nowhere."""
+"""Positions of the scans on the square for `gst new`: from the mesh, the stage, or missing."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -37,7 +37,7 @@ class Line(NamedTuple):
 
 
 class Where(NamedTuple):
-    """Where scans lie on the square, by patch, and what follows for the config."""
+    """Positions of scans on the square, by patch, and the values for the config."""
 
     places: dict[str, PatchPosition]
     values: dict[str, Any]
@@ -51,7 +51,7 @@ def where_scanned(
     invert: bool | str,
     size_mm: float | str,
 ) -> Where:
-    """Where scans lie: found on the mesh, or at least their distances, or nothing tells it.
+    """Positions of scans: on the mesh, or at least their distances, or none.
 
     The mesh is none if its unit is not known; `first` has the scan of each patch before use.
     """
@@ -63,7 +63,7 @@ def where_scanned(
     if overviews and mesh is None:
         doubt = (
             f"on {overviews[0].name}, once the units and the side of a patch are known (gst place: "
-            "Find their exact places)"
+            "Find the exact positions)"
         )
         return Where({}, {}, [Line("Where", doubt, TO_DO)])
     if mesh is not None and (overviews or stages is not None):
@@ -82,10 +82,10 @@ def where_scanned(
             if matches.on_stone
             else "too small for the mesh"
         )
-        none = ", and no scan is found on it" * bool(matches.frame)
+        none = ", and no scan was found on it" * bool(matches.frame)
         doubt = f"{by}, on the mesh: {fit}{none}" + f"; {doubt}" * bool(doubt)
     if stages is None:
-        text = f"{doubt}: x_mm and y_mm are yours to give"
+        text = f"{doubt}: please enter x_mm and y_mm"
         return Where({}, {}, [Line("Where", text, TO_DO)])
     return _by_stage([*scans], stages, float(size_mm), is_mould=invert is True)
 
@@ -96,7 +96,7 @@ def default_square_mm() -> float:
 
 
 def _by_heights(matches: Matches, invert: bool | str, size_mm: float, by: str) -> Where:
-    """The square around the scans that were found, how they are laid, and how sure that is."""
+    """The square around the scans that were found, their orientation, and its certainty."""
     frame, square_mm, places = on_square(
         matches, side_mm=size_mm, least_mm=default_square_mm()
     )
@@ -120,7 +120,9 @@ def _by_heights(matches: Matches, invert: bool | str, size_mm: float, by: str) -
     lines.append(Line("", f"the scanned surface fits the mesh {how}", OK))
     if not is_to_do(invert) and invert != inverted:
         values["scans.mould.invert"] = f"{TODO} {str(inverted).lower()}"
-        text = "by their change with use, heights have the other sign: which is right?"
+        text = (
+            "their change with use indicates the other sign of heights: which is right?"
+        )
         lines.append(Line("", text, TO_DO))
     return Where(places, values, lines)
 
@@ -128,7 +130,7 @@ def _by_heights(matches: Matches, invert: bool | str, size_mm: float, by: str) -
 def _stages(
     scans: Sequence[Scan | None], size_mm: float | str
 ) -> tuple[list[tuple[float, float]] | None, str]:
-    """The stage's places (x, y), mm; or why they tell nothing."""
+    """The stage's places (x, y), mm; or why they cannot be used."""
     there = [scan for scan in scans if scan is not None]
     stages = [scan.stage_mm for scan in there if scan.stage_mm is not None]
     if not stages or isinstance(size_mm, str):
@@ -168,5 +170,5 @@ def _by_stage(
         x, y = np.round(place - middle + square_mm / 2, 4).tolist()
         places[patch] = PatchPosition(y, x)
     mirrored = ", mirrored in x as moulds are" * is_mould
-    text = f"by the stage, over {span:.3g} mm{mirrored}; which way its axes run, no file says"
+    text = f"by the stage, over {span:.3g} mm{mirrored}; no file contains the direction of its axes"
     return Where(places, {"square.size_mm": square_mm}, [Line("Where", text, DOUBT)])

@@ -49,12 +49,12 @@ const at = (frame, x, y) => add(add(frame.origin, frame.x, x), frame.y, y);
 
 /** The corners of a footprint on the square. */
 function corners(frame, x, y, side, degrees = 0) {
-  const [cos, sin] = [Math.cos, Math.sin].map((of) => (of((degrees * Math.PI) / 180) * side) / 2);
+  const [cos, sin] = [Math.cos, Math.sin].map((ratio) => (ratio((degrees * Math.PI) / 180) * side) / 2);
   return [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) =>
     at(frame, x + a * cos - b * sin, y + a * sin + b * cos));
 }
 
-/** Draw the square with its axes; what was drawn. */
+/** Draw the square with its axes; returns the marks. */
 function drawSquare(viewer, frame, side) {
   return [
     viewer.addOutline(corners(frame, side / 2, side / 2, side), "#c4400a", 3),
@@ -65,7 +65,7 @@ function drawSquare(viewer, frame, side) {
   ];
 }
 
-/** Draw a patch with its name; what was drawn. */
+/** Draw a patch with its name; returns the marks. */
 const drawPatch = (viewer, frame, { name, x, y, turn }, side) => [
   viewer.addOutline(corners(frame, x, y, side, turn), "#0b5c8f", 1.5),
   viewer.addLabel(at(frame, x, y), name),
