@@ -417,6 +417,45 @@ def test_a_stale_tab_saves_nothing_and_shows_what_was_not_saved(browser, unscann
         assert (unscanned / "patches.csv.bak").read_bytes() == before[1]
 
 
+def test_the_square_is_proposed_from_the_view_and_its_face_follows(browser, unscanned):
+    """As wide as half the view, and at most 0.3 times the stone's thickness."""
+    with opened(browser, unscanned) as (page, _):
+        click_stone(page, right=-330)
+        assert "Click the stone itself" in page.inner_text("#status")
+        assert config_of(unscanned)["square"]["points_mm"] == "TODO"
+        page.click("#propose")
+        saved(page)
+        assert config_of(unscanned)["square"]["size_mm"] == pytest.approx(
+            0.3 * 20, 0.05
+        )
+        page.focus("canvas")
+        for _ in range(15):
+            page.keyboard.press("+")
+        page.click("#propose")
+        saved(page)
+        config = config_of(unscanned)
+        side = config["square"]["size_mm"]
+        assert side == pytest.approx(
+            page.evaluate(
+                "(() => { const box = document.querySelector('canvas').getBoundingClientRect();"
+                "const [x, y] = [box.left + box.width / 2, box.top + box.height / 2];"
+                "const [a, b] = [-1, 1].map((k) => viewer.pick(x + k * box.height / 4, y).point);"
+                "return Math.hypot(...add(a, b, -1)); })()"
+            ),
+            rel=0.05,
+        )
+        assert config["macroscale"]["face_mm"] == pytest.approx(3 * side, rel=0.01)
+        page.check("text=Grade positions")
+        page.mouse.click(*seen_on_plan(page, 2.5, 2.5 + 2.9))
+        assert "outside the square" in page.inner_text("#status")
+        assert page.locator("#places li").count() == 0
+        page.check("text=Set the load point")
+        page.fill("#load-x", "400")
+        page.press("#load-x", "Tab")
+        assert "must be on the face" in page.inner_text("#status")
+        assert config_of(unscanned)["load"]["at_mm"] is None
+
+
 def test_the_progress_is_the_steps_and_the_time_since_the_start(browser, unscanned):
     with opened(browser, unscanned) as (page, _):
         page.click("text=4 Run")

@@ -17,6 +17,7 @@ let state; // as the server has it: square, patches, answers …
 let isStaged = null; // whether all places are from the stage; null until it is asked
 let viewer = null; // of the stone, once it is there
 let axes; // of the stone
+let thickness; // of the stone along its shortest axis, mm
 let clicks = []; // of corners
 let marks = []; // drawn on the stone
 const earlier = []; // for undo: square and patches as they were
@@ -130,7 +131,8 @@ function layAgain(former, degrees = turnOf(former.frame, axes)) {
 }
 
 function picked(hit) {
-  if (!hit || isPlacing()) return;
+  if (isPlacing()) return;
+  if (!hit) return say("This click is beside the stone. Click the stone itself.", true);
   if (chosen("pick") === "middle") {
     keep();
     const normal = viewer.normal(hit.point, size() / 2) || hit.normal;
@@ -149,6 +151,27 @@ function picked(hit) {
     state.square.points_mm = inward ? [origin, second, first] : [origin, first, second];
   }
   savePlaces();
+}
+
+/** Lay the square in the middle of the view, half as wide as the view, upright in it.
+
+    At most 0.3 times the stone's thickness: a face three times as wide is then on the stone, too. */
+function propose() {
+  const box = document.querySelector("canvas").getBoundingClientRect();
+  const quarter = Math.min(box.width, box.height) / 4;
+  const [x, y] = [box.left + box.width / 2, box.top + box.height / 2];
+  const middle = viewer.pick();
+  for (let half = quarter; middle && half > 4; half *= 0.9) {
+    const hits = [[-half, half], [half, half], [-half, -half]].map(([a, b]) => viewer.pick(x + a, y + b));
+    const seen = hits.every(Boolean) && frameOf(hits.map((hit) => hit.point));
+    if (!seen) continue;
+    keep();
+    const across = Math.hypot(...add(hits[1].point, hits[0].point, -1));
+    state.square.size_mm = +Math.min(across, 0.3 * thickness).toPrecision(2);
+    lay(middle.point, viewer.normal(middle.point, size() / 2) || middle.normal, turnOf(seen, axes));
+    return savePlaces();
+  }
+  return say("The middle of the view is beside the stone. Turn or move the stone, then propose again.", true);
 }
 
 function straighten() {
@@ -252,7 +275,14 @@ function drawPlan(focused) {
 }
 
 const loadPoint = () => state.answers["load.at_mm"] || [size() / 2, size() / 2];
-const pressAt = (x, y) => answer({ "load.at_mm": [x, y].map((value) => +value.toFixed(3)) });
+function pressAt(x, y) {
+  const reach = state.face_mm / 2;
+  if ([x, y].every((value) => Math.abs(value - size() / 2) <= reach))
+    return answer({ "load.at_mm": [x, y].map((value) => +value.toFixed(3)) });
+  const [least, most] = [-reach, reach].map((value) => +(size() / 2 + value).toFixed(2));
+  draw();
+  return say(`The load point must be on the face. Give x and y between ${least} and ${most} mm.`, true);
+}
 
 function drawOnPlan(patch, number) {
   const half = side() / 2;
@@ -365,6 +395,8 @@ function removal(patch) {
 function addPlace(x, y) {
   const numbers = state.patches.map((patch) => Number(patch.patch) || 0);
   const name = String(Math.max(0, ...numbers) + 1);
+  if ([x, y].some((value) => value < 0 || value > size()))
+    return say("This click is outside the square. Click inside it, or enlarge it first.", true);
   keep();
   const at = { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) };
   state.patches.push({ patch: name, ...at, rotation_deg: 0, wear_grade: null });
@@ -392,7 +424,7 @@ function hint() {
   if (!isPlacing() && chosen("pick") === "corners") return `Click ${first[clicks.length]}.`;
   const isAll = state.patches.every(isSet);
   if (!frame())
-    return `Turn the stone to the worn area and zoom in. Then click the middle of the square.${
+    return `Turn the stone to the worn area and zoom in. Then click the middle of the square, or let it be proposed.${
       state.has_scans ? " If there is an overview map, press Find the exact positions instead." : ""}`;
   if (!isPlacing()) {
     const isOff = (corner) => !viewer.normal(corner, size() / 2);
@@ -458,6 +490,10 @@ async function showStone() {
   say("Reading the stone …");
   const stone = await ask("stone");
   axes = stone.axes;
+  const places = new Float32Array(Uint8Array.from(atob(stone.vertices), (letter) => letter.charCodeAt(0)).buffer);
+  const heights = Array.from({ length: places.length / 3 }, (_, k) =>
+    dot(cross(...axes), places.subarray(3 * k, 3 * k + 3)));
+  thickness = heights.reduce((a, b) => Math.max(a, b)) - heights.reduce((a, b) => Math.min(a, b));
   viewer = stoneViewer($("view"), stone, { label: `The stone ${state.mesh}`, lift: size() / 4 });
   if (!viewer) return;
   viewer.onclick = picked;
@@ -506,6 +542,7 @@ $("undo").onclick = () => {
 };
 $("whole").onclick = () => viewer?.fit();
 $("straight").onclick = straighten;
+$("propose").onclick = () => viewer && propose();
 $("opacity").oninput = () => drawPlan();
 for (const id of ["azimuth", "altitude"])
   $(id).oninput = () => viewer?.rake(Number($("azimuth").value), Number($("altitude").value));

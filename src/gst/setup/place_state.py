@@ -171,6 +171,7 @@ def state_of(path: Path) -> dict[str, Any]:
             "points_mm": unless_to_do(config["square"]["points_mm"]),
             "size_mm": unless_to_do(config["square"]["size_mm"]),
         },
+        "face_mm": config["macroscale"]["face_mm"],
         "patch_size_mm": unless_to_do(config["scans"]["size_mm"]),
         "has_scans": has_scans,
         "fewest": FEWEST_PATCHES,
@@ -276,6 +277,8 @@ def save_places(
 ) -> dict[str, str | None]:
     """Write the square and the patches' places, or the places of a tool without scans.
 
+    The face around the square grows and shrinks with it.
+
     They fit `SENT_PLACES`; null is still to be given. Raises a `ConfigError` if a value is
     impossible, or the table has other patches.
     """
@@ -293,6 +296,10 @@ def save_places(
     points = square["points_mm"]
     values: dict[str, Any] = {"square.size_mm": square["size_mm"]}
     values["square.points_mm"] = TODO if points is None else points
+    former_mm, face = unless_to_do(config["square"]["size_mm"]), "macroscale.face_mm"
+    if former_mm and former_mm != square["size_mm"] and _value(config, face):
+        face_mm = _value(config, face) * square["size_mm"] / former_mm
+        values[face] = round(face_mm, DECIMALS)
     if not has_scans:
         values["patches"] = str(config["patches"] or _TABLE) if rows else None
     changed = {
