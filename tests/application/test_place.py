@@ -229,6 +229,15 @@ def test_places_are_written_and_the_rest_stays(server, study):
     assert ask(server, "state")[1] == state | {"digest": digest_of(server.config)}
 
 
+def test_the_face_keeps_its_ratio_to_the_square(server):
+    state = ask(server, "state")[1]
+    assert state["face_mm"] == 15.0
+    for size in (10.0, 2.0):
+        saved(server, "places", places(*state["patches"], size=size))
+        assert written()["square"]["size_mm"] == size
+        assert written()["macroscale"]["face_mm"] == 3 * size
+
+
 def test_answers_are_written_and_comments_stay(server, study):
     for sent in (
         {"load.force_N": 30},
