@@ -77,7 +77,7 @@ def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
     write_plu("bowl.plu", (x**2 + x[:, None] ** 2) / (2 * radius), spacing)
     result = run("press", "bowl.plu", "--pressure", "5")
     assert result.stderr.startswith("WARNING: bowl.plu: ")
-    assert "give --periodic if it repeats itself" in result.stderr
+    assert "Give --periodic if it repeats itself" in result.stderr
     assert "periodic=" not in result.stderr
 
 

@@ -8,8 +8,8 @@ __all__ = ["in_options"]
 _MEANT = {
     r"scans\.unit( in the config)?|mesh_unit:": "--unit",
     r"scans\.spacing_um( in the config)?": "--spacing-um",
-    r"say periodic=True (.*?), or lower the heights.*? around them": (
-        r"give --periodic \1; otherwise it is pressed as if it ended there"
+    r"Lower the heights .*? repeat itself \(periodic=True\)": (
+        "Give --periodic if it repeats itself; otherwise it is pressed as if it ended there"
     ),
     r", leave it out of the patch table, or raise \S+ in the config": "",
     r" in the patch table, or the folder": "",

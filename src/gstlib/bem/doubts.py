@@ -35,9 +35,9 @@ def warn_of_doubts(state, problem):
     rim = state.rim_fraction
     if rim > max(_MUCH_ON_RIM, _TIMES_ITS_AREA * state.rim_area):
         doubts.append(
-            f"{rim:.0%} of the force acts on the outer three elements of the grid, too much where "
-            "the surface goes on: say periodic=True if it repeats itself, or lower the heights by "
-            "the displacement of what presses around them"
+            f"{rim:.0%} of the force acts on the outer three elements of the grid, too much if "
+            "the surface continues there. Lower the heights by the displacement of the surrounding "
+            "pressures, or let the surface repeat itself (periodic=True)"
         )
     if state.contact_fraction > FULL:
         doubts.append(
@@ -48,14 +48,14 @@ def warn_of_doubts(state, problem):
     slope = slope_of(relief, problem.half_space.spacing, every)
     if slope > _STEEP:
         doubts.append(
-            f"the r.m.s. slope is {slope:.2g}, and half-spaces stand for far less than 1: are "
+            f"the r.m.s. slope is {slope:.2g}, but half-spaces are valid only far below 1: are "
             "heights and spacing in mm?"
         )
     _, share = fitted_plane(relief[::every, ::every], problem.half_space.spacing)
     if share > _TILTED and not any(state.tilt):
         doubts.append(
-            "the heights are hardly more than an inclined plane, so that one side carries the "
-            "force: level them, or give `load_point`, so that the body rests under a force"
+            "the heights are almost an inclined plane, so one side carries the force. Level them, "
+            "or let the body tilt under a force (`load_point`)"
         )
     for doubt in doubts:
         warnings.warn(doubt, ContactWarning, stacklevel=3)

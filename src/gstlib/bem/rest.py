@@ -320,7 +320,7 @@ def tipping(load_point, why):
     """The sentence for a body that does not come to rest."""
     y, x = load_point
     return (
-        f"the stone tips over: the point of the force (y, x) = ({y:g}, {x:g}) mm {why}. Move it "
+        f"the stone tips over: the load point (y, x) = ({y:g}, {x:g}) mm {why}. Move it "
         "further inside the surface."
     )
 

@@ -82,7 +82,7 @@ def contact_path(
         )
     if path.final.contact_fraction > FULL:
         logging.getLogger("gstlib").warning(
-            "%s: %.0f %% of the surface touches, and rough stones touch on a few per cent: check "
+            "%s: %.0f %% of the surface touches, but rough stones touch on a few per cent. Check "
             "the unit of its heights, the target pressure and the elastic constants",
             source,
             100 * path.final.contact_fraction,

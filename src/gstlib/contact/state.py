@@ -27,25 +27,19 @@ _PATH = "path_"
 # Unit and long name of each variable.
 _VARIABLES = FIELDS | {
     "height": ("mm", "height of the surface, level"),
-    "counterface": ("mm", "height of the face pressed on it, 0 of a flat"),
-    "slope_y": ("1", "slope along y of the plane that the surface lies on"),
-    "slope_x": ("1", "slope along x of the plane that the surface lies on"),
+    "counterface": ("mm", "height of the counterface, 0 for a flat"),
+    "slope_y": ("1", "slope of the plane of the surface along y"),
+    "slope_x": ("1", "slope of the plane of the surface along x"),
     "surroundings": (
         "mm",
         "displacement by the macroscale pressures outside the patch",
     ),
-    "placed": ("1", "whether it is pressed among its surroundings, or alone"),
+    "placed": ("1", "whether the pressures around the patch are included"),
     "contact_modulus": ("MPa", "contact modulus"),
-    "target_pressure": ("MPa", "mean pressure asked for"),
-    "tolerance": ("1", "largest residual asked for"),
-    "load_point_y": (
-        "mm",
-        "y of the load point of a body free to tilt, NaN of one that is not",
-    ),
-    "load_point_x": (
-        "mm",
-        "x of the load point of a body free to tilt, NaN of one that is not",
-    ),
+    "target_pressure": ("MPa", "target mean pressure"),
+    "tolerance": ("1", "largest permitted residual"),
+    "load_point_y": ("mm", "y of the load point, NaN if the body is not free to tilt"),
+    "load_point_x": ("mm", "x of the load point, NaN if the body is not free to tilt"),
     "displacement": ("mm", "far-field displacement from first touch"),
     "mean_pressure": ("MPa", "mean pressure"),
     "contact_fraction": ("1", "real over nominal contact area"),
