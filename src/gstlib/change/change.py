@@ -125,8 +125,8 @@ def estimate_detection_limit(
             fault = error.problem
         if fault is not None:
             _log.warning(
-                "patch %s: its repeat is not used: %s. Give a second scan of the surface that t0 "
-                "shows, or leave repeat empty in the patch table.",
+                "patch %s: its repeat is not used, because %s. Give a second scan of the surface "
+                "that t0 shows, or leave repeat empty in the patch table.",
                 patch,
                 fault,
             )
@@ -151,8 +151,8 @@ def estimate_detection_limit(
     limit = max(noise.LEVEL_OF_DETECTION, math.sqrt(np.quantile(squares, 0.95)))
     detection = Detection(level, lateral, float(max(alike)), limit)
     _log.info(
-        "%d repeats: standard deviation %.3g µm on level ground, lateral error %.3g µm; errors are "
-        "alike over %.3g µm²",
+        "%d repeats have a standard deviation of %.3g µm on level ground and a lateral error of "
+        "%.3g µm. Errors are alike over %.3g µm²",
         len(changes),
         math.sqrt(detection.level_mm2) * 1e3,
         math.sqrt(detection.lateral_mm2) * 1e3,
@@ -166,7 +166,7 @@ def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
     if not registration.is_reliable:
         return "it was not found on t0"
     if not change.attrs["known_fraction"]:
-        return "hardly any point has a height of its own in both scans"
+        return "almost no point was measured in both scans"
     if is_other(registration.dale_depth_ratio, _ODD_HEIGHTS):
         return f"its dales are {registration.dale_depth_ratio:.3g} times as deep as those of t0"
     summary = wear_summary(change)
@@ -284,9 +284,8 @@ def _report(
     """Log unusual properties of a patch whose T1 was registered to its T0."""
     if is_other(registration.dale_depth_ratio, _ODD_HEIGHTS):
         _log.warning(
-            "patch %s: its dales at T1 are %.3g times as deep as at T0. If that is not wear all "
-            "over the patch, the heights of one scan are calibrated otherwise: measured wear is "
-            "then wrong",
+            "patch %s: its dales at T1 are %.3g times as deep as at T0. If the whole patch "
+            "did not wear, one scan has another height calibration, and measured wear is wrong",
             patch,
             registration.dale_depth_ratio,
         )
@@ -294,15 +293,15 @@ def _report(
     off = np.abs(np.divide(shift, spacing_of(before.height))).max()
     if off < _CO_LOCATED:
         _log.info(
-            "patch %s: T1 was co-located with T0 already: off by %.2g points",
+            "patch %s: T1 was already co-located with T0, within %.2g points",
             patch,
             off,
         )
     if not change.attrs["known_fraction"]:
         _log.warning(
-            "patch %s: hardly any point has a height of its own at T0 and at T1 (%.0f %% and "
-            "%.0f %% of the scans are holes or outliers, T1 covers %.0f %% of T0), so its wear is "
-            "not known. Scan it again, or leave its t1 empty.",
+            "patch %s: almost no point was measured at both T0 and T1 (%.0f %% and %.0f %% of the "
+            "scans are holes or outliers, and T1 covers %.0f %% of T0), so its wear is unknown. "
+            "Scan it again, or leave its t1 empty.",
             patch,
             100 * (before.filled | before.outlier).values.mean(),
             100 * (after.filled | after.outlier).values.mean(),
@@ -317,8 +316,8 @@ def _warn_of_scatter(patch: str, change: xr.Dataset, detection: Detection) -> No
     if scatter > _ODD_SCATTER:
         _log.warning(
             "patch %s: its least changed part differs between T0 and T1 by %.3g times the "
-            "error of repeated scans. If that is not wear all over the patch, T1 was scanned "
-            "otherwise than the repeats, and much of its loss and gain is error",
+            "error of repeated scans. If the whole patch did not wear, T1 was scanned in "
+            "another way than the repeats, and much of its loss and gain is error",
             patch,
             scatter,
         )

@@ -51,7 +51,7 @@ def form_warning(t0: xr.DataArray, t1: xr.DataArray) -> str | None:
         return None
     lower, higher = ("T1", "T0") if forms[1] < forms[0] else ("T0", "T1")
     return (
-        f"the long waves of {lower} are {1e3 * min(forms):.2g} µm high (r.m.s.) and those of "
-        f"{higher} {1e3 * max(forms):.2g} µm, as if a form had been taken out of {lower} alone: "
-        "that would look like wear. Export both scans with no more than a plane removed"
+        f"long waves of {lower} are {1e3 * min(forms):.2g} µm high (r.m.s.), and in {higher} "
+        f"{1e3 * max(forms):.2g} µm, as if a form had been removed from {lower} alone. This would "
+        "look like wear. Export both scans with at most a plane removed"
     )

@@ -96,8 +96,8 @@ def exchanged_epochs(registration: pd.DataFrame) -> Iterator[FaultError]:
     remedy = "Exchange t0 and t1 in the patch table, or correct scans.mould.invert."
     if 2 * rose.loss_fraction.median() > rose.gain_fraction.median():
         remedy = (
-            "If a filter removed long waves from the scans, what is not worn seems to rise: export "
-            f"them with no more than a plane removed. Otherwise: {remedy}"
+            "If a filter removed long waves from the scans, unworn parts seem to rise. Export the "
+            f"scans with at most a plane removed. Otherwise: {remedy}"
         )
     if 2 * len(rose) > registration.found.sum():
         yield FaultError(
@@ -105,7 +105,7 @@ def exchanged_epochs(registration: pd.DataFrame) -> Iterator[FaultError]:
             "t0 and t1",
             f"on {len(rose)} of {registration.found.sum():.0f} patches more rose than fell from T0 "
             f"to T1 (medians: {_percent(rose.gain_fraction)} and {_percent(rose.loss_fraction)} of "
-            "the area), and use only removes material",
+            "the area), but use only removes material",
             remedy,
         )
 
@@ -121,7 +121,7 @@ def other_heights(registration: pd.DataFrame) -> Iterator[FaultError]:
                 "heights",
                 f"patch {row.patch}, T1",
                 f"its dales match those of T0, but are {row.dale_depth_ratio:.3g} times as deep, "
-                "which no wear causes",
+                "and wear does not cause that",
                 "Give both scans in one unit and with one height calibration, or leave t1 empty in "
                 "the patch table.",
                 patches=(row.patch,),
@@ -141,16 +141,16 @@ def rise_warnings(
     if 0 < 2 * len(rose) <= registration.found.sum():
         yield (
             f"{_named(rose)}: more rose than fell from T0 to T1 (up to "
-            f"{100 * rose.gain_fraction.max():.2g} % of the area), but use only removes material: "
-            "check for t0 and t1 exchanged in the patch table, for a filter that removed long "
-            "waves, or for residue on the stone"
+            f"{100 * rose.gain_fraction.max():.2g} % of the area), but use only removes material. "
+            "Check whether t0 and t1 are exchanged in the patch table, a filter removed long "
+            "waves, or residue covers the stone"
         )
     if len(noisy):
         least = 100 * noisy.gain_to_loss_ratio.min()
         yield (
             f"{_named(noisy)}: at least {least:.0f} % as much rose as fell, "
-            " so the loss may be noise, which mimics wear of the highest points; it is not "
-            "tested against chance, and left out of the statistics over patches. A larger "
+            "so the loss may be noise, which mimics wear of the highest points. It is not tested "
+            "against chance, and is left out of the statistics over patches. A larger "
             "detection.minimum_cluster_points removes noise"
         )
 

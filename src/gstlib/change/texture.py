@@ -78,8 +78,8 @@ def measure_texture(
         if change is not None and len(of_patch) == 1:
             _log.log(
                 NOTE,
-                "patch %s: T1 was not found on T0, or covers too little of it: the texture is that "
-                "of T0 alone",
+                "patch %s: T1 was not found on T0, or covers too little of it. The texture is "
+                "measured at T0 alone",
                 patch,
             )
         rows += [{"patch": patch, **row} for row in of_patch]
