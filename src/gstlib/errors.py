@@ -36,23 +36,23 @@ logging.addLevelName(NOTE, "NOTE")
 _MOST_LISTED = 3
 # Meaning of each fault, by the name under which a config accepts it.
 FAULTS = {
-    "placement": "patches do not lie on the mesh as the table and the config say",
+    "placement": "patches do not match the mesh at their positions in the table and the config",
     "heights": "T1 matches T0, but its heights are half or twice as large",
-    "epochs": "more rose than fell from T0 to T1 on most patches",
+    "epochs": "on most patches, more area rose than fell from T0 to T1",
     "thickness": "the stone is thinner under the square than any tool",
-    "units": "heights are in another unit than those of the other scans or of the mesh",
+    "units": "heights are in another unit than the other scans or the mesh",
     "same_scan": "two scans have the same heights",
-    "odd_scan": "no instrument measures such heights, or a part of the file is lost",
+    "odd_scan": "instruments do not measure such heights, or a part of the file is lost",
     "mesh_step": "the coordinates of a mesh have steps above 20 µm",
     "holes": "the mesh has large holes in the square",
     "face": "most of the face lies beyond the stone",
-    "apart": "the active tool, as it is posed, does not touch the passive one",
+    "apart": "the active tool does not touch the passive one in its pose",
     "square": "the corners of a square are not as far apart as its size",
     "pressure": "the mean pressure on the square is above 1000 MPa",
-    "interlayer": "the interlayer is thinner than two points of a scan are apart",
+    "interlayer": "the interlayer is thinner than the spacing of a scan",
     "overlap": "two patches have more than half of their area in common",
     "memory": "this machine has too little memory",
-    "unmatched": "no T1 matches its T0, or it does if it is laid otherwise, or on another patch",
+    "unmatched": "T1 scans do not match T0, or only in another orientation or on another patch",
 }
 
 
@@ -162,7 +162,9 @@ class FaultError(InputError):
             )
         elif by_patch:
             accept = f"accept: [{', '.join(by_patch)}], or {accept} for all patches,"
-        return f"{super().__str__()} If it is right as it is, write {accept} in the config."
+        return (
+            f"{super().__str__()} If the input is right, write {accept} in the config."
+        )
 
     def is_accepted(self, accepted: Container[str]) -> bool:
         """Whether `accepted` has the fault's name, or ``name:patch`` for each of its patches."""

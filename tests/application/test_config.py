@@ -118,7 +118,7 @@ STIFF = INTERLAYER | {"young_MPa": 19500.0}
         (
             "accept",
             ["placemnt:1"],
-            "no fault has that name: did you mean placement? write one of",
+            "not the name of a fault: did you mean placement? write one of",
         ),
         ("pressure_cap_MPa", 22.0, "not above the mean pressure on the square, 22 MPa"),
         ("texture.l_filter_um", 8.0, "no wave passes both filters"),
@@ -194,7 +194,7 @@ def test_the_square_alone_knows_no_active_tool_and_no_gesture(config):
     made = alone["specimen"] | {"counterface_seed": 8}
     for change in ({"counterface": SECOND}, {"specimen": made}, {"gesture": SCATTER}):
         (problem,) = config_problems(alone | change)
-        assert "needs a stone at rest" in problem
+        assert "does not go with coupling paper" in problem
     small = changed(
         changed(alone, "macroscale.face_mm", 4.0), "load.at_mm", [50.0, 0.0]
     )
@@ -210,7 +210,7 @@ def test_a_gesture_and_an_interlayer_wear_apart_and_by_archard_s_law(config):
         "gesture": {"table": "poses.tsv"},
         "interlayer": INTERLAYER,
     }
-    assert "cannot wear a stone together" in "".join(config_problems(config | both))
+    assert "cannot be combined" in "".join(config_problems(config | both))
     other = config | {"wear_law": config["wear_law"] | {"exponent": 2.0}}
     assert config_problems(other) == []
     for name in ("gesture", "interlayer"):
@@ -331,7 +331,7 @@ def test_without_patches_a_mesh_is_enough_for_what_needs_none(config):
     }
     assert config_problems(complete(config | files | {"gesture": SCATTER})) == []
     (problem,) = config_problems(complete(config | files))
-    assert "'patches' and 'gesture' are null: where to scan depends on" in problem
+    assert "'patches' and 'gesture' are null: proposed positions depend on" in problem
 
 
 def test_poisson_stands_for_the_compliances_of_both_stones():

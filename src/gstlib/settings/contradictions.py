@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 __all__ = ["contradictions", "near"]
 
 _ONE_SOURCE = (
-    "give exactly one of 'specimen' (generated) and 'inputs' (your files); set the other to "
+    "give exactly one of 'specimen' (generated) and 'inputs' (your files), and set the other to "
     "null"
 )
 _AT_REST = (
-    "'counterface.mesh' (or specimen.counterface_seed) needs a stone at rest, and coupling is "
-    "paper, which presses a flat: set coupling to equilibrium"
+    "'counterface.mesh' (or specimen.counterface_seed) does not go with coupling paper, "
+    "which presses a flat: set coupling to equilibrium"
 )
 _A_GESTURE = "give a table, or poses with stroke_mm or load_point_scatter_mm"
 # Keys of a section, each with the other key that it needs.
@@ -68,8 +68,8 @@ def _sources(settings: "Settings") -> Iterator[tuple[bool, str]]:
     long = settings.texture.l_filter_um
     yield (
         long is not None and long <= short,
-        f"'texture.l_filter_um' is {long}, not above texture.s_filter_um, {short}: no wave passes "
-        "both filters; raise it, or set it to null",
+        f"'texture.l_filter_um' is {long}, not above texture.s_filter_um, {short}, so no wave "
+        "passes both filters: raise it, or set it to null",
     )
     layer = settings.interlayer
     material = settings.material
@@ -78,8 +78,8 @@ def _sources(settings: "Settings") -> Iterator[tuple[bool, str]]:
         yield (
             layer.young_MPa >= stones_MPa,
             f"'interlayer.young_MPa' is {layer.young_MPa:g}, not below the stones' "
-            f"{stones_MPa:g} MPa: an interlayer must be softer than the stones; lower it, or set "
-            "interlayer to null",
+            f"{stones_MPa:g} MPa, but an interlayer must be softer than the stones: lower it, or "
+            "set interlayer to null",
         )
 
 
@@ -101,8 +101,8 @@ def _counterface(settings: "Settings") -> Iterator[tuple[bool, str]]:
         and not is_paper
         and settings.uncertainty.radius_log_sd < 0.7
         and is_flat,
-        "'uncertainty.radius_log_sd' states a radius well known, and 'counterface' a flat, which "
-        "has none: give counterface.radius_mm, or leave radius_log_sd out",
+        "'uncertainty.radius_log_sd' is the error of a radius, but 'counterface' is a flat without "
+        "one: give counterface.radius_mm, or leave radius_log_sd out",
     )
     if tool is None:
         return
@@ -112,7 +112,7 @@ def _counterface(settings: "Settings") -> Iterator[tuple[bool, str]]:
     )
     yield (
         tool.pose is not None and len(tool.pose.model_fields_set) != 1,
-        "'counterface.pose' has to have one of points_mm and matrix: give exactly one of them",
+        "'counterface.pose' needs either points_mm or matrix: give exactly one of them",
     )
 
 
@@ -123,12 +123,12 @@ def _gesture(settings: "Settings") -> Iterator[tuple[bool, str]]:
     moves = gesture is not None
     yield (
         moves and settings.coupling == "paper",
-        "'gesture' needs a stone at rest, and coupling is paper: set coupling to equilibrium, or "
+        "'gesture' does not go with coupling paper: set coupling to equilibrium, or "
         "gesture to null",
     )
     yield (
         moves and has_layer,
-        "'gesture' and 'interlayer' cannot wear a stone together: set one of them to null",
+        "'gesture' and 'interlayer' cannot be combined: set one of them to null",
     )
     yield (
         (moves or has_layer) and (law.threshold_MPa, law.exponent) != (0, 1),
@@ -140,7 +140,7 @@ def _gesture(settings: "Settings") -> Iterator[tuple[bool, str]]:
     keys = gesture.model_fields_set
     yield (
         "table" in keys and len(keys) > 1,
-        f"'gesture' has a table and more: {_A_GESTURE}",
+        f"'gesture' has a table and other keys: {_A_GESTURE}",
     )
     yield keys == {"poses"}, f"'gesture' has poses alone: {_A_GESTURE}"
     yield (
@@ -154,8 +154,8 @@ def _without_patches(settings: "Settings") -> Iterator[tuple[bool, str]]:
         return
     yield (
         settings.gesture is None,
-        "'patches' and 'gesture' are null: where to scan depends on how the load point scatters; "
-        "set gesture, such as {load_point_scatter_mm: 1, poses: 60}, or give a patch table",
+        "'patches' and 'gesture' are null: proposed positions depend on the scatter of the load "
+        "point. Set gesture, such as {load_point_scatter_mm: 1, poses: 60}, or give a patch table",
     )
     for name in ("published", "interlayer"):
         yield (
@@ -165,7 +165,7 @@ def _without_patches(settings: "Settings") -> Iterator[tuple[bool, str]]:
         )
     yield (
         settings.counterface is not None and settings.counterface.scan is not None,
-        "'patches' is null, and counterface.scan needs scanned patches: take it out, or give a "
+        "'patches' is null, and counterface.scan needs scanned patches: remove it, or give a "
         "patch table",
     )
 
@@ -196,11 +196,11 @@ def _in_lists(settings: "Settings") -> Iterator[str]:
         name, colon, _ = entry.partition(":")
         if name not in FAULTS:
             yield (
-                f"'accept' has {entry!r}, and no fault has that name: "
+                f"'accept' has {entry!r}, which is not the name of a fault: "
                 f"{near(name, FAULTS)}write one of {', '.join(FAULTS)}"
             )
         elif colon and settings.patches is None:
-            yield f"'accept' has {entry!r}, and the study has no patches: write {name} alone"
+            yield f"'accept' has {entry!r}, but the study has no patches: write {name} alone"
 
 
 def _in_squares(settings: "Settings") -> Iterator[str]:
@@ -234,22 +234,22 @@ def _in_load(settings: "Settings") -> Iterator[str]:
     if cap is not None and cap <= pressure:
         yield (
             f"'pressure_cap_MPa' is {cap} MPa, not above the mean pressure on the square, "
-            f"{pressure:.4g} MPa: no contact bears more than that; raise it, or set it to null"
+            f"{pressure:.4g} MPa, so no contact carries the load: raise it, or set it to null"
         )
     if settings.coupling == "paper":
         return
     face_mm = settings.macroscale.face_mm
     if face_mm < size_mm:
         yield (
-            f"'macroscale.face_mm' is {face_mm:g}, less than the square's {size_mm:g} mm: the face "
-            "contains the square; make it larger"
+            f"'macroscale.face_mm' is {face_mm:g}, less than the square's {size_mm:g} mm, but the "
+            "face contains the square: make it larger"
         )
     low = (size_mm - face_mm) / 2
     high = (size_mm + face_mm) / 2
     if not all(low < along < high for along in resolved_load_point(load, size_mm)):
         yield (
             f"'load.at_mm' is {load['at_mm']}, outside the face, which reaches from {low:g} to "
-            f"{high:g} mm: the stone would tip over; move it inside"
+            f"{high:g} mm, so the stone would tip over: move it inside"
         )
 
 
@@ -268,14 +268,14 @@ def _in_use(settings: "Settings") -> Iterator[str]:
         value = getattr(use, key)
         if (reach_mm := times * value) > face_mm:
             yield (
-                f"'use.{key}' is {value:g}, and such strikes reach over {reach_mm:g} mm of a "
+                f"'use.{key}' is {value:g}, but such strikes reach over {reach_mm:g} mm of a "
                 f"face of {face_mm:g} mm: lower it, or raise macroscale.face_mm"
             )
         moved = gesture and getattr(gesture, other)
         if value == 0 and moved:
             yield (
-                f"'use.{key}' is 0, and gesture.{other} is {moved:g}: the inference would "
-                "exclude how the gesture moves; raise the former, or set the latter to 0"
+                f"'use.{key}' is 0, but gesture.{other} is {moved:g}, so the inference would "
+                "exclude this motion: raise the former, or set the latter to 0"
             )
     is_round = (
         settings.counterface is not None and settings.counterface.radius_mm is not None
