@@ -56,7 +56,7 @@ def _refuse_above(path: str | Path, size: int, largest: int) -> None:
     if size > largest:
         packed = os.stat(path).st_size
         problem = f"unpacks from {megabytes(packed)} to {megabytes(size)} MB"
-        remedy = f"At most {megabytes(largest)} MB of it are read: export it otherwise."
+        remedy = f"At most {megabytes(largest)} MB are read. Export it in another way."
         raise InputError(path, problem, remedy)
 
 
@@ -87,7 +87,7 @@ def plain_zip(path: str | Path) -> io.BytesIO:
         raise
     except Exception as error:  # damaged archives fail in many ways
         reason = " ".join(str(error).split())
-        problem = f"is damaged: it is no whole zip file ({reason:.200})"
+        problem = f"is damaged: it is not a whole zip file ({reason:.200})"
         raise InputError(path, problem, _COPY_AGAIN) from error
     plain.seek(0)
     return plain

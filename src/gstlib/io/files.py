@@ -83,7 +83,7 @@ def sha256(path: str | Path) -> str:
 
 def cannot_write(path: str | Path, error: OSError) -> OutputError:
     """The `OutputError` for an `error` in writing `path`."""
-    unknown = error.strerror or str(error), "Mend that"
+    unknown = error.strerror or str(error), "Correct that"
     reason, remedy = _IN_WORDS.get(error.errno or 0, unknown)
     return OutputError(
         path, f"cannot be written: {reason}", f"{remedy}, then run the study again."
@@ -97,9 +97,7 @@ def cannot_read(path: str | Path, kind: str, error: Exception) -> InputError:
     """
     number = getattr(error, "errno", None)
     if "lock file" in str(error):
-        problem = (
-            "cannot be locked: another program writes it, or its disk has no locks"
-        )
+        problem = "cannot be locked: another program writes it, or its disk does not support locks"
         remedy = (
             "If no other program uses it, run `export HDF5_USE_FILE_LOCKING=FALSE` first "
             "(docs/how-to/cluster.md)."

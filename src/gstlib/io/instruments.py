@@ -40,8 +40,8 @@ _MOST_POINTS = 1 << 26
 _POINTS_PER_BYTE, _FEW_POINTS = 2, 1 << 22
 _LONGEST_TEXT = 200
 _AS_MEASURED = (
-    "%s: an .mnt holds the map as it was measured; what was levelled, shifted or extracted from it "
-    "in Mountains is not applied. Save that map as .sur"
+    "%s: an .mnt contains the map as measured, without any levelling, shift or extraction in "
+    "Mountains. Save the processed map as .sur"
 )
 # The needed part of a Digital Surf header: the kind of data, the bits of a height, the lowest and
 # the highest, the points, and the bytes of two zones that follow it.
@@ -83,7 +83,7 @@ _SDF_HEADER = np.dtype(
 )
 # Content that may follow its heights: lines `name = value`, or tags.
 _SDF_TRAILER = re.compile(rb"\s*(<\s*[A-Za-z]|[A-Za-z]\w*\s*=|\x1a|$)")
-_NO_HEIGHTS = "it holds no map of heights"
+_NO_HEIGHTS = "it does not contain a map of heights"
 _COPY_AGAIN = "Copy the file, or export the scan, again."
 _OWN_FORMAT = (
     "Export the scan in the instrument's own format (.plu, .plux, .al3d, .sur, ...)."
@@ -314,7 +314,7 @@ def _check_sdf(path: Path, file: BinaryIO) -> None:
 def _odd_end(path: Path, count: int) -> InputError:
     return InputError(
         path,
-        f"{count} bytes stand behind its heights that cannot follow them: bytes were added, or the "
-        "heights begin elsewhere",
+        f"{count} unexpected bytes follow its heights: bytes were added, or the heights begin "
+        "elsewhere",
         f"{_COPY_AGAIN} If that does not help, export it as .x3p or .plux.",
     )

@@ -68,12 +68,14 @@ def check_step_and_extent(
     ):
         refuse(
             FaultError(
-                "mesh_step", path, f"{problem}; at most 20 µm can be used", remedy
+                "mesh_step", path, f"{problem}, but at most 20 µm can be used", remedy
             )
         )
     _check_extent(path, extent, unit)
     if step_mm > _DOUBTFUL_STEP:
-        _log.warning("%s: %s, and heights err by as much. %s", path, problem, remedy)
+        _log.warning(
+            "%s: %s, and heights have errors as large. %s", path, problem, remedy
+        )
 
 
 def steps_of(mesh: "trimesh.Trimesh") -> str:
@@ -101,7 +103,7 @@ def _check_extent(path: Path, extent: float, unit: str) -> None:
         sizes = " or ".join(
             f"mesh_unit: {name} ({mm:.3g} mm)" for name, mm in fitting.items()
         )
-        remedy = f"It looks as if it were in another unit: set {sizes}."
+        remedy = f"It seems to be in another unit. Set {sizes}."
     raise InputError(
         path,
         f"its largest extent is {extent:.4g} {unit}, which is no stone's size",

@@ -32,7 +32,7 @@ _BLANKS = bytes.maketrans(b"\t\v\f\r", b"   \n")
 _UTF_16 = b"\xff\xfe", b"\xfe\xff"
 _ODD_IN_OBJ = (
     (rb"^f [^\n]{%d}" % _LONGEST_FACE, "has a face of a thousand corners"),
-    (rb"^f.* -?0+(?: |$)", "has a face with vertex number 0, and they begin with 1"),
+    (rb"^f.* -?0+(?: |$)", "has a face with vertex number 0, but numbers begin with 1"),
     (
         rb"^f(?: \S+){0,2}$",
         "has a face of fewer than three corners: it is cut or damaged",
@@ -43,7 +43,7 @@ _ODD_IN_OBJ = (
     ),
     (
         rb"^v(?: \S+){3} (?!1(?:\.0*)?$)\S+$",
-        "has vertices with a fourth number that is not 1, a weight, which is not applied here",
+        "has vertices with a weight other than 1 as fourth number, which is not applied here",
     ),
     (rb"^[-+.\d]", "has a line that begins with a number: it is damaged"),
 )
@@ -86,7 +86,9 @@ def plain_obj(path: Path, content: bytes) -> PlainText:
     first_face = (b"\n" + text).find(b"\nf ")
     is_mixed = first_face < text.rfind(b"\nv ")
     if is_mixed and re.search(rb"^f .*-", text, re.MULTILINE):
-        problem = "counts the vertices of faces backwards, with vertices behind them"
+        problem = (
+            "counts the vertices of faces backwards, but vertices follow the faces"
+        )
         raise InputError(path, problem, EXPORT_AGAIN)
     return PlainText(text + b"\n", None, is_ended)
 
@@ -222,7 +224,5 @@ def _check_rows(path: Path, count: int, stated: int) -> None:
 
 
 def _no_header(path: Path) -> InputError:
-    problem = (
-        f"does not begin with the header of {path.suffix[1:].upper()} with its faces"
-    )
+    problem = f"does not begin with a header of {path.suffix[1:].upper()} that describes faces"
     return InputError(path, problem, "Correct its ending, or export it again.")

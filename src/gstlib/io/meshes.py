@@ -211,7 +211,7 @@ def _check_parts(path: Path, content: io.BytesIO) -> bytes:
         models = [name for name in archive.namelist() if name.endswith(".model")]
         count = sum(archive.read(model).count(b"<item") for model in models)
     if count > MOST_PARTS:
-        problem = f"has {count} parts, and a stone is one"
+        problem = f"has {count} parts, but a stone has only one"
         raise InputError(path, problem, EXPORT_AGAIN)
     return content.getvalue()
 
@@ -233,10 +233,10 @@ def _unit_to_read_in(path: Path, wanted: str | None, stated: str | None) -> str:
     unit = wanted or stated or "mm"
     if stated not in (None, unit):
         if path.suffix.lower() == ".3mf":
-            problem = f"states its unit, {stated}, and is to be read in {unit}"
+            problem = f"states its unit, {stated}, but is to be read in {unit}"
             raise InputError(path, problem, f"Set mesh_unit: {stated}.")
         source = "specification" if path.suffix.lower() == ".glb" else "own comment"
-        message = "%s: is in %s by its %s, but is read in %s, as given"
+        message = "%s: is in %s by its %s, but is read in %s, the requested unit"
         _log.warning(message, path, stated, source, unit)
     return unit
 
@@ -249,7 +249,7 @@ def _turn_outwards(mesh: "trimesh.Trimesh") -> None:
     if is_closed(mesh) and outwards.sum() < 0:
         _log.log(
             NOTE,
-            "the mesh is inside out (its volume is negative): its faces were turned",
+            "the mesh is inside out (its volume is negative), so its faces were turned",
         )
         mesh.invert()
 
@@ -266,7 +266,7 @@ def _drop_copies(mesh: "trimesh.Trimesh") -> None:
     """Leave each face once, whichever way round, as in a mesh whose sides are both drawn."""
     is_first = mesh.unique_faces()
     if not is_first.all():
-        message = "%d of %d faces are in the mesh twice: their copies were left out"
+        message = "%d of %d faces are in the mesh twice. Their copies were left out"
         _log.log(NOTE, message, (~is_first).sum(), len(is_first))
         mesh.update_faces(is_first)
 
@@ -331,7 +331,7 @@ def _binary_stl(path: Path, content: bytes) -> PlainText:
         is_inside = ((lowest <= more) & (more <= highest)).all(axis=(1, 2))
         is_no_padding = more.any(axis=(1, 2))
         if (is_inside & is_no_padding).any():
-            problem = f"states {stated} triangles, and more follow: it is damaged"
+            problem = f"states {stated} triangles, but more follow: it is damaged"
             raise InputError(path, problem, EXPORT_AGAIN)
     header = content[:80] + stated.to_bytes(4, "little")
     return PlainText(header + content[_STL_HEADER:end], stated, is_ended=True)
@@ -478,5 +478,5 @@ def _refuse_zeros(
 
 
 def _refuse_lost(path: Path, count: int, what: str) -> None:
-    problem = f"{count} of its {what} are nothing but zeros: a part of it is lost"
+    problem = f"{count} of its {what} are only zeros: a part of the file is lost"
     raise InputError(path, problem, "Copy it, or export it, again.")

@@ -91,7 +91,7 @@ def _columns_of_points(
     if len(letters) == count and {*"xyz"} <= {*letters}:
         order = [letters.index(letter) for letter in "xyz"]
     elif table.names:
-        problem = f"names its columns {', '.join(names):.60}, of which x, y and z are not clear"
+        problem = f"names its columns {', '.join(names):.60}, in which x, y and z are not clear"
         raise InputError(path, problem, "Name them x, y and z, or delete the line.")
     elif len(units) == 3:
         order = [[*units].index(letter) for letter in "xyz"]
@@ -108,14 +108,12 @@ def _mind_point_numbers(
     do_start_at_one = {*places.min(axis=0)} <= {0, 1}
     if not (are_steps_one and do_start_at_one) or (places % 1).any():
         return
-    numbered = "its x and y are whole numbers, 1 apart, as numbers of points"
+    numbered = "its x and y are whole numbers, 1 apart, like numbers of points"
     if config_step is None:
-        message = "%s: %s. They are read as lengths in scans.unit"
+        message = "%s: %s. They are read as lengths in scans.unit. If they are not, multiply them"
         _log.warning(message, path, numbered)
     elif abs(config_step - 1) > SPACING_TOLERANCE:
-        problem = (
-            f"{numbered}, and scans.spacing_um states {config_step:g} in scans.unit"
-        )
+        problem = f"{numbered}, but scans.spacing_um is {config_step:g} in scans.unit"
         remedy = "Multiply them by the spacing, or save the heights as a matrix (.csv)."
         raise InputError(
             path, problem, f"{remedy} If they are lengths, correct scans.spacing_um."

@@ -169,12 +169,12 @@ def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:
         )
     if spacing:
         keys["the spacing of its points"] = (
-            "scans.spacing_um in the config to that in µm"
+            "scans.spacing_um in the config to its value in µm"
         )
     return InputError(
         path,
         f"the file does not state {' or '.join(keys)}",
-        f"Set {', and '.join(keys.values())}; or export the scan in a format that states them "
+        f"Set {', and '.join(keys.values())}, or export the scan in a format that states them "
         "(.plu, .plux, .sur, .x3p, .al3d, ...).",
     )
 
@@ -192,8 +192,8 @@ def _mind_step_too_few(
         if oblongness > 1e-5 and abs(true_x / true_y - 1) < 0.1 * oblongness:
             _log.warning(
                 "%s: its points are %.5g × %.5g µm apart, as if a length of n points had been "
-                "divided by n - 1; then they are %.5g µm apart. Export the scan in another format "
-                "and compare",
+                "divided by n - 1. The right spacing would be %.5g µm. Export the scan in another "
+                "format and compare",
                 path,
                 1e3 * dx,
                 1e3 * dy,
@@ -296,13 +296,16 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
     held, count = distinct[np.argmax(far)], far.max()
     if _FEWEST_HELD <= count < heights.size / 2 and 2 * count > far.sum():
         heights[heights == held] = np.nan
-        message = "%s: %d points share the height %g µm, far from all others: taken as unmeasured"
+        message = (
+            "%s: %d points share the height %g µm, far from all others. They count as "
+            "unmeasured"
+        )
         _log.warning(message, path, count, held * 1e3)
         return
     second, most = np.sort([0, *counts])[-2:]
     if most > max(_HELD_FRACTION * heights.size, _HELD_TIMES * second):
         _log.warning(
-            "%s: %.3g %% of the points have one height, %g µm. If that stands for unmeasured "
+            "%s: %.3g %% of the points have one height, %g µm. If it marks unmeasured "
             "points, export them as empty cells or NaN",
             path,
             100 * most / heights.size,
@@ -326,8 +329,8 @@ def _refuse_lost_block(path: Path, heights: np.ndarray) -> None:
     most_elsewhere = min(count // _HELD_TIMES, _FEWEST_HELD - 1)
     if flat[start] == 0 and not whole_lines and repeated <= most_elsewhere:
         problem = (
-            f"{count} heights one behind the other, from number {start + 1} on, are 0, and "
-            f"elsewhere at most {repeated} are equal: a block of the file is lost"
+            f"{count} consecutive heights, from number {start + 1} on, are 0, but elsewhere "
+            f"at most {repeated} are equal: a block of the file is lost"
         )
         refuse(
             FaultError(
@@ -339,7 +342,7 @@ def _refuse_lost_block(path: Path, heights: np.ndarray) -> None:
 def unit_remedy(states_unit: bool) -> str:
     """The remedy for heights in a wrong unit. The config does not affect files with a unit."""
     if states_unit:
-        return "The unit stands in the file, not in scans.unit: correct the instrument's export."
+        return "The unit is in the file, not in scans.unit. Correct the instrument's export."
     return "Check scans.unit in the config, and the instrument's export."
 
 

@@ -107,7 +107,7 @@ def read_matrix(
     header = "\n".join(table.header)
     if table.is_split:
         problem = (
-            "blank lines or comments part its rows into blocks, as of several maps"
+            "blank lines or comments divide its rows into blocks, like several maps"
         )
         raise InputError(path, problem, "Keep one map in each file.")
     numbers = numbers_in(path, table)
@@ -287,7 +287,7 @@ def _refuse_other_spacing(path: Path, step: float, config_step: float | None) ->
         and abs(step - config_step) > SPACING_TOLERANCE * config_step
     ):
         apart = f"its coordinates are {step:g} apart"
-        problem = f"{apart}, and by scans.spacing_um {config_step:g}, in scans.unit"
+        problem = f"{apart}, but scans.spacing_um is {config_step:g}, in scans.unit"
         remedy = "Correct scans.unit or scans.spacing_um, or delete the coordinates."
         raise InputError(path, problem, remedy)
 
@@ -321,7 +321,7 @@ def _esri_grid(path: Path, header: Mapping[str, str], heights: np.ndarray) -> Te
             stated[name if name in stated else "cellsize"] for name in ("dy", "dx")
         ]
     except (KeyError, ValueError) as error:
-        problem = f"the header of an ESRI grid states no number for {error}"
+        problem = f"the header of an ESRI grid does not contain a number for {error}"
         raise InputError(path, problem, "Export the grid again.") from error
     if heights.shape != shape:
         ny, nx = heights.shape

@@ -49,7 +49,7 @@ _ODD_FRACTION = 1e-3
 _FEWEST_SPLIT, _ALIKE = 20, 0.9
 
 UNMEASURED_CELLS = (
-    "Unmeasured points are empty cells, NaN, BAD, --- or ***; a line that begins with '#' is a "
+    "Unmeasured points are empty cells, NaN, BAD, --- or ***. A line that begins with '#' is a "
     "comment."
 )
 _EXPORT = (
@@ -157,7 +157,7 @@ def _layout(path: Path, lines: Sequence[str]) -> tuple[str | None, int]:
             votes[mark, len(cells)] += 1
     if not votes:
         middle = filled[len(filled) // 2] if filled else ""
-        problem = f"has no row of numbers; in its middle, a line begins {middle!r:.40}"
+        problem = f"does not have a row of numbers. In its middle, a line begins {middle!r:.40}"
         remedy = "Export the whole topography as text, with no mark between thousands."
         raise InputError(path, problem, remedy)
     return votes.most_common(1)[0][0]
@@ -278,6 +278,6 @@ def _mind_decimal_commas(path: Path, text: str) -> None:
     if all(re.fullmatch(r"[1-9]\d{0,2},\d{3}", number) for number in numbers):
         message = (
             "%s: its commas are read as decimal signs. If they separate thousands, the heights are "
-            "wrong: export them without"
+            "wrong. Then export them without"
         )
         _log.warning(message, path)

@@ -67,7 +67,7 @@ def _members(path: Path, archive: zipfile.ZipFile) -> dict[str, str]:
     outermost = min((name.count("/") for name in indices), default=0)
     indices = [name for name in indices if name.count("/") == outermost]
     if len(indices) != 1:
-        problem = f"holds {len(indices)} files main.xml, and an .x3p has one"
+        problem = f"holds {len(indices)} files main.xml, but an .x3p has one"
         raise InputError(path, problem, _EXPORT_AGAIN)
     folder = indices[0].removesuffix("main.xml")
     inside = [name for name in names if name.startswith(folder)]
@@ -170,13 +170,13 @@ def _listed(path: Path, listed: ElementTree.Element) -> np.ndarray:
     try:
         return np.array(texts, dtype="<f8")
     except ValueError as error:
-        problem = f"a height that its main.xml lists is no number ({error})"
+        problem = f"a height that its main.xml lists is not a number ({error})"
         raise InputError(path, problem, _EXPORT_AGAIN) from error
 
 
 def _check_bytes(path: Path, size: int, announced: int, what: str) -> None:
     if size != announced:
-        problem = f"its {what} take {size} bytes, and {announced} are announced: it is damaged"
+        problem = f"its {what} take {size} bytes, but {announced} are announced: it is damaged"
         raise InputError(path, problem, "Copy the file, or export the scan, again.")
 
 
@@ -187,7 +187,7 @@ def _mind_sum(path: Path, content: bytes | memoryview, stated: str, what: str) -
     is_sum = re.fullmatch("[0-9a-f]{32}", stated) and stated.strip("0")
     if is_sum and stated != own:
         _log.warning(
-            "%s: its %s do not have the MD5 sum that its main.xml states: they may be damaged. "
+            "%s: its %s do not have the MD5 sum in its main.xml, so they may be damaged. "
             "Compare the file with the original one",
             path,
             what,
