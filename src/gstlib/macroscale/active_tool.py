@@ -268,7 +268,7 @@ def grid_counterface(
             source=source,
         ).height
     except InputError as error:
-        problem = f"the active tool, as it is posed: {error.problem}"
+        problem = f"the active tool in its pose: {error.problem}"
         remedy = f"Check {_KEY} and counterface.mesh_unit in the config."
         raise error.about(source, problem, remedy) from error
     face = gridded.copy(data=gridded.values[:, ::-1]).assign_attrs(
@@ -283,7 +283,7 @@ def grid_counterface(
         if abs(gap) > relief:
             where = "in" if gap < 0 else "away from"
             problem = (
-                f"the active tool, as it is posed, is {abs(gap):.3g} mm {where} the passive one, "
+                f"the active tool in its pose is {abs(gap):.3g} mm {where} the passive one, "
                 f"more than the {relief:.3g} mm between the summits and dales of both faces"
             )
             refuse(

@@ -64,7 +64,7 @@ _LYING = {
     "slope_x": ("1", "slope of the plane along x"),
     "tilt_mrad": ("mrad", "tilt of the mesh's plane"),
     "tilt_error_mrad": ("mrad", "standard error of the tilt along each axis"),
-    "known": ("1", "plane known better than by levelling"),
+    "known": ("1", "whether the mesh gives the plane better than levelling"),
 }
 
 

@@ -131,7 +131,7 @@ def grid_macroscale(
         radius_mm, angle_deg = active_tool
         middle = size_mm / 2, size_mm / 2
         over = rounded_counterface(height, radius_mm, middle, angle_deg)
-    over.attrs = {"units": "mm", "long_name": "height of the counterface, 0 of a flat"}
+    over.attrs = {"units": "mm", "long_name": "height of the counterface, 0 for a flat"}
     _, plane = remove_plane(square_of(height, size_mm))
     face = {"height": height.copy(data=height.values - plane.heights(height))}
     face |= {"counterface": over} | frame_variables(frame)
@@ -183,8 +183,8 @@ def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> N
         refuse(FaultError("face", source, problem, "Make macroscale.face_mm smaller."))
     if absent:
         _log.warning(
-            "%s: %.2g %% of the face of %g mm has no stone, as the mesh ends or turns away there; "
-            "if the stone itself goes on, make macroscale.face_mm smaller",
+            "%s: %.2g %% of the face of %g mm lies beyond the mesh, which ends or turns away "
+            "there. If the stone itself continues, make macroscale.face_mm smaller",
             source,
             100 * absent,
             face_mm,
@@ -193,9 +193,9 @@ def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> N
     side = largest_face(thickness)
     if thickness >= _THINNEST_MM and side < face_mm:
         _log.warning(
-            "%s: the stone is %g mm thick under the square, less than the %g mm of its face: it "
-            "bends, and the contact of half-spaces that is solved does not; set macroscale.face_mm "
-            "to %g, or read pressures with care if that is less than the square",
+            "%s: the stone is %g mm thick under the square, less than the %g mm of its face. It "
+            "bends, but the half-spaces of the model do not. Set macroscale.face_mm to %g, or use "
+            "pressures with care if that is less than the square",
             source,
             side,
             face_mm,
@@ -224,7 +224,7 @@ def thin_stone(height: xr.DataArray, *, source: str | Path) -> Iterator[FaultErr
         yield FaultError(
             "thickness",
             source,
-            f"the stone is {thickness:.3g} mm thick under the square, and no tool is so thin",
+            f"the stone is {thickness:.3g} mm thick under the square, too thin for a tool",
             "Pick square.points_mm where the stone was used, facing outwards, and check mesh_unit.",
         )
 

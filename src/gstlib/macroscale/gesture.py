@@ -230,7 +230,7 @@ def press_poses(
     for pose, contact in zip(poses.itertuples(), contacts, strict=True):
         if contact is None:
             _log.warning(
-                "pose %s: the stone does not rest in it, so it wears nothing",
+                "pose %s: the stone does not rest in it, so this pose causes no wear",
                 pose.Index,
             )
             pressure = np.zeros(height.shape)

@@ -45,45 +45,45 @@ def plausibility_warnings(
         share = float(pressure[_along_edge(contact)].sum() / total)
         if share > _MOST_AT_EDGE:
             yield (
-                f"{100 * share:.0f} % of the force lies within {100 * _EDGE:.0f} % of the side of "
-                f"the edge of what is pressed ({side:.4g} mm): the stone goes on there, or ends; "
-                "make macroscale.face_mm larger, or give counterface.radius_mm"
+                f"{100 * share:.0f} % of the force acts within {100 * _EDGE:.0f} % of the side "
+                f"from the edge of the face ({side:.4g} mm). The stone continues there, or ends. "
+                "Make macroscale.face_mm larger, or give counterface.radius_mm"
             )
         inside = float(square_of(contact.pressure, size_mm).sum() / total)
         if inside < _LEAST_IN_SQUARE:
             yield (
-                f"only {100 * inside:.2g} % of the force lies in the square: the stone rests "
-                "elsewhere; check load.at_mm, the form of the active tool (counterface), and "
+                f"only {100 * inside:.2g} % of the force acts in the square: the stone rests "
+                "elsewhere. Check load.at_mm, the form of the active tool (counterface), and "
                 "square.points_mm"
             )
     if (tilt := float(np.hypot(plane.slope_y, plane.slope_x))) > _STEEP:
         yield (
             f"the stone rests tilted by {1e3 * tilt:.3g} mrad against the mean plane of the "
-            "square, whose normal the heights and the force follow: pick square.points_mm again so "
-            "that the square lies as the stone rests, or check load.at_mm"
+            "square, whose normal the heights and the force follow. Pick square.points_mm again so "
+            "that the square is level when the stone rests, or check load.at_mm"
         )
     if (peak := float(pressure.max(initial=0.0))) > _STRONGEST_MPA:
         yield (
-            f"the highest pressure on an element is {peak:.3g} MPa, more than any stone bears "
-            f"({_STRONGEST_MPA:g} MPa): check the mesh for spikes there, the load, and units"
+            f"the highest pressure on an element is {peak:.3g} MPa, above the strength of stone "
+            f"({_STRONGEST_MPA:g} MPa). Check the mesh for spikes there, the load, and units"
         )
     distance = _inside_outline(contact)
     if distance is not None and math.isnan(distance):
         yield (
-            "the stones touch in a single place, or along a line, so that nothing holds their "
-            "tilt: check the mesh for a spike, the pose, and the load"
+            "the stones touch at a single point or along a line, so their tilt is not determined. "
+            "Check the mesh for a spike, the pose, and the load"
         )
     if distance is not None and distance < _NEAR * side:
         yield (
-            f"the force acts only {distance:.2g} mm inside the outline of what touches, so that a "
-            "small shift makes the stone roll or tip onto other places: check load.at_mm, and read "
+            f"the force acts only {distance:.2g} mm inside the outline of the contact, so a small "
+            "shift makes the stone roll or tip onto other parts. Check load.at_mm, and consider "
             "the intervals"
         )
     element = max(spacing_of(contact.pressure))
     if patch_mm is not None and patch_mm < _FEWEST_ELEMENTS * element:
         yield (
-            f"a patch of {patch_mm:g} mm is {patch_mm / element:.1f} elements wide, and "
-            f"{_FEWEST_ELEMENTS} are needed for its pressure: raise macroscale.grid"
+            f"a patch of {patch_mm:g} mm is {patch_mm / element:.1f} elements wide, but "
+            f"{_FEWEST_ELEMENTS} are needed for its pressure. Raise macroscale.grid"
         )
 
 

@@ -174,11 +174,11 @@ def _highest(
 def _warn_of_few(kind: str, there: int, asked: int) -> None:
     reason = {
         EXPOSED: "the rest of the square is not touched",
-        CONTROL: "all else is touched",
+        CONTROL: "the rest is touched",
     }
     _log.warning(
-        "%d of %d %s places fit in the square, as %s: make square.size_mm larger or scans.size_mm "
-        "smaller for more",
+        "%d of %d %s positions fit in the square, because %s. For more, make square.size_mm "
+        "larger or scans.size_mm smaller",
         there,
         asked,
         kind,
@@ -216,8 +216,8 @@ def concentration(
     in_square = float(inside.sum() / fields.exposure.sum())
     if in_square < _LEAST_INSIDE:
         _log.warning(
-            "%.0f %% of the exposure lies outside the square, where no place is proposed: move "
-            "square.points_mm there, or make square.size_mm larger",
+            "%.0f %% of the exposure lies outside the square, but positions are proposed only "
+            "inside. Move square.points_mm there, or make square.size_mm larger",
             100 * (1 - in_square),
         )
     falling = np.sort(inside, axis=None)[::-1].cumsum()

@@ -54,7 +54,7 @@ _UNITS = {
 # Unit and long name of each quantity of a case.
 _VARIABLES = {
     "pressure": ("MPa", "contact pressure"),
-    "gap": ("mm", "gap between the bodies; minus the depth of yield"),
+    "gap": ("mm", "gap between the bodies, or minus the depth of yield"),
     "displacement": ("mm", "far-field displacement from first touch"),
     "capped_fraction": ("1", "share of the contact at the cap"),
     "residual": ("1", "largest violation of contact conditions"),
@@ -227,8 +227,8 @@ def case_table(
             continue
         if (mean := float(contact.pressure.mean())) >= pressure_cap:
             _log.warning(
-                "patch %s: it bears %.4g MPa on average, so pressure_cap_MPa of %g MPa cannot be "
-                "solved for it; raise the cap, or set it to null",
+                "patch %s: its mean pressure is %.4g MPa, so it cannot be solved with "
+                "pressure_cap_MPa of %g MPa. Raise the cap, or set it to null",
                 patch,
                 mean,
                 pressure_cap,

@@ -58,12 +58,12 @@ def test_a_sound_contact_raises_no_doubt(options):
 @pytest.mark.parametrize(
     ("height", "options", "doubt"),
     [
-        (ENDS, {"load_point": None}, "the stone goes on there, or ends"),
-        (spiked(TRIANGLE, 0.2), {"force": 900.0}, "more than any stone bears"),
+        (ENDS, {"load_point": None}, "The stone continues there, or ends"),
+        (spiked(TRIANGLE, 0.2), {"force": 900.0}, "above the strength of stone"),
         (
             spiked(np.full((COUNT, COUNT), -1.0), 1.0),
             {"force": 1.0, "load_point": (SINGLE, SINGLE)},
-            "in a single place",
+            "at a single point",
         ),
         (FAR, {"load_point": (4.0, 4.0), "size_mm": 1.0}, "only .* in the square"),
         (TRIANGLE, {"patch_mm": 0.49}, r"0.49 mm is 4.9 elements"),
