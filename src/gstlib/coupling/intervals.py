@@ -284,8 +284,8 @@ def pressure_intervals(
 
 def _warn_of_unrest(missing: int, draws: int) -> None:
     _log.warning(
-        "in %d of %d draws the stone does not rest, so the intervals of the pressures leave "
-        "them out; check load.at_mm and the standard errors in uncertainty",
+        "in %d of %d draws the stone does not rest, so the pressure intervals omit these draws. "
+        "Check load.at_mm and the standard errors in uncertainty",
         missing,
         draws,
     )

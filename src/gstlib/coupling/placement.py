@@ -169,8 +169,8 @@ def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
     margin = as_given - anywhere
     if margin > 0 and _contradicts(compared):
         problem = (
-            "they do not lie where the table says: they correlate with the mesh under them by "
-            f"{fit:.2f} on average, no more than patches from anywhere would"
+            "they do not match the mesh at their positions in the patch table (mean correlation "
+            f"{fit:.2f}, no higher than elsewhere)"
         )
         remedy = (
             "Check x_mm and y_mm of the patch table, square.points_mm, and the units of mesh and "
@@ -259,10 +259,10 @@ def _in_another_look(
 def _not_there(compared: Comparison, row: int, *, tests: int) -> _Claim:
     """A patch that does not fit its position, without a clear look."""
     problem = (
-        "its scan does not fit the mesh where the table puts it (correlation "
+        "its scan does not match the mesh at its position in the patch table (correlation "
         f"{compared.fits[row, 0]:.2f})"
     )
-    remedy = "Check its x_mm and y_mm, and whether its scan is that of another place."
+    remedy = "Check its x_mm and y_mm, and that its scan does not show another patch."
     margin = compared.alternatives[row] - compared.limit(tests)
     return _Claim([row], margin, "", problem, remedy)
 
@@ -287,11 +287,12 @@ def _exchanged(compared: Comparison) -> Iterator[_Claim]:
         rows = sorted(ring)
         names = compared.patches.patch
         problem = (
-            "their scans fit the mesh at each other's places, and not at their own (correlation "
+            "their scans fit the mesh at each other's positions, but not at their own (correlation "
             f"{compared.fits[rows, 0].mean():.2f})"
         )
         at = ", ".join(
-            f"{names.iloc[row]} at that of {names.iloc[place[row]]}" for row in rows
+            f"{names.iloc[row]} at the position of {names.iloc[place[row]]}"
+            for row in rows
         )
         remedy = f"Exchange their x_mm and y_mm, or the names of their scans: {at}."
         yield _Claim(rows, margin, "", problem, remedy)
@@ -299,8 +300,8 @@ def _exchanged(compared: Comparison) -> Iterator[_Claim]:
 
 def _problem(they_fit: str, orientation: str, other: float, fit: float) -> str:
     return (
-        f"{they_fit} the mesh {orientation} (correlation {other:.2f}), and not as given "
-        f"({fit:.2f})"
+        f"{they_fit} the mesh {orientation} (correlation {other:.2f}), but not in the present "
+        f"orientation ({fit:.2f})"
     )
 
 
@@ -334,15 +335,15 @@ def _warn_of_places(table: pd.DataFrame, shared: Shift) -> None:
     together = table.iloc[-1]
     if together.orientation != AS_GIVEN:
         _log.warning(
-            "the patches together correlate with the macroscale by %.2f, which does not show that "
-            "they lie as the patch table says: either the mesh is too smooth or too coarse, or few "
-            "lie so; check x_mm and y_mm, square.points_mm, and the units of mesh and scans",
+            "the patches together correlate with the macroscale by %.2f, which does not confirm "
+            "their positions. Either the mesh is too smooth or too coarse, or most positions are "
+            "wrong. Check x_mm and y_mm, square.points_mm, and the units of mesh and scans",
             together.correlation,
         )
     elif shared.is_sure:
         (x, y), (error_x, error_y) = shared.along_x_and_y
         _log.warning(
             "all patches together fit the macroscale best when shifted in x by %+.0f ± %.0f µm and "
-            "y by %+.0f ± %.0f µm: check square.points_mm, or add this to the patch table",
+            "y by %+.0f ± %.0f µm. Check square.points_mm, or add this to the patch table",
             *(x, error_x, y, error_y),
         )

@@ -113,7 +113,7 @@ def grid_mesh(
             "left_out_error": (
                 "vertex",
                 left_out.errors,
-                _in_mm("height less its prediction"),
+                _in_mm("height minus its prediction"),
             ),
             "left_out_rms": (
                 "candidate",
@@ -157,7 +157,9 @@ def _check_holes(
             raise InputError(source, problem, remedy)
         refuse(FaultError("holes", source, problem, remedy))
     if bare.any():
-        _log.warning("holes of the mesh were bridged: %s", layout.share_of_square(bare))
+        _log.warning(
+            "holes of the mesh were bridged on %s", layout.share_of_square(bare)
+        )
 
 
 def gridding_table(square: xr.Dataset) -> pd.DataFrame:

@@ -235,8 +235,8 @@ def _side_of_use(crop: _Crop, hits: _Hits, layout: Layout, source: str) -> np.nd
     is_double = is_alike & (apart < _DOUBLE_MM)
     if is_double.any():
         _log.warning(
-            "%s: the mesh has a second surface over the square, %.2g mm from that which is taken: "
-            "if it was scanned twice, merge the two scans",
+            "%s: the mesh has a second surface over the square, %.2g mm from the one used. "
+            "If it was scanned twice, merge the two scans",
             source,
             apart[is_double].min(),
         )

@@ -72,11 +72,11 @@ _TRUTH = {
     "rotation_deg": ("degree", "true turn of the scan, x towards y"),
     "plane_x_mrad": (
         "mrad",
-        "angle along x of the tilted true surface: what levelling takes",
+        "angle along x of the true surface, which levelling removes",
     ),
     "plane_y_mrad": (
         "mrad",
-        "angle along y of the tilted true surface: what levelling takes",
+        "angle along y of the true surface, which levelling removes",
     ),
     "outlier": ("1", "spike at a measured point"),
     "unmeasured": ("1", "point without a value"),
