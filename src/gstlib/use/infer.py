@@ -82,7 +82,7 @@ _CLEARLY = 1.0
 _DESCRIBED = {
     "y_mm": ("mm", "load point along y"),
     "x_mm": ("mm", "load point along x"),
-    "radius_mm": ("mm", "radius of the active tool, NaN where it is not asked for"),
+    "radius_mm": ("mm", "radius of the active tool, NaN if it is not inferred"),
     "scatter_mm": ("mm", "standard deviation of the strikes along each axis"),
     "stroke_mm": ("mm", "length of a stroke"),
     "spread_mm": (
@@ -90,15 +90,15 @@ _DESCRIBED = {
         "r.m.s. distance of the strikes from their centre along an axis",
     ),
     "stroke_angle_deg": ("degree", "direction of the stroke from x towards y"),
-    "weight": ("1", "worth of the draw after the wear was seen"),
+    "weight": ("1", "posterior weight of the draw"),
     "pressure": ("MPa", "pressure of the patch, mean over the strikes"),
     "pressure_at_centre": (
         "MPa",
         "pressure of the patch under a strike through the centre",
     ),
-    "weight_without": ("1", "worth of the draw by the wear of the other patches"),
+    "weight_without": ("1", "weight of the draw by the wear of the other patches"),
     "log_score": ("1", "log probability of the patch's wear, given the others'"),
-    "competitor_log_score": ("1", "the same by a competitor that knows no contact"),
+    "competitor_log_score": ("1", "the same by a competitor without contact"),
     "law_log_score": (
         "1",
         "log probability of the patch's wear, given the others', by a law",
@@ -106,11 +106,11 @@ _DESCRIBED = {
     "law_parameter": ("1", "parameter of a law: its mean, and the limits of 95 %"),
     "effective_sample_size_without": (
         "1",
-        "effective draws by the wear of the other patches",
+        "effective sample size by the wear of the other patches",
     ),
-    "wear_coefficient": ("um/MPa", "wear coefficient with the sliding"),
+    "wear_coefficient": ("um/MPa", "wear coefficient × sliding"),
     "scatter": ("1", "scatter of the wear"),
-    "floor": ("um", "scatter of a loss that does not grow with it"),
+    "floor": ("um", "scatter that does not grow with the loss"),
 }
 
 
@@ -239,9 +239,7 @@ def infer_use(
         (draws.contacts, draws.touching) if draws else (sampling.draws, 0)
     )
     if draws is None or touching < min(_FEWEST, contacts):
-        reason = (
-            f"only {touching} of {contacts} strikes about what is stated touch a patch"
-        )
+        reason = f"only {touching} of {contacts} strikes near the prior touch a patch"
         remedy = (
             "Correct load.at_mm and counterface, or raise uncertainty.load_point_mm"
         )
@@ -355,12 +353,11 @@ def use_pressures(
 
 def _too_few(count: int) -> xr.Dataset:
     """The result of `infer_use` if too few patches are known, or if too few of them wore."""
-    remedy = (
-        f"Of {count} patches whose wear is known, fewer than {FEWEST_WORN} lost more than the "
-        f"noise, or there are fewer than {FEWEST_PATCHES} patches: scan more places that wore"
-    )
-    few = f"the wear of only {count} patches is known"
-    return _unknown(few if count < FEWEST_PATCHES else "too few patches wore", remedy)
+    if count < FEWEST_PATCHES:
+        reason = f"the wear of only {count} patches is known"
+        return _unknown(reason, f"Scan at least {FEWEST_PATCHES} patches")
+    reason = f"fewer than {FEWEST_WORN} of {count} patches lost more than the noise"
+    return _unknown(reason, "Scan more positions that wore")
 
 
 def _warn_of_few_draws(use: xr.Dataset, sampling: Sampling) -> None:
@@ -368,8 +365,8 @@ def _warn_of_few_draws(use: xr.Dataset, sampling: Sampling) -> None:
     is_few = use.effective_sample_size_without.values < FEWEST_DRAWS
     if is_few.any():
         _log.warning(
-            "the prediction for the patches %s rests on fewer than %d effective draws, so that it "
-            "is uncertain: raise use.particles (now %d)",
+            "the prediction for the patches %s rests on fewer than %d effective draws, so it is "
+            "uncertain. Raise use.particles (now %d)",
             ", ".join(map(str, use.patch.values[is_few])),
             FEWEST_DRAWS,
             sampling.particles,
@@ -379,8 +376,8 @@ def _warn_of_few_draws(use: xr.Dataset, sampling: Sampling) -> None:
 def _unknown(reason: str, remedy: str) -> xr.Dataset:
     """The result of `infer_use` if nothing can be inferred; reason and remedy are logged."""
     _log.warning(
-        "how the tool was used %s, because %s. %s, or set use to null. The study goes on as "
-        "stated.",
+        "how the tool was used %s, because %s. %s, or set use to null. The study continues with "
+        "the prior load case.",
         UNKNOWN,
         reason,
         remedy,

@@ -90,7 +90,7 @@ def use_of_study(
             use["stated_pressure"] = "scanned", stated_MPa
             use.stated_pressure.attrs = {
                 "units": "MPa",
-                "long_name": "pressure of the patch under the use as stated",
+                "long_name": "pressure of the patch under the prior load case",
             }
         predicted = predicted_losses(use, losses, drawn.seed)
         return use, use_table(use, told, predicted), predicted

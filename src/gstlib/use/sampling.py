@@ -162,7 +162,7 @@ def sample(
             np.concatenate([pressed, solved]),
         )
         _log.info(
-            "%d contacts, the last of them predicted to %.2g", len(strikes), error
+            "%d contacts are solved, the last predicted to %.2g", len(strikes), error
         )
         if counted == 1 and error <= _PREDICTED:
             break

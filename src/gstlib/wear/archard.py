@@ -97,7 +97,7 @@ _DESCRIBED = {
     "fitted": ("mm/MPa", "κ of other patches"),
     "kappa_of_all": ("mm/MPa", "κ of all patches"),
     "reach_of": ("mm/MPa", "end of the path of a patch, from the others' losses"),
-    "reach_of_all": ("mm/MPa", "the same of all patches"),
+    "reach_of_all": ("mm/MPa", "the same from the losses of all patches"),
     "measured": ("mm", "measured mean depth lost"),
     "pressure_MPa": ("MPa", "pressure before use"),
     "patch_mm": ("mm", "side of a patch"),

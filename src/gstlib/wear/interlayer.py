@@ -17,7 +17,7 @@ _MISFITS = {
     "misfit": ("mm2", "sum of squared differences of loss"),
     "product": ("mm2", "sum of products of these differences in two steps"),
 }
-_RATIO = "1", "coefficient of the interlayer over that of the bare stone"
+_RATIO = "1", "ratio of the coefficients of interlayer and bare stone"
 _FITTED = {
     "misfit": _MISFITS["misfit"],
     "interlayer_ratio": _RATIO,
