@@ -17,7 +17,7 @@ _MEANT = {
     r"are heights and spacing in mm": "are the units of heights and spacing right",
     r" If it is right as it is, write accept: \[\w+\] in the config\.": "",
     r" all over the patch\b": " everywhere",
-    r"\bpatch (?=[^:\n]+\.\w+:)": "",
+    r"\bpatch (?=[^:\n]+\.\w+[,:])": "",
 }
 
 
