@@ -15,8 +15,8 @@ _MEANT = {
     r" in the patch table, or the folder": "",
     r", or leave repeat empty in the patch table": ", or leave --repeat out",
     r"are heights and spacing in mm": "are the units of heights and spacing right",
-    r" If it is right as it is, write accept: \[\w+\] in the config\.": "",
-    r" all over the patch\b": " everywhere",
+    r" If the input is right, write accept: \[\w+\] in the config\.": "",
+    r"\bthe whole patch\b": "the whole surface",
     r"\bpatch (?=[^:\n]+\.\w+[,:])": "",
 }
 
