@@ -3,14 +3,14 @@
     python benchmarks/use.py [--cases law scatter …] [--stones 10] [--faces FOLDER]
     python benchmarks/use.py --tables
 
-Forty stones are generated, with scans of 128 × 128 points, and each is worn by Archard's law. Its
+Sixty stones are generated, with scans of 128 × 128 points, and each is worn by Archard's law. Its
 load point and its radius are drawn from the prior of the study, which is told the middle of the
-square and 200 mm. The seeds, 8001 to 8040, were chosen before any of these stones was made. The
+square and 200 mm. The seeds, 8001 to 8060, were chosen before any of these stones was made. The
 other cases take the faces and the patches of the first stones, and have other losses:
 
-law                    losses measured on the worn stones, 40 stones
-control                mean pressures of the patches under the true use, 20 stones
-scatter, stroke        the same under strikes that scatter by 1 mm, or along 4 mm, 20 stones each
+law                    losses measured on the worn stones, 60 stones
+control                mean pressures of the patches under the true use, 40 stones
+scatter, stroke        the same under strikes that scatter by 1 mm, or along 4 mm, 40 stones each
 blobs, tilted, gradients, waves, smooth   losses without a contact, 20 stones each
 12, 8, wrong           losses of the law on fewer patches, or with one wrong loss, 10 stones each
 grades, smooth grades  the losses of two cases as grades, a fifth of them wrong, 10 stones each
@@ -19,9 +19,10 @@ two radii, true form   an ellipsoidal tool; the study is told a round one, or th
 force                  twice the force that the study is told
 squared, root          losses that go with the square or the square root of the pressure
 uneven                 a wear coefficient that varies over the stone by up to 40 %
+prior                  strikes and errors of the losses drawn from the prior, too, 40 stones
 
-The last six have 10 stones each. Losses that are not measured on a worn stone scatter by 15 %, and
-by 2 % of their mean.
+Six cases before the last have 10 stones each. In all but the last, losses that are not measured on
+a worn stone scatter by 15 %, and by 2 % of their mean.
 
 The rows go to benchmarks/results/use.csv (with --output: elsewhere), one for each stone and case.
 Stones and cases that the file holds already are not made again. Columns:
@@ -78,6 +79,8 @@ MADE_UM, SCATTER, NOISE = 0.1, 0.15, 0.02
 # How far strikes scatter along each axis, how long a stroke is, and the contacts that stand for it.
 SCATTER_MM, STROKE_MM = 1.0, 4.0
 STRIKES, STEPS = 32, 41
+# Strikes of a use from the prior, and degrees of freedom of the errors of losses.
+PRIOR_STRIKES, FREEDOM = 100, 4
 # How far beyond the square the load point of the case `outside` lies, and what the study is told.
 OUTSIDE_MM, TOLD_OUTSIDE_MM = (0.25, 1.5), 2.0
 # The longer radius over the shorter one of the case `two radii`.
@@ -252,6 +255,30 @@ def uneven(stone, generator):
     return pressed(stone, generator, factor=1 + UNEVEN * field / abs(field).max())
 
 
+def from_prior(stone, generator):
+    """Strikes, and errors of the losses, as the study takes them for possible."""
+    scatter, length = np.maximum(generator.standard_normal(2), 0.0)
+    angle = generator.uniform(0, 2 * np.pi)
+    prior = stone.stated.prior
+    scatter_mm, stroke_mm = scatter * prior.scatter_mm, length * prior.stroke_mm
+    stroke = stroke_mm * np.array([np.sin(angle), np.cos(angle)])
+    count = PRIOR_STRIKES if scatter or length else 1
+    uses = Uses(
+        np.tile(stone.point, (count, 1)),
+        np.full(count, scatter_mm),
+        np.tile(stroke, (count, 1)),
+    )
+    pressure = pressures_of(stone, uses.strikes(generator))
+    expected = Losses(MADE_UM * pressure / pressure.mean())
+    errors = expected.parameters(pressure[None], generator.standard_normal((1, 3)))
+    width = np.hypot(errors["scatter"] * expected.depth_um, errors["floor"])
+    error = generator.standard_t(FREEDOM, len(width))
+    depth_um = expected.depth_um + width * error
+    losses = Losses(depth_um, depth_um > 2 * errors["floor"])
+    true = truth(stone.point, float(scatter_mm), float(stroke_mm))
+    return Trial(stone, losses, true, pressure)
+
+
 def outside(stone, generator):
     """A load point beyond an edge of the square."""
     half = float(stone.face.size_mm) / 2
@@ -396,10 +423,10 @@ _OF_FIELDS = {
 }
 # How many stones are tried in each case, and what is made of each.
 CASES = {
-    "law": (40, law),
-    "control": (20, pressed),
-    "scatter": (20, scatter),
-    "stroke": (20, stroke),
+    "law": (60, law),
+    "control": (40, pressed),
+    "scatter": (40, scatter),
+    "stroke": (40, stroke),
     **{name: (20, make) for name, make in _OF_FIELDS.items()},
     "12": (10, partial(fewer, count=12)),
     "8": (10, partial(fewer, count=8)),
@@ -413,6 +440,7 @@ CASES = {
     "squared": (10, partial(pressed, power=2.0)),
     "root": (10, partial(pressed, power=0.5)),
     "uneven": (10, uneven),
+    "prior": (40, from_prior),
 }
 # Cases whose losses know no contact.
 UNPRESSED = (*_FIELDS, "smooth grades")
@@ -588,7 +616,7 @@ def main():
         RESULT,
         cases={"nargs": "+", "default": list(CASES), "choices": list(CASES)},
         first_seed={"type": int, "default": FIRST_SEED, "help": "for trials"},
-        stones={"type": int, "default": 40, "help": "at most so many of each case"},
+        stones={"type": int, "default": 60, "help": "at most so many of each case"},
         faces={"type": Path, "help": "folder that keeps the worn stones"},
         grades={"type": Path, "help": "write the table of the artefact alone"},
     )

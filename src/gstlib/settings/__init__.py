@@ -71,7 +71,7 @@ class Settings(Section):
         [],
         description="Faults that do not stop the study. Each message gives the name of its fault. "
         "A name accepts the fault everywhere, and name:patch (such as placement:loc3) accepts it "
-        "for one patch. The page then shows the fault, above the answer. The faults: "
+        "for one patch. The page then shows the fault above the answer. The faults: "
         + "; ".join(f"{name} ({meaning})" for name, meaning in FAULTS.items())
         + ".",
     )

@@ -172,7 +172,7 @@ def test_heights_of_another_scale_are_told_from_wear(
     table = registration_table({"7": change}, RULES, max_gain_to_loss_ratio=0.5)
     faults = list(other_heights(table))
     assert [fault.patches for fault in faults] == refused * [("7",)]
-    assert sum("calibrated" in message for message in caplog.messages) == warned
+    assert sum("calibration" in message for message in caplog.messages) == warned
 
 
 # --- The level of detection as repeated scans give it ------------------------------------------

@@ -41,5 +41,5 @@ def test_wear_and_another_place_are_no_doubt(stone):
 
 def test_a_polynomial_taken_out_of_one_scan_is_seen(stone):
     before, after = scan(stone), scan(stone, degree=6)
-    assert "taken out of T1 alone" in form_warning(before, after)
-    assert "taken out of T0 alone" in form_warning(after, before)
+    assert "T1 alone" in form_warning(before, after)
+    assert "T0 alone" in form_warning(after, before)

@@ -17,7 +17,7 @@ from gstlib.io.files import check_writable, write_whole
     ("step", "code", "words"),
     [
         ("os.fsync", errno.ENOSPC, "the disk is full. Make room"),
-        ("os.replace", errno.EIO, "Input/output error. Mend that"),
+        ("os.replace", errno.EIO, "Input/output error. Correct that"),
     ],
 )
 def test_a_disk_that_fails_is_told_and_leaves_the_old_file(

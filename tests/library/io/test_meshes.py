@@ -178,7 +178,7 @@ def test_another_unit_than_a_file_states_is_warned_of(
 
 def test_a_wrong_unit_is_named(tmp_path):
     stone().apply_scale(1e-3).export(tmp_path / "metres.stl")
-    refused(tmp_path / "metres.stl", r"0\.04 mm.*set mesh_unit: m \(40 mm\)\.")
+    refused(tmp_path / "metres.stl", r"0\.04 mm.*mesh_unit: m \(40 mm\)\.")
     refused(tmp_path / "metres.stl", "unknown mesh unit", unit="furlong")
 
 
@@ -334,7 +334,7 @@ def test_cut_files_are_refused(write, name):
             "binary.stl",
             COUNT,
             struct.pack("<I", 40),
-            "states 40 triangles, and more follow",
+            "states 40 triangles",
         ),
         ("plain.obj", b".0", b",0", "decimal commas"),
         ("plain.obj", b"\nv ", b"\nv 1 2 3 2.0\nv ", "fourth number"),

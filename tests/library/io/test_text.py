@@ -216,4 +216,4 @@ def test_numbers_of_points_are_no_lengths(tmp_path, caplog):
     text = lines_of(points(scale=(1 / STEP, 1 / STEP, 1)), " ")
     same(read(tmp_path, text, ".xyz", unit="um"), steps=(1, 1))
     assert "whole numbers, 1 apart" in caplog.text
-    refused(tmp_path / "a.xyz", "whole numbers, 1 apart.*states 1.5", **CONFIG)
+    refused(tmp_path / "a.xyz", "whole numbers, 1 apart.*1.5", **CONFIG)

@@ -83,7 +83,7 @@ def test_controls_are_never_touched_and_lie_far_from_what_is(fields, caplog):
         own = abs(centres - points[number]).max(axis=-1) < 1e-6
         assert free[own] == pytest.approx(free.max())
     assert (
-        "exposed places fit" in caplog.text
+        "exposed positions fit" in caplog.text
     )  # the one spot holds fewer than are asked for
 
 
