@@ -166,7 +166,10 @@ def test_exchanged_scans_are_named():
     heights[0], heights[4], heights[8] = heights[4], heights[8], heights[0]
     fault = fault_of(stone.square(), heights)
     assert fault.patches == ("1", "5", "9")
-    assert "1 at the position of 5, 5 at the position of 9, 9 at the position of 1" in fault.remedy
+    assert (
+        "1 at the position of 5, 5 at the position of 9, 9 at the position of 1"
+        in fault.remedy
+    )
 
 
 def test_one_right_study_of_a_hundred_has_a_patch_that_is_called_wrong():

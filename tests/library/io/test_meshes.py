@@ -330,12 +330,7 @@ def test_cut_files_are_refused(write, name):
     ("name", "old", "new", "match"),
     [
         # they could mean two stones
-        (
-            "binary.stl",
-            COUNT,
-            struct.pack("<I", 40),
-            "states 40 triangles",
-        ),
+        ("binary.stl", COUNT, struct.pack("<I", 40), "states 40 triangles"),
         ("plain.obj", b".0", b",0", "decimal commas"),
         ("plain.obj", b"\nv ", b"\nv 1 2 3 2.0\nv ", "fourth number"),
         ("plain.obj", b"\nv ", b"\nf -1 -1 -1\nv ", "backwards"),
