@@ -28,7 +28,6 @@ def curves(name):
     return CURVES[-1]
 
 
-
 if INFERRED:
     OF_USE = {"use": rules.infer_use.output.use, "use_table": rules.infer_use.output.table}
     if WORN_PATCHES:
