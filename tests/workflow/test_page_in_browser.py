@@ -358,7 +358,7 @@ def test_a_card_opened_by_its_address_closes_and_fits_the_screen(
 def test_the_map_shows_pressure_or_measured_loss(page):
     shown = "all => all.map(one => one.getAttribute('display'))"
     assert page.locator("#map image").evaluate_all(shown) == ["inline", "none"]
-    page.get_by_label("measured loss").check()
+    page.get_by_role("radio", name="measured loss").check()
     assert page.locator("#map image").evaluate_all(shown) == ["none", "inline"]
     assert page.locator(".scale.field:visible").inner_text().endswith("µm")
 

@@ -120,8 +120,10 @@ def saved(page):
 
 def click_stone(page, right=0, up=0):
     """Click so many pixels from the middle of the view."""
-    x, y = middle_of(page.locator("canvas"))
-    page.mouse.click(x + right, y - up)
+    canvas = page.locator("canvas")
+    box = canvas.bounding_box()
+    middle = {"x": box["width"] / 2 + right, "y": box["height"] / 2 - up}
+    canvas.click(position=middle)  # once it no longer moves
     saved(page)
 
 

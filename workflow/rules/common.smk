@@ -191,6 +191,16 @@ def table(name, category):
     return report(file, caption=str(caption), category=category, labels={"what": f"table: {title}"})
 
 
+# The curves of the study as SVG files, which the page contains, too.
+CURVES = []
+
+
+def curves(name):
+    """The SVG file of a figure, added to `CURVES`."""
+    CURVES.append(f"{RESULTS}/figures/{name}.svg")
+    return CURVES[-1]
+
+
 def picture(name, category, title):
     """The PNG of a figure, with its place on the page and in the report."""
     file = f"{RESULTS}/figures/{name}.png"

@@ -19,15 +19,6 @@ OF_PATCHES = {
 }
 # How the tool was used, where that is asked.
 OF_USE, USE_PICTURE = {}, {}
-CURVES = []
-
-
-def curves(name):
-    """The SVG of a figure, which the page contains, too."""
-    CURVES.append(f"{RESULTS}/figures/{name}.svg")
-    return CURVES[-1]
-
-
 if INFERRED:
     OF_USE = {"use": rules.infer_use.output.use, "use_table": rules.infer_use.output.table}
     if WORN_PATCHES:
