@@ -115,6 +115,21 @@ def test_a_comment_or_a_docstring_makes_no_step_run_again(tmp_path, code, is_the
     assert (one == another) is is_the_same
 
 
+@pytest.mark.parametrize(
+    ("code", "is_the_same"),
+    [
+        ('if x:\n    raise ValueError(\n        "b"\n    )\n', True),
+        ('if not x:\n    raise ValueError("a")\n', False),
+    ],
+)
+def test_the_message_of_an_error_makes_no_step_run_again(tmp_path, code, is_the_same):
+    file, other = tmp_path / "a.py", tmp_path / "b.py"
+    file.write_text('if x:\n    raise ValueError("a")\n')
+    other.write_text(code)
+    one, another = (provenance._hash_of([("a", path)]) for path in (file, other))
+    assert (one == another) is is_the_same
+
+
 def test_the_hash_of_a_step_covers_all_that_its_script_loads():
     script = SCRIPTS / "write_page.py"
     assert loaded_by(script) <= {file for _, file in provenance._parts_of(script)}
