@@ -142,6 +142,20 @@ def test_figure_has_the_same_bytes_each_time(tmp_path, name, kind):
     assert not any("nan" in text for text in texts)
 
 
+def test_a_figure_in_the_layout_of_another_looks_as_in_its_own(tmp_path):
+    other = CONTACTS["1"].assign(mean_pressure=1234.5), CHANGE.assign(t1=10 * T0)
+    results = [PatchResult("1", CONTACTS["1"], CHANGE, PREDICTED)]
+    results.append(PatchResult("long name", *other, PREDICTED / 100))
+    layouts = {}
+    for result in results:
+        kept, own = (tmp_path / f"{name}.png" for name in ("kept", "own"))
+        figures = [microscale.patch_figure(result) for _ in range(2)]
+        style.save_figure(figures[0], kept, source_note="note", layouts=layouts)
+        style.save_figure(figures[1], own, source_note="note")
+        assert kept.read_bytes() == own.read_bytes()
+    assert len(layouts) == 1
+
+
 def test_a_map_has_its_origin_its_scale_and_marks_of_the_right_area():
     mask = RNG.random((300, 300)) < 0.15
     axes = panel()

@@ -1,7 +1,7 @@
 """The figures of a study, drawn from its stored results."""
 
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from gst.page.figures import macroscale, microscale, places, tables
 from gst.page.figures.microscale import PatchResult
-from gst.page.figures.style import message_figure, save_figure
+from gst.page.figures.style import Layout, message_figure, save_figure
 from gst.page.figures.use import use_figure
 from gst.page.results import Results, evenly
 from gstlib.io.files import write_whole
@@ -171,37 +171,23 @@ def figure_of(name: str, study: Results) -> Figure:
     return _FIGURES[name](study)
 
 
-def figures_by_patch(name: str, study: Results) -> Iterator[tuple[str, Figure]]:
-    """`preparation` or `patch`: a figure for each of the patches."""
-    if name == "patch":
-        for patch in study.compared:
-            yield patch, microscale.patch_figure(result_of(study, patch))
-        return
-    for patch in evenly(study.patches, study.max_plotted_patches):
-        epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
-        only = "measured", "filled", "outlier"
-        scans = {
-            epoch: study.by_patch(epoch.lower(), [patch], *only)[patch]
-            for epoch in epochs
-        }
-        yield patch, microscale.preparation_figure(scans, patch=patch)
-
-
 def draw(study: Results, pictures: Mapping[str, Path], note: str | None) -> None:
     """Draw figures of a study, each with a `note` on the source, if there is one.
 
     `pictures` are by the figure's name and, after ``_``, its kind: the PNG, for some an SVG or a
     PDF to print, for `preparation` and `patch` a folder, for a PNG of each patch; ``strip_jpg`` is
-    a folder for those of `microscale.patch_strip`.
+    a folder beside that of `patch`, for those of `microscale.patch_strip`.
     """
     for name in (
         each.removesuffix("_png") for each in pictures if each.endswith("_png")
     ):
         png = pictures[f"{name}_png"]
         vector = pictures.get(f"{name}_svg") or pictures.get(f"{name}_pdf")
-        if name in ("preparation", "patch"):
-            for patch, figure in figures_by_patch(name, study):
-                save_figure(figure, png / f"{patch}.png", source_note=note)
+        if name == "preparation":
+            _draw_preparation(study, png, note)
+            continue
+        if name == "patch":
+            _draw_compared(study, png, pictures.get("strip_jpg"), note)
             continue
         if name in OF_STUDIED and not study.drawn:
             figure = message_figure("No patch is in the microscale study.")
@@ -212,9 +198,34 @@ def draw(study: Results, pictures: Mapping[str, Path], note: str | None) -> None
         else:
             figure = figure_of(name, study)
         save_figure(figure, png, vector, source_note=note)
-    for patch in study.compared if "strip_jpg" in pictures else ():
-        content = io.BytesIO()
-        microscale.patch_strip(result_of(study, patch)).save(
-            content, "jpeg", quality=80
-        )
-        write_whole(pictures["strip_jpg"] / f"{patch}.jpg", content.getvalue())
+
+
+def _draw_preparation(study: Results, folder: Path, note: str | None) -> None:
+    """A figure for each of some patches: its scans as they are prepared."""
+    layouts: dict[tuple, Layout] = {}
+    for patch in evenly(study.patches, study.max_plotted_patches):
+        epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
+        only = "measured", "filled", "outlier"
+        scans = {
+            epoch: study.by_patch(epoch.lower(), [patch], *only)[patch]
+            for epoch in epochs
+        }
+        figure = microscale.preparation_figure(scans, patch=patch)
+        file = folder / f"{patch}.png"
+        save_figure(figure, file, source_note=note, layouts=layouts)
+
+
+def _draw_compared(
+    study: Results, folder: Path, strips: Path | None, note: str | None
+) -> None:
+    """A figure, and a strip of small pictures, for each patch that is compared."""
+    layouts: dict[tuple, Layout] = {}
+    for patch in study.compared:
+        result = result_of(study, patch)
+        figure = microscale.patch_figure(result)
+        file = folder / f"{patch}.png"
+        save_figure(figure, file, source_note=note, layouts=layouts)
+        if strips is not None:
+            content = io.BytesIO()
+            microscale.patch_strip(result).save(content, "jpeg", quality=80)
+            write_whole(strips / f"{patch}.jpg", content.getvalue())

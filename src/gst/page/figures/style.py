@@ -7,13 +7,14 @@ safe for colour-blind readers: Okabe and Ito's for classes, perceptually uniform
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.transforms import Bbox
 
 from gstlib.io.files import write_whole
 
@@ -97,17 +98,19 @@ def save_figure(
     vector: Path | None = None,
     *,
     source_note: str | None = None,
+    layouts: "dict[tuple, Layout] | None" = None,
 ) -> None:
     """Write a figure as PNG and, if requested, as SVG or PDF; the same figure gives the same bytes.
 
     The files hold no date and no version of matplotlib, and each is complete or absent. A
     `source_note` is small print in the corner, which marks pictures of a synthetic specimen.
+    `layouts` are kept from figure to figure: those of the same parts share one. To find a layout
+    takes longer than to draw; it must not depend on the numbers that the figures show.
     """
     if source_note:
         look: dict[str, Any] = {"fontsize": 6.5, "color": GREY, "style": "italic"}
         figure.supxlabel(source_note, x=0.99, ha="right", **look)
-    if any(panel.get_box_aspect() for panel in figure.axes):
-        fit_height(figure)
+    lay_out(figure, {} if layouts is None else layouts)
     # Level 2 packs these images almost as well as the default level, in a third of the time.
     options: dict[str, dict[str, Any]] = {
         "png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 2}},
@@ -143,9 +146,42 @@ def panels(
     return figure, [figure.add_subplot(place, box_aspect=box) for place in places]
 
 
+class Layout(NamedTuple):
+    """Size of a figure, and the places of its panels and texts."""
+
+    size: tuple[float, float]
+    panels: list[Bbox]
+    texts: list[tuple[tuple[float, float], str]]  # with their vertical alignment
+
+
+def lay_out(figure: Figure, layouts: dict[tuple, Layout]) -> None:
+    """Place the parts of a figure as in the layout of its kind, which is found if it is new."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        return
+    bars = tuple(len(panel.child_axes) for panel in figure.axes)
+    kind = bars, len(figure.texts), len(figure.legends)
+    if kind not in layouts:
+        engine.execute(figure)
+        if any(panel.get_box_aspect() for panel in figure.axes):
+            fit_height(figure)
+            engine.execute(figure)
+        layouts[kind] = Layout(
+            tuple(figure.get_size_inches()),
+            [panel.get_position() for panel in figure.axes],
+            [(text.get_position(), text.get_va()) for text in figure.texts],
+        )
+    layout = layouts[kind]
+    figure.set_layout_engine(None)  # for with any engine, each file takes two drawings
+    figure.set_size_inches(layout.size)
+    for panel, box in zip(figure.axes, layout.panels, strict=True):
+        panel.set_position(box)
+    for text, (place, alignment) in zip(figure.texts, layout.texts, strict=True):
+        text.set(position=place, va=alignment)
+
+
 def fit_height(figure: Figure) -> None:
     """Take off the height that the panels, and the texts above and below them, do not need."""
-    figure.draw_without_rendering()
     boxes = [panel.get_tightbbox() for panel in figure.axes]
     top, bottom = max(box.y1 for box in boxes), min(box.y0 for box in boxes)
     texts = [*figure.texts, *figure.legends]
