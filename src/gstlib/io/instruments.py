@@ -8,28 +8,25 @@ heights, they are checked here.
 import functools
 import io
 import logging
-import math
 import re
-import struct
 import warnings
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any, BinaryIO
+from struct import unpack_from
+from typing import Any
 
 import h5py
 import numpy as np
 
 from gstlib.errors import NOTE, InputError
 from gstlib.io.containers import check_hdf5, check_unpacked_size, plain_zip
-from gstlib.io.stage import stage_attrs
-from gstlib.io.x3p import plain_x3p
+from gstlib.io.stage import RawMap, stage_attrs
+from gstlib.io.x3p import read_x3p
 
-__all__ = ["RawMap", "instrument_endings", "plain_text", "read_instrument_file"]
+__all__ = ["instrument_endings", "plain_text", "read_instrument_file"]
 
 _log = logging.getLogger(__name__)
-
-RawMap = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]
 
 # Formats for which SurfaceTopography is not used. Text is read more strictly here. Its `hgt` reader
 # does not check a signature and takes any bytes for heights. Its `nms` reader makes the field a
@@ -43,26 +40,10 @@ _AS_MEASURED = (
     "%s: an .mnt contains the map as measured, without any levelling, shift or extraction in "
     "Mountains. Save the processed map as .sur"
 )
-# The needed part of a Digital Surf header: the kind of data, the bits of a height, the lowest and
-# the highest, the points, and the bytes of two zones that follow it.
+# Content behind the heights of a `.sur`: a further object, if anything.
 _SUR_MARKS = b"DIGITAL SURF", b"DSCOMPRESSED"
-_SUR_HEADER = np.dtype(
-    {
-        "names": [
-            "kind",
-            "bits",
-            "lowest",
-            "highest",
-            "nx",
-            "ny",
-            "comment",
-            "private",
-        ],
-        "formats": ["<u2", "<u2", "<i4", "<i4", "<i4", "<i4", "<u2", "<u2"],
-        "offsets": [18, 98, 100, 104, 108, 112, 334, 336],
-        "itemsize": 512,
-    }
-)
+_SUR_END = re.compile(rb"DIGITAL SURF|DSCOMPRESSED|\Z")
+_SUR_HEADER = 512
 # Kinds without heights: binary, intensity and colour images, spectra.
 _SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
 # Unmeasured heights are 2 below the lowest. Saturated heights are 1 below it or above the highest.
@@ -71,18 +52,10 @@ _SUR_BELOW, _SUR_ABOVE = 2, 1
 # letter, in UTF-8.
 _SUR_UNITS, _SUR_UNIT = range(180, 276, 16), 16
 _MICRO, _OTHER_MICRO = b"\xb5", ("µ".encode(), "μ".encode())
-# The header of a binary .sdf, likewise, and the bytes of a height of each type.
-_SDF_MARK, _SDF_SIZES = b"bISO-1.0", (1, 2, 4, 4, 1, 2, 4, 8)
-_SDF_HEADER = np.dtype(
-    {
-        "names": ["nx", "ny", "type"],
-        "formats": ["<u2", "<u2", "u1"],
-        "offsets": [42, 44, 79],
-        "itemsize": 81,
-    }
-)
-# Content that may follow its heights: lines `name = value`, or tags.
-_SDF_TRAILER = re.compile(rb"\s*(<\s*[A-Za-z]|[A-Za-z]\w*\s*=|\x1a|$)")
+# The mark and the size of the header of a binary .sdf, and the bytes of a height of each type.
+_SDF_MARK, _SDF_HEADER, _SDF_SIZES = b"bISO-1.0", 81, (1, 2, 4, 4, 1, 2, 4, 8)
+# Content behind its heights: lines `name = value`, or tags.
+_SDF_END = re.compile(rb"\s*(<\s*[A-Za-z]|[A-Za-z]\w*\s*=|\x1a|$)")
 _NO_HEIGHTS = "it does not contain a map of heights"
 _COPY_AGAIN = "Copy the file, or export the scan, again."
 _OWN_FORMAT = (
@@ -96,12 +69,12 @@ def read_instrument_file(path: Path) -> RawMap:
     SurfaceTopography returns heights as [ix, iy], in a unit that differs between files (Röttger et
     al. 2022, Surf. Topogr.: Metrol. Prop. 10:035032).
     """
-    known_as = _format_of(path)
     try:
         with warnings.catch_warnings():
             # about odd dates and numbers; important values are checked
             warnings.simplefilter("ignore")
-            return _first_map(path, known_as)
+            is_x3p = path.suffix.lower() == ".x3p"
+            return read_x3p(path) if is_x3p else _first_map(path)
     except InputError:
         raise
     # the readers raise whatever their parsers raise, and MemoryError for a size that is too large
@@ -147,8 +120,9 @@ def _format_of(path: Path) -> str:
     return formats[path.suffix.lower()]
 
 
-def _first_map(path: Path, known_as: str) -> RawMap:
+def _first_map(path: Path) -> RawMap:
     """The first height map of a file in a format of SurfaceTopography."""
+    known_as = _format_of(path)
     from SurfaceTopography.IO import open_topography
     from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
 
@@ -157,54 +131,45 @@ def _first_map(path: Path, known_as: str) -> RawMap:
     if not maps:
         raise ValueError(_NO_HEIGHTS)
     channel = maps[0]
-    _refuse_many_points(path, channel.nb_grid_pts)
+    nx, ny = channel.nb_grid_pts
+    most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
+    if nx * ny > min(_MOST_POINTS, most):
+        raise ValueError(f"it announces {nx} × {ny} points, more than it can contain")
     stated = channel.physical_sizes is not None
     sizes = {} if stated else {"physical_sizes": (1.0, 1.0)}
     topography = channel.topography(**sizes)
     masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
     heights: np.ndarray = masked.filled(np.nan).T
-    if heights.shape != tuple(channel.nb_grid_pts)[::-1]:
-        raise ValueError(
-            f"{heights.shape} points instead of the {channel.nb_grid_pts} announced"
-        )
+    if heights.shape != (ny, nx):
+        raise ValueError(f"{heights.shape} points instead of the {ny, nx} announced")
     size_x, size_y = topography.physical_sizes
-    ny, nx = heights.shape
     spacing = (float(size_y) / ny, float(size_x) / nx) if stated else None
     unit = topography.unit
     length = None if unit is None else get_unit_conversion_factor(unit, "mm")
     if known_as == "mnt":
         _log.log(NOTE, _AS_MEASURED, path)
-    info = topography.info
-    attrs = _instrument(info) | _stage(known_as, info.get("raw_metadata"))
+    attrs = _attributes(topography.info) | _stage(known_as, topography.info)
     if maps[1:]:
         attrs["layer"] = f"{channel.name}, the first of {len(maps)} height maps"
     return heights, spacing, length, attrs
 
 
-def _refuse_many_points(path: Path, points: tuple[int, int]) -> None:
-    most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
-    if math.prod(points) > min(_MOST_POINTS, most):
-        raise ValueError(
-            f"it announces {points[0]} × {points[1]} points, more than it can contain"
-        )
-
-
-def _instrument(info: Any) -> dict[str, str]:
+def _attributes(info: Any) -> dict[str, str]:
     """The instrument and the time, from the file."""
     instrument = info.get("instrument") or {}
-    attrs = {"instrument": instrument.get("name"), "vendor": instrument.get("vendor")}
-    attrs["acquired"] = info.get("acquisition_time")
+    attrs = {
+        "instrument": instrument.get("name"),
+        "vendor": instrument.get("vendor"),
+        "acquired": info.get("acquisition_time"),
+    }
     return {name: str(value) for name, value in attrs.items() if value is not None}
 
 
-def _stage(known_as: str, header: Any) -> dict[str, str]:
+def _stage(known_as: str, info: Any) -> dict[str, str]:
     """The origin of the map's axes, in formats whose header contains it."""
     from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
 
-    if known_as == "x3p":
-        axes = header["Record1"]["Axes"]
-        x, y = (axes[axis].get("Offset") or 0 for axis in ("CX", "CY"))
-        return stage_attrs(float(x), float(y), 1e3)
+    header = info.get("raw_metadata")
     if known_as == "os3d":
         return stage_attrs(header["origin_x"], header["origin_y"], 1e-3)
     if known_as == "sur":
@@ -219,13 +184,11 @@ def _stage(known_as: str, header: Any) -> dict[str, str]:
 def _checked(path: Path) -> str | io.BytesIO:
     """A file that is not seen to be damaged, in the form that SurfaceTopography reads."""
     with path.open("rb") as file:
-        mark = file.read(12)
-        if path.suffix.lower() == ".x3p":
-            return plain_x3p(path)
-        if mark in _SUR_MARKS:
-            return io.BytesIO(_plain_sur(path, mark + file.read()))
-        if mark.startswith(_SDF_MARK):
-            _check_sdf(path, file)
+        mark = file.read(len(_SUR_MARKS[0]))
+    if mark in _SUR_MARKS:
+        return io.BytesIO(_plain_sur(path, path.read_bytes()))
+    if mark.startswith(_SDF_MARK):
+        _check_sdf(path, path.read_bytes())
     if zipfile.is_zipfile(path):
         return plain_zip(path)
     if h5py.is_hdf5(path):
@@ -236,85 +199,72 @@ def _checked(path: Path) -> str | io.BytesIO:
 
 def _plain_sur(path: Path, content: bytes) -> bytes:
     """A `.sur` without compression, with the micro signs of its units in Latin-1."""
-    (header,) = np.frombuffer(content, _SUR_HEADER, 1)
-    if header["kind"] in _SUR_NO_HEIGHTS:
+    (kind,) = unpack_from("<H", content, 18)
+    if kind in _SUR_NO_HEIGHTS:
         raise ValueError(_NO_HEIGHTS)
-    start = _SUR_HEADER.itemsize + int(header["comment"]) + int(header["private"])
-    plain, behind = bytearray(content), b""
+    comment, private = unpack_from("<2H", content, 334)
+    start = _SUR_HEADER + comment + private
+    header, rest = bytearray(content[:start]), content[start:]
     if content.startswith(b"DSCOMPRESSED"):
-        heights, at = _unpacked_sur(path, content, start)
-        plain = bytearray(b"DIGITAL SURF" + content[12:start] + heights)
-        behind = content[at:]
-    _check_sur(path, header, plain, start, behind)
-    for unit_at in _SUR_UNITS:
-        unit = bytes(plain[unit_at : unit_at + _SUR_UNIT]).strip(b" \0")
+        header[:12] = b"DIGITAL SURF"
+        rest = _unpacked_sur(path, rest)
+    _check_sur(path, header, rest)
+    for at in _SUR_UNITS:
+        unit = bytes(header[at : at + _SUR_UNIT]).strip(b" \0")
         for other in _OTHER_MICRO:
             unit = unit.replace(other, _MICRO)
-        plain[unit_at : unit_at + _SUR_UNIT] = unit.ljust(_SUR_UNIT, b"\0")
-    return bytes(plain)
+        header[at : at + _SUR_UNIT] = unit.ljust(_SUR_UNIT, b"\0")
+    return bytes(header) + rest
 
 
-def _unpacked_sur(path: Path, content: bytes, start: int) -> tuple[bytes, int]:
-    """Heights of a compressed `.sur`, from byte `start` on, and the byte behind them."""
-    (streams,) = struct.unpack_from("<I", content, start)
-    pairs = np.frombuffer(content, "<u4", 2 * streams, start + 4)
-    sizes = pairs.reshape(-1, 2).tolist()
+def _unpacked_sur(path: Path, packed: bytes) -> bytes:
+    """Heights of a compressed `.sur`, and the bytes behind them."""
+    (streams,) = unpack_from("<I", packed)
+    sizes = np.frombuffer(packed, "<u4", 2 * streams, 4).reshape(-1, 2).tolist()
     check_unpacked_size(path, sum(size for size, _ in sizes))
     heights = b""
-    at = start + 4 + pairs.nbytes
-    for size, packed in sizes:
+    at = 4 + 8 * streams
+    for size, length in sizes:
         stream = zlib.decompressobj()
         # read no more than the stated size, and one byte that shows the end of the stream
-        part = stream.decompress(content[at : at + packed], size + 1)
+        part = stream.decompress(packed[at : at + length], size + 1)
         if len(part) != size or not stream.eof:
-            raise InputError(
-                path, f"its heights do not unpack to {size} bytes", _COPY_AGAIN
-            )
-        heights += part
-        at += packed
-    return heights, at
-
-
-def _check_sur(
-    path: Path, header: np.void, plain: bytearray, start: int, behind: bytes
-) -> None:
-    """Refuse heights, from byte `start` on, beyond the stated range, or followed by odd bytes.
-
-    A further object may follow, and begins with its mark.
-    """
-    names = "lowest", "highest", "nx", "ny"
-    lowest, highest, nx, ny = (int(header[name]) for name in names)
-    heights = np.frombuffer(plain, f"<i{header['bits'] // 8}", nx * ny, start)
-    behind = bytes(plain[start + heights.nbytes :]) + behind
-    if behind and not behind.startswith(_SUR_MARKS):
-        raise _odd_end(path, len(behind))
-    if heights.size and lowest < highest:  # some programs may state neither
-        low, high = int(heights.min()), int(heights.max())
-        is_within = lowest - _SUR_BELOW <= low and high <= highest + _SUR_ABOVE
-        if not is_within:
-            problem = (
-                f"holds heights from {low} to {high}, but states {lowest} to {highest} "
-                "(steps of the file): it is damaged"
-            )
+            problem = f"its heights do not unpack to {size} bytes"
             raise InputError(path, problem, _COPY_AGAIN)
+        heights += part
+        at += length
+    return heights + packed[at:]
 
 
-def _check_sdf(path: Path, file: BinaryIO) -> None:
+def _check_sur(path: Path, header: bytes, rest: bytes) -> None:
+    """Refuse heights beyond the stated range, or followed by odd bytes."""
+    bits, lowest, highest, nx, ny = unpack_from("<H4i", header, 98)
+    heights = np.frombuffer(rest, f"<i{bits // 8}", nx * ny)
+    _check_end(path, rest[heights.nbytes :], _SUR_END)
+    low, high = int(heights.min(initial=highest)), int(heights.max(initial=lowest))
+    is_within = lowest - _SUR_BELOW <= low and high <= highest + _SUR_ABOVE
+    if lowest < highest and not is_within:  # some programs may state neither
+        problem = (
+            f"holds heights from {low} to {high}, but states {lowest} to {highest} "
+            "(steps of the file): it is damaged"
+        )
+        raise InputError(path, problem, _COPY_AGAIN)
+
+
+def _check_sdf(path: Path, content: bytes) -> None:
     """Refuse a binary `.sdf` with anything but text behind its heights."""
-    file.seek(0)
-    (header,) = np.frombuffer(file.read(_SDF_HEADER.itemsize), _SDF_HEADER, 1)
-    count = int(header["nx"]) * int(header["ny"])
-    size = count * _SDF_SIZES[header["type"]]
-    file.seek(_SDF_HEADER.itemsize + size)
-    behind = file.read()
-    if not _SDF_TRAILER.match(behind):
-        raise _odd_end(path, len(behind))
+    nx, ny = unpack_from("<2H", content, 42)
+    (kind,) = unpack_from("<B", content, 79)
+    end = _SDF_HEADER + nx * ny * _SDF_SIZES[kind]
+    _check_end(path, content[end:], _SDF_END)
 
 
-def _odd_end(path: Path, count: int) -> InputError:
-    return InputError(
-        path,
-        f"{count} unexpected bytes follow its heights: bytes were added, or the heights begin "
-        "elsewhere",
-        f"{_COPY_AGAIN} If that does not help, export it as .x3p or .plux.",
-    )
+def _check_end(path: Path, behind: bytes, pattern: re.Pattern[bytes]) -> None:
+    """Refuse bytes behind the heights that the format does not define."""
+    if not pattern.match(behind):
+        problem = (
+            f"{len(behind)} unexpected bytes follow its heights: bytes were added, or the heights "
+            "begin elsewhere"
+        )
+        remedy = f"{_COPY_AGAIN} If that does not help, export it as .x3p or .plux."
+        raise InputError(path, problem, remedy)

@@ -14,7 +14,7 @@ import numpy as np
 
 from gstlib.errors import FaultError, InputError, refuse
 from gstlib.io.files import write_whole
-from gstlib.io.stage import stage_attrs
+from gstlib.io.stage import RawMap, stage_attrs
 
 __all__ = ["PLU_UNMEASURED_UM", "read_plu", "write_plu"]
 
@@ -45,9 +45,7 @@ _VERSION_2012, _DCM_3D_REV_2 = 251, 7
 _WRITTEN, _WRITTEN_SECONDS = b"Thu Jan  1 00:00:00 1970", 0
 
 
-def read_plu(
-    path: Path,
-) -> tuple[np.ndarray, tuple[float, float], float, dict[str, str]]:
+def read_plu(path: Path) -> RawMap:
     """Read the first topography of a `.plu`, as a reader of `gstlib.io.scans`.
 
     Raises

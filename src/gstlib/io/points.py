@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from gstlib.errors import InputError
+from gstlib.io.stage import RawMap
 from gstlib.io.text import (
     GRID_TOLERANCE,
     HEADER_UNITS,
     SPACING_TOLERANCE,
     UNIT_PATTERN,
-    TextMap,
     refuse_statements,
     refuse_two_units,
     step_in_units,
@@ -37,7 +37,7 @@ _CUT_TIMES = 2
 
 def read_points(
     path: Path, unit: str | None = None, spacing_um: float | None = None
-) -> TextMap:
+) -> RawMap:
     """Read points on a grid, as a reader of `gstlib.io.scans`.
 
     `unit` and `spacing_um` are from the config, and numbers of points must agree with them.

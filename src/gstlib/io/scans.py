@@ -17,14 +17,10 @@ import xarray as xr
 
 from gstlib.errors import NOTE, FaultError, InputError, refuse
 from gstlib.io.files import check_size
-from gstlib.io.instruments import (
-    RawMap,
-    instrument_endings,
-    plain_text,
-    read_instrument_file,
-)
+from gstlib.io.instruments import instrument_endings, plain_text, read_instrument_file
 from gstlib.io.plu import read_plu
 from gstlib.io.points import read_points
+from gstlib.io.stage import RawMap
 from gstlib.io.text import SCAN_UNITS, read_matrix
 from gstlib.surfaces.grid import make_surface, spacing_of
 
@@ -32,7 +28,11 @@ __all__ = ["cut_scan", "is_scan", "read_scan", "unit_remedy", "whole_scan"]
 
 _log = logging.getLogger(__name__)
 
-_READERS: dict[str, Callable[[Path], RawMap]] = {".plu": read_plu, ".apx": read_plu}
+_READERS: dict[str, Callable[[Path], RawMap]] = {
+    ".plu": read_plu,
+    ".apx": read_plu,
+    ".x3p": read_instrument_file,
+}
 # These are given unit and spacing of the config, too, with which they may disagree.
 _TEXT_READERS: dict[str, Callable[[Path, str | None, float | None], RawMap]] = {
     ".csv": read_matrix,

@@ -1,13 +1,22 @@
-"""Position of an instrument's stage when it measured a map, from files that contain it.
+"""What the readers of maps return; and the position of the stage, from files that contain it.
 
 A stage is read in its own frame. Its zero, its directions, and its point of the map (corner or
 centre) differ between instruments, and files do not contain them. Only distances count, between
 maps of one size that were measured without moving the stone on the stage.
 """
 
+from typing import TypeAlias
+
+import numpy as np
 import xarray as xr
 
-__all__ = ["stage_attrs", "stage_of"]
+__all__ = ["RawMap", "stage_attrs", "stage_of"]
+
+# Heights and spacing in the file's unit, the length of this unit in mm, and attributes. See
+# `gstlib.io.scans`.
+RawMap: TypeAlias = tuple[
+    np.ndarray, tuple[float, float] | None, float | None, dict[str, str]
+]
 
 # No stage moves farther (mm). Larger numbers mean something else.
 _FARTHEST = 1000.0

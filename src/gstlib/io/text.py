@@ -10,11 +10,11 @@ import logging
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
 from gstlib.errors import InputError
+from gstlib.io.stage import RawMap
 from gstlib.io.text_rows import (
     UNMEASURED_CELLS,
     Table,
@@ -30,20 +30,9 @@ __all__ = [
     "SPACING_TOLERANCE",
     "UNIT_PATTERN",
 ]
-__all__ += [
-    "TextMap",
-    "read_matrix",
-    "refuse_statements",
-    "refuse_two_units",
-    "step_in_units",
-]
+__all__ += ["read_matrix", "refuse_statements", "refuse_two_units", "step_in_units"]
 
 _log = logging.getLogger(__name__)
-
-# As a reader of `gstlib.io.scans` returns it.
-TextMap: TypeAlias = tuple[
-    np.ndarray, tuple[float, float] | None, float | None, dict[str, str]
-]
 
 # Length of each unit in mm. Headers may also have others.
 SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
@@ -98,7 +87,7 @@ _MOST_COLUMNS, _LONG = 6, 20
 
 def read_matrix(
     path: Path, unit: str | None = None, spacing_um: float | None = None
-) -> TextMap:
+) -> RawMap:
     """Read a matrix of heights, as a reader of `gstlib.io.scans`.
 
     `unit` and `spacing_um` are from the config, and coordinates must agree with them.
@@ -312,7 +301,7 @@ def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) ->
         )
 
 
-def _esri_grid(path: Path, header: Mapping[str, str], heights: np.ndarray) -> TextMap:
+def _esri_grid(path: Path, header: Mapping[str, str], heights: np.ndarray) -> RawMap:
     """Heights and spacing of an ESRI ASCII grid, whose first row has the highest y."""
     try:
         stated = {name: float(cell.replace(",", ".")) for name, cell in header.items()}
