@@ -9,7 +9,6 @@ import io
 import math
 import os
 import zipfile
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -157,28 +156,21 @@ def check_hdf5(path: str | Path, file: h5py.File) -> None:
     _refuse_above(path, texts * max(0, size - stored), _LARGEST)
 
 
-def _nodes(path: str | Path, file: h5py.File) -> Iterator[h5py.Group | h5py.Dataset]:
+def _nodes(path: str | Path, file: h5py.File) -> list[h5py.Group | h5py.Dataset]:
     """A file and everything in it, each once."""
-    left: list[h5py.Group | h5py.Dataset] = [file]
-    addresses: set[int] = set()
-    while left:
-        node = left.pop()
-        yield node
-        if not isinstance(node, h5py.Group):
-            continue
-        for name in node:
-            if len(addresses) > _MOST_MEMBERS:
-                raise _refused(path, f"more than {_MOST_MEMBERS} groups and arrays")
-            link = node.get(name, getlink=True)
-            if not isinstance(link, h5py.HardLink):
-                raise _refused(
-                    path, f"a link ({name!r:.60}) that may lead to another file"
-                )
-            child = node[name]
-            address = h5py.h5o.get_info(child.id).addr
-            if address not in addresses:
-                addresses.add(address)
-                left.append(child)
+    names = []
+
+    def check(name: str, link: object) -> None:
+        names.append(name)
+        if len(names) > _MOST_MEMBERS:
+            raise _refused(path, f"more than {_MOST_MEMBERS} groups and arrays")
+        if not isinstance(link, h5py.HardLink):
+            raise _refused(path, f"a link ({name!r:.60}) that may lead to another file")
+
+    file.visititems_links(check)
+    nodes = [file]
+    file.visititems(lambda name, node: nodes.append(node))
+    return nodes
 
 
 def _texts_of(node: h5py.Group | h5py.Dataset) -> int:

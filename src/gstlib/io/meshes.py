@@ -40,15 +40,7 @@ from gstlib.io.rounding import coordinate_step
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = [
-    "UNITS",
-    "is_closed",
-    "is_mesh",
-    "ply_with",
-    "read_mesh",
-    "steps_of",
-    "units_of_size",
-]
+__all__ = ["UNITS", "is_closed", "is_mesh", "read_mesh", "steps_of", "units_of_size"]
 
 _log = logging.getLogger(__name__)
 
@@ -158,27 +150,6 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     _drop_copies(mesh)
     _turn_outwards(mesh)
     return mesh
-
-
-def ply_with(
-    mesh: "trimesh.Trimesh", scalars: Mapping[str, np.ndarray], *, unit: str
-) -> bytes:
-    """A binary PLY of a mesh (mm), in its file's own unit, with numbers (n,) at its vertices.
-
-    Each is a separate property. CloudCompare recognises scalar fields by the prefix ``scalar_``,
-    which it does not show. MeshLab and Blender read properties of any name.
-    """
-    import trimesh
-
-    numbers: Any = {
-        f"scalar_{name}": scalar.astype(np.float32) for name, scalar in scalars.items()
-    }
-    vertices = np.asarray(mesh.vertices) / UNITS[unit]
-    whole = trimesh.Trimesh(
-        vertices, mesh.faces, process=False, vertex_attributes=numbers
-    )
-    ply: Any = whole.export(file_type="ply", vertex_normal=False)
-    return ply
 
 
 def is_mesh(path: str | Path) -> bool:

@@ -198,15 +198,11 @@ def on_mesh(field: xr.DataArray, mesh: "trimesh.Trimesh", frame: Frame) -> np.nd
     """A field (y, x) of the face at each vertex of a mesh: the value of its element, or 0."""
     places, is_over = over_face(mesh, frame, field)
     x, y, _ = places[is_over].T
-    dy, dx = spacing_of(field)
-    row = _nearest(y, field.y.values, dy)
-    column = _nearest(x, field.x.values, dx)
+    over = field.sel(
+        y=xr.DataArray(y, dims="vertex"),
+        x=xr.DataArray(x, dims="vertex"),
+        method="nearest",
+    )
     at_vertices = np.zeros(len(places))
-    at_vertices[is_over] = np.nan_to_num(field.values[row, column])
+    at_vertices[is_over] = np.nan_to_num(over.values)
     return at_vertices
-
-
-def _nearest(places: np.ndarray, centres: np.ndarray, step: float) -> np.ndarray:
-    """Indices of the element centres that are nearest to given coordinates."""
-    index = ((places - centres[0]) / step + 0.5).astype(int)
-    return np.clip(index, 0, len(centres) - 1)

@@ -11,7 +11,7 @@ from mesh_files import SIZE, glb, ply, rough_ball, stone
 from scipy.spatial import Delaunay
 
 from gstlib.errors import NOTE, InputError
-from gstlib.io.meshes import ply_with, read_mesh
+from gstlib.io.meshes import read_mesh
 
 PLACES = "0 0 0\n0 0 20\n0 30 0\n0 30 20\n40 0 0\n40 0 20\n40 30 0\n40 30 20\n"
 SIDES = "4 0 1 3 2\n4 4 6 7 5\n4 0 4 5 1\n4 2 3 7 6\n4 0 2 6 4\n4 1 5 7 3\n"
@@ -180,19 +180,6 @@ def test_a_wrong_unit_is_named(tmp_path):
     stone().apply_scale(1e-3).export(tmp_path / "metres.stl")
     refused(tmp_path / "metres.stl", r"0\.04 mm.*mesh_unit: m \(40 mm\)\.")
     refused(tmp_path / "metres.stl", "unknown mesh unit", unit="furlong")
-
-
-def test_a_ply_has_numbers_at_its_vertices_in_the_files_own_unit():
-    mesh = stone()
-    scalars = {
-        "pressure_MPa": mesh.vertices[:, 0] ** 2,
-        "exposure_N_per_mm": mesh.vertices[:, 1],
-    }
-    content = ply_with(mesh, scalars, unit="m")
-    rows = content.partition(b"end_header\n")[2]
-    numbers = np.frombuffer(rows, "<f4", 5 * len(mesh.vertices)).reshape(-1, 5)
-    expected = np.column_stack([mesh.vertices / 1000, *scalars.values()])
-    np.testing.assert_allclose(numbers, expected, rtol=1e-6)
 
 
 # --- GLB ----------------------------------------------------------------------------------------
