@@ -14,6 +14,7 @@ from gstlib.io.text import (
     HEADER_UNITS,
     SPACING_TOLERANCE,
     UNIT_PATTERN,
+    refuse_corner,
     refuse_statements,
     refuse_two_units,
     step_in_units,
@@ -43,8 +44,12 @@ def read_points(
     `unit` and `spacing_um` are from the config, and numbers of points must agree with them.
     """
     table = read_table(path)
+    refuse_corner(path, table)
+    if not table.is_ended:
+        remedy = "Export or copy it again. If it is whole, end its last line."
+        raise InputError(path, "ends within a line: it is cut", remedy)
     order, units = _columns_of_points(path, table, unit)
-    points = numbers_in(path, table, order)
+    points = numbers_in(path, table)[:, order]
     for n in order:
         cells = (row.split(table.mark)[n] for row in table.rows)
         refuse_odd_decimals(path, cells, table.mark)

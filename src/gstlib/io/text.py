@@ -6,7 +6,6 @@ with a unit or a size is refused. If a header is missing, unit and spacing come 
 from coordinates in the first row and column.
 """
 
-import logging
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -29,10 +28,12 @@ __all__ = [
     "SCAN_UNITS",
     "SPACING_TOLERANCE",
     "UNIT_PATTERN",
+    "read_matrix",
+    "refuse_corner",
+    "refuse_statements",
+    "refuse_two_units",
+    "step_in_units",
 ]
-__all__ += ["read_matrix", "refuse_statements", "refuse_two_units", "step_in_units"]
-
-_log = logging.getLogger(__name__)
 
 # Length of each unit in mm. Headers may also have others.
 SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
@@ -92,7 +93,7 @@ def read_matrix(
 
     `unit` and `spacing_um` are from the config, and coordinates must agree with them.
     """
-    table = read_table(path, corner=True)
+    table = read_table(path)
     header = "\n".join(table.header)
     if table.is_split:
         problem = (
@@ -110,7 +111,7 @@ def read_matrix(
     is_stated = len(stated) == 3
     if is_grid or is_stated:  # and nothing but heights follows
         refuse_odd_decimals(path, table.rows, table.mark)
-        _refuse_corner(path, table)
+        refuse_corner(path, table)
     if is_grid:
         return _esri_grid(path, grid, numbers)
     is_list = nx == 3 < ny or (nx <= _MOST_COLUMNS and ny > _LONG * nx)
@@ -168,7 +169,7 @@ def _without_coordinates(
     ticks = _ticks(path, numbers.T), _ticks(path, numbers)
     has_y, has_x = (each is not None for each in ticks)
     if not (has_x and has_y):
-        _refuse_corner(path, table)
+        refuse_corner(path, table)
     steps = _steps_between(path, ticks, numbers[0, 0], config_step)
     heights = numbers[int(has_x) :, int(has_y) :]
     again = (
@@ -192,7 +193,7 @@ def _without_coordinates(
     return heights, (steps[0], steps[1])
 
 
-def _refuse_corner(path: Path, table: Table) -> None:
+def refuse_corner(path: Path, table: Table) -> None:
     """Refuse a word in the first cell, unless coordinates are on both sides of it."""
     if table.corner:
         problem = f"its first cell is {table.corner!r:.20}, beside heights"

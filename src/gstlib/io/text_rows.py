@@ -67,6 +67,7 @@ class Table(NamedTuple):
     mark: str | None  # between the cells; None for blanks
     first: int  # number of the first row's line
     is_split: bool  # into blocks
+    is_ended: bool  # in its last line
 
 
 def separator_of(line: str) -> str | None:
@@ -103,42 +104,45 @@ def _text_of(path: Path) -> str:
     return text
 
 
-def read_table(path: Path, *, corner: bool = False) -> Table:
-    """The lines of a table of numbers. With `corner`, its first cell may be a word."""
+def read_table(path: Path) -> Table:
+    """The lines of a table of numbers."""
     text = _text_of(path)
     lines = [line.strip(" ") for line in text.splitlines()]
     mark, count = _layout(path, lines)
 
+    def is_full(line: str) -> bool:
+        return len(line.split(mark)) == count
+
     def is_row(line: str) -> bool:
         """Not a comment, unless its first cell is a number that had no room (####)."""
-        return not line.startswith("#") or (
-            line.startswith("##") and len(line.split(mark)) == count
-        )
+        is_number = line.startswith("##") and is_full(line)
+        return bool(line) and (is_number or not line.startswith("#"))
 
-    long = (n for n, line in enumerate(lines) if len(line.split(mark)) == count)
-    top = next(n for n in long if is_row(lines[n]))
+    top = next(n for n, line in enumerate(lines) if is_full(line) and is_row(line))
     names = _names_in(path, top, lines[top].split(mark))
     first = top + bool(names)
-    filled = [n for n in range(first, len(lines)) if lines[n]]
-    numbers = [n for n in filled if is_row(lines[n])]
+    numbers = [n for n in range(first, len(lines)) if is_row(lines[n])]
     rows = [lines[n] for n in numbers]
     _refuse_numbers_above(path, lines[:top], count)
     if mark == ",":
         _refuse_split_numbers(path, rows)
-    word = ""
-    if not corner:
-        _refuse_cut_lines(path, text, rows, mark)
-    else:
-        if mark and all(
-            row.endswith(mark) for row in rows
-        ):  # which adds one empty cell
-            rows = [row[:-1] for row in rows]
-        cell, *others = rows[0].split(mark)
-        if not _CELL.fullmatch(cell) and all(map(_CELL.fullmatch, others)):
-            word = cell.strip()
-            rows[0] = (mark or " ").join(["nan", *others])
-    is_split = len({*np.diff(numbers)}) > 1
-    return Table(lines[:first], names, word, rows, mark, first + 1, is_split)
+    if mark and all(row.endswith(mark) for row in rows):  # which adds one empty cell
+        rows = [row[:-1] for row in rows]
+    cell, *others = rows[0].split(mark)
+    corner = ""
+    if not _CELL.fullmatch(cell) and all(map(_CELL.fullmatch, others)):
+        corner = cell.strip()
+        rows[0] = (mark or " ").join(["nan", *others])
+    return Table(
+        header=lines[:first],
+        names=names[: len(others) + 1],
+        corner=corner,
+        rows=rows,
+        mark=mark,
+        first=first + 1,
+        is_split=len({*np.diff(numbers)}) > 1,
+        is_ended=text.endswith(("\n", "\r")),
+    )
 
 
 def _layout(path: Path, lines: Sequence[str]) -> tuple[str | None, int]:
@@ -217,20 +221,6 @@ def _refuse_split_numbers(path: Path, rows: Sequence[str]) -> None:
         raise InputError(path, problem, _EXPORT)
 
 
-def _refuse_cut_lines(
-    path: Path, text: str, rows: Sequence[str], mark: str | None
-) -> None:
-    """Refuse rows that end within a line, or two that are joined: NumPy reads some of them."""
-    if not text.endswith(("\n", "\r")):
-        remedy = "Export or copy it again. If it is whole, end its last line."
-        raise InputError(path, "ends within a line: it is cut", remedy)
-    counts = [len(row.split(mark)) for row in rows]
-    others = [count for count in counts if count != counts[0]]
-    if others:
-        problem = f"has rows of {counts[0]} and of {others[0]} cells: it is damaged"
-        raise InputError(path, problem, "Export or copy the file again.")
-
-
 def refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> None:
     """Refuse numbers that lost or gained digits, if all others have equally many."""
     decimals = re.compile(r"\.(\d+)" if mark == "," else r"[.,](\d+)")
@@ -246,10 +236,8 @@ def refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> N
         )
 
 
-def numbers_in(
-    path: Path, table: Table, columns: Sequence[int] | None = None
-) -> np.ndarray:
-    """The cells of all rows, or some `columns` of them, NaN where unmeasured."""
+def numbers_in(path: Path, table: Table) -> np.ndarray:
+    """The cells of all rows, NaN where unmeasured."""
     mark, text = table.mark, "\n".join(table.rows)
     if mark != "," and "," in text:  # beside other separators, it is a decimal sign
         _mind_decimal_commas(path, text)
@@ -257,9 +245,7 @@ def numbers_in(
     if mark:  # empty cells
         text = re.sub(f"(?<![^{mark}\n]) *(?=[{mark}\n]|\\Z)", "nan", text)
     try:
-        return np.loadtxt(
-            text.splitlines(), delimiter=mark, usecols=columns, ndmin=2, comments=None
-        )
+        return np.loadtxt(text.splitlines(), delimiter=mark, ndmin=2, comments=None)
     except ValueError as error:
         reason = str(error).split(";")[0]
         problem = f"from line {table.first} on, is not a table of numbers: {reason}"
