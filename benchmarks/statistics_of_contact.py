@@ -40,23 +40,22 @@ def measured(shortest, seed):
         shortest=shortest / COUNT,
     )
     surface = measure_roughness(heights, 1 / COUNT, periodic=True)
-    loads = np.array(LOADS) * surface.slope
-    options = {"periodic": True, "keep_states": True}
-    path = load_path(heights, 1 / COUNT, 1.0, target_pressure=loads, **options)
-    return [
-        {
+    rows = []
+    for load in LOADS:
+        pressure = load * surface.slope
+        options = {"target_pressure": pressure, "steps": 1, "periodic": True}
+        path = load_path(heights, 1 / COUNT, 1.0, **options)
+        row = {
             "shortest": shortest,
             "seed": seed,
             "load": load,
             "nayak": surface.nayak,
-            "contact": state.corrected_fraction,
-            "stiffness": stiffness * surface.height,
-            "gap": float(state.gap.mean()) / surface.height,
+            "contact": path.final.corrected_fraction,
+            "stiffness": path.stiffness[0] / pressure * surface.height,
+            "gap": float(path.final.gap.mean()) / surface.height,
         }
-        for load, state, stiffness in zip(
-            LOADS, path.states, path.stiffness / loads, strict=True
-        )
-    ]
+        rows.append(row)
+    return rows
 
 
 def summary(rows):

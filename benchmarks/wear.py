@@ -32,7 +32,12 @@ def main():
 
     def worn():
         return wear_path(
-            heights, *elastic, mean_pressure=PRESSURE, mean_loss=LOSS, steps=10
+            heights,
+            *elastic,
+            mean_pressure=PRESSURE,
+            mean_loss=LOSS,
+            steps=10,
+            keep_states=True,
         )
 
     once = cpu_time(lambda: solve_contact(heights, *elastic, mean_pressure=PRESSURE))
@@ -52,7 +57,8 @@ def main():
     explicit = heights - sinking
     error = np.linalg.norm(path.depth - explicit) / np.linalg.norm(explicit)
     print(f"{EXPLICIT} explicit steps: the depth differs by {error:.2%}")
-    print(f"convolutions: {path.convolutions.sum()} implicit, {convolutions} explicit")
+    implicit = sum(state.convolutions for (state,) in path.states)
+    print(f"convolutions: {implicit} implicit, {convolutions} explicit")
 
 
 if __name__ == "__main__":

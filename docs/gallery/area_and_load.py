@@ -5,14 +5,8 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gstlib.bem import contact_modulus, load_path, measure_roughness
-from gstlib.bem.closed_forms import (
-    BUSH_SLOPE,
-    PERSSON_SLOPE,
-    GreenwoodWilliamson,
-    persson_contact_fraction,
-    persson_pressure_density,
-)
+from gstlib.bem import contact_modulus, measure_roughness, solve_contact
+from gstlib.bem.closed_forms import BUSH_SLOPE, PERSSON_SLOPE, persson_contact_fraction
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.surfaces.grid import make_surface
 
@@ -27,10 +21,10 @@ scale = modulus * numbers.slope  # MPa
 loads = scale * np.geomspace(0.005, 0.8, 16)
 
 # %%
-options = {"contact_modulus": modulus, "periodic": True, "keep_states": True}
-path = load_path(surface, target_pressure=loads, **options)
+options = {"contact_modulus": modulus, "periodic": True}
+states = [solve_contact(surface, mean_pressure=load, **options) for load in loads]
 
-area = np.array([state.corrected_fraction for state in path.states])
+area = np.array([state.corrected_fraction for state in states])
 erf = [persson_contact_fraction(load, numbers.slope, modulus) for load in loads]
 print(f"slope {numbers.slope:.3f}, Nayak's parameter {numbers.nayak:.1f}")
 theories = f"theories: {PERSSON_SLOPE:.2f} and {BUSH_SLOPE:.2f}"
@@ -44,17 +38,9 @@ left.loglog(loads / scale, erf, "--", label="Persson")
 left.loglog(
     loads / scale, np.minimum(BUSH_SLOPE * loads / scale, 1), ":", label="Bush et al."
 )
-summits = GreenwoodWilliamson.from_roughness(numbers, modulus)
-above = summits.height * np.linspace(1.5, 0)  # the mean of the summits, mm
-spheres = summits.mean_pressure(above) / scale, summits.contact_fraction(above)
-left.loglog(*spheres, "-.", label="Greenwood and Williamson")
 left.set(xlabel="p̄/(E* h′)", ylabel="area in contact")
 left.legend()
-state = path.states[8]
-pressure, density = state.distribution("pressure")
-theory = persson_pressure_density(pressure, state.mean_pressure, numbers.slope, modulus)
-right.plot(pressure, density, ".", label=f"at {state.mean_pressure:.0f} MPa")
-right.plot(pressure, theory, "--", label="Persson")
-right.set(xlabel="pressure (MPa)", ylabel="density (1/MPa)")
-right.legend()
+state = states[8]
+state.pressure.where(state.contact).plot.imshow(ax=right)
+right.set(title=f"at {state.mean_pressure:.0f} MPa", aspect="equal")
 figure.savefig("area_and_load.png", dpi=120)

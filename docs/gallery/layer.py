@@ -37,8 +37,10 @@ print(
 
 # %%
 figure, axes = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")
-bare.plot(axes=axes[0]).set_title("bare")
-states[3].plot(axes=axes[1]).set_title(f"a layer of {1e3 * thicknesses[3]:.0f} µm")
+panels = {"bare": bare, f"a layer of {1e3 * thicknesses[3]:.0f} µm": states[3]}
+for axis, (title, state) in zip(axes, panels.items(), strict=False):
+    state.pressure.where(state.contact).plot.imshow(ax=axis)
+    axis.set(title=title, aspect="equal")
 axes[2].semilogx(1e3 * thicknesses, contact, ".-")
 axes[2].axhline(soft.contact_fraction, linestyle="--", color="black")
 axes[2].set(

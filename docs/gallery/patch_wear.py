@@ -25,14 +25,15 @@ worn = wear_path(height, mean_loss=wear_rate * sliding * pressure, **load)
 
 volume = float(worn.depth.sum()) * (side / n) ** 2
 expected = wear_rate * (pressure * side**2) * sliding
-touching, peak = 100 * worn.contact_fraction[-1], worn.final.pressure.max()
+touching, peak = 100 * worn.final.contact_fraction, worn.final.pressure.max()
 print(f"volume lost: {1e9 * volume:.0f} µm³, Archard's k F s {1e9 * expected:.0f} µm³")
 print(f"contact: {100 * new.contact_fraction:.1f} % new, {touching:.1f} % worn")
 print(f"highest pressure: {new.pressure.max():.0f} MPa new, {peak:.0f} MPa worn")
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-worn.plot(axes=left)
+worn.depth.plot.imshow(ax=left)
+left.set_aspect("equal")
 row, x = int(worn.depth.max("x").argmax("y")), height.x
 right.plot(x, 1e3 * height[row], label="new")
 right.plot(x, 1e3 * (height - worn.depth)[row], label="worn")

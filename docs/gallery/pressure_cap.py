@@ -36,8 +36,8 @@ print(
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-states[5].plot(axes=left)
-left.set_title(f"cap of {caps[5]:.0f} MPa")
+states[5].pressure.where(states[5].contact).plot.imshow(ax=left)
+left.set(title=f"cap of {caps[5]:.0f} MPa", aspect="equal")
 right.loglog(caps, contact, ".-", label="gstlib.bem")
 right.axhline(elastic.contact_fraction, linestyle="--", label="elastic")
 right.loglog(caps, pressure / caps, ":", label="mean pressure over cap")

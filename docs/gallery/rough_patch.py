@@ -11,7 +11,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gstlib.bem import contact_modulus, load_path, measure_roughness, measure_spectrum
+from gstlib.bem import contact_modulus, load_path, measure_roughness
 from gstlib.bem.closed_forms import BUSH_SLOPE, PERSSON_SLOPE
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
@@ -39,15 +39,10 @@ theories = f"{PERSSON_SLOPE:.2f} and {BUSH_SLOPE:.2f}"
 print(f"kappa: {path.contact_fraction[-1] / load[-1]:.2f} (theories: {theories})")
 
 # %%
-figure, (left, middle, right) = plt.subplots(
-    1, 3, figsize=(13, 4), layout="constrained"
-)
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 left.imshow(height.values * 1e3, cmap="gray", origin="lower")
 left.contour(path.final.contact, [0.5], colors="tab:red", linewidths=0.8)
 left.set(title="height and edges of contact", xticks=[], yticks=[])
-spectrum = measure_spectrum(height)
-middle.loglog(spectrum.wave_number_per_mm, spectrum.density_mm4)
-middle.set(xlabel="wave number (rad/mm)", ylabel="power spectrum (mm⁴)")
 right.plot(100 * load, 100 * path.contact_fraction, ".-", label="gstlib.bem")
 right.plot(100 * load, 100 * PERSSON_SLOPE * load, "--", label="Persson")
 right.plot(100 * load, 100 * BUSH_SLOPE * load, ":", label="Bush, Gibson and Thomas")

@@ -6,7 +6,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from gstlib.bem import contact_modulus, solve_contact
-from gstlib.bem.closed_forms import RoundPunch
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.surfaces.grid import make_surface
 
@@ -25,9 +24,7 @@ states = [
     for offset in offsets
 ]
 tilts = np.array([state.tilt[1] for state in states])
-exact = np.array(
-    [RoundPunch(force, radius, modulus).tilt(offset) for offset in offsets]
-)
+exact = 0.75 * force * offsets / (modulus * radius**3)  # Johnson, eq. 5.36
 print(f"tilt: {1e3 * tilts[-1]:.4f} mrad, closed form {1e3 * exact[-1]:.4f} mrad")
 
 waves = {"hurst_exponent": 0.8, "roll_off": 0.2, "shortest": 0.03}  # lengths in mm
@@ -41,7 +38,8 @@ print(
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-rest.plot(axes=left)
+rest.pressure.where(rest.contact).plot.imshow(ax=left)
+left.set_aspect("equal")
 left.plot(side / 2 + offsets[-1], side / 2, "r+", markersize=12)
 left.set_title("rough body and load point")
 right.plot(offsets, 1e3 * tilts, "o", label="gstlib.bem")

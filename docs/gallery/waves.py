@@ -5,7 +5,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gstlib.bem import contact_modulus, load_path
+from gstlib.bem import contact_modulus, solve_contact
 from gstlib.bem.closed_forms import Wave
 from gstlib.surfaces.grid import make_surface
 
@@ -19,28 +19,36 @@ surface = make_surface(np.tile(profile, (n, 1)), side / n)
 
 # %%
 loads = wave.full_contact_pressure * np.linspace(0.02, 0.98, 13)
-options = {"contact_modulus": modulus, "target_pressure": loads, "keep_states": True}
-periodic = load_path(surface, periodic=True, **options)
-free = load_path(surface, **options)
-
+periodic, free = (
+    [
+        solve_contact(
+            surface, contact_modulus=modulus, mean_pressure=load, periodic=is_periodic
+        )
+        for load in loads
+    ]
+    for is_periodic in (True, False)
+)
+areas, free_areas = (
+    np.array([state.contact_fraction for state in states])
+    for states in (periodic, free)
+)
 exact = np.array([wave.contact_fraction(load) for load in loads])
-difference = np.abs(periodic.contact_fraction - exact).max()
+difference = np.abs(areas - exact).max()
 half = len(loads) // 2
 print(f"largest difference of periodic and Westergaard: {difference:.3f}")
 print(f"contact at half of full pressure: Westergaard {exact[half]:.3f},")
-print(
-    f"periodic {periodic.contact_fraction[half]:.3f}, free {free.contact_fraction[half]:.3f}"
-)
-print(f"the rim of the free piece carries {100 * free.states[half].rim_fraction:.0f} %")
+print(f"periodic {areas[half]:.3f}, free {free_areas[half]:.3f}")
+print(f"the rim of the free piece carries {100 * free[half].rim_fraction:.0f} %")
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-periodic.plot(axes=left)
-free.plot(axes=left)
-left.plot(loads, exact, "k--")
-left.legend(["periodic", "free", "Westergaard"])
-right.plot(x, periodic.states[half].pressure[n // 2], label="periodic")
-right.plot(x, free.states[half].pressure[n // 2], label="free")
+left.plot(loads, areas, ".-", label="periodic")
+left.plot(loads, free_areas, ".-", label="free")
+left.plot(loads, exact, "k--", label="Westergaard")
+left.set(xlabel="mean pressure (MPa)", ylabel="contact fraction")
+left.legend()
+right.plot(x, periodic[half].pressure[n // 2], label="periodic")
+right.plot(x, free[half].pressure[n // 2], label="free")
 right.plot(x, wave.pressure(x, loads[half]), "k--", label="Westergaard")
 right.set(xlabel="x (mm)", ylabel="pressure (MPa)", ylim=(0, 6 * loads[half]))
 right.legend()

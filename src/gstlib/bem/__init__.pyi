@@ -11,7 +11,6 @@ from .loading import LoadPath as LoadPath
 from .loading import load_path as load_path
 from .roughness import Roughness as Roughness
 from .roughness import measure_roughness as measure_roughness
-from .roughness import measure_spectrum as measure_spectrum
 from .solver import solve_contact as solve_contact
 from .state import ContactState as ContactState
 from .wear import ThirdBody as ThirdBody

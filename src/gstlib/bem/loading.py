@@ -1,4 +1,4 @@
-"""Load paths: in equal steps of far-field displacement up to a target pressure, or at given loads.
+"""Load paths: in equal steps of far-field displacement up to a target pressure.
 
 The contact is elastic and frictionless, so each state depends on its load alone and not on the
 path. The last state is therefore solved first, under load control. It gives the displacement that
@@ -8,7 +8,7 @@ tangent dp/dδ.
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,10 +16,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 from .doubts import warn_of_doubts
-from .errors import ContactInputError, checked_number, checked_steps, checked_tolerance
+from .errors import checked_number, checked_steps, checked_tolerance
 from .fields import as_given
 from .load import LoadControl
-from .plots import plot_curve
 from .solver import ContactProblem
 from .state import ContactState
 from .window import Window, dot
@@ -45,7 +44,7 @@ _OF_STATE = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadPath:
-    """States at equal increments of displacement up to the target pressure, or at given loads.
+    """States at equal increments of displacement up to the target pressure.
 
     Attributes
     ----------
@@ -62,14 +61,6 @@ class LoadPath:
         The state at the target pressure.
     states : tuple of ContactState
         All states in order of displacement, if requested. Otherwise it is empty.
-
-    Methods
-    -------
-    table()
-        A `DataFrame` with a row for each state, units in the names of its columns.
-    plot(y="contact_fraction", x="mean_pressure_MPa", axes=None)
-        Draw a column of the table over another. It returns the Matplotlib axes, by default new
-        ones.
     """
 
     displacement: np.ndarray
@@ -95,15 +86,6 @@ class LoadPath:
         )
         return curve_table(*curve).assign(residual=self.residual)
 
-    def plot(
-        self,
-        y: str = "contact_fraction",
-        x: str = "mean_pressure_MPa",
-        axes: Any = None,
-    ) -> Any:
-        """Draw a column of `table` over another, and return the axes (by default new ones)."""
-        return plot_curve(self.table(), x, y, axes)
-
 
 def load_path(
     heights,
@@ -116,18 +98,17 @@ def load_path(
     tolerance=1e-6,
     keep_states=False,
 ) -> LoadPath:
-    """Press a rough surface in equal steps of displacement up to a mean pressure, or at loads.
+    """Press a rough surface in equal steps of displacement up to a mean pressure.
 
     Parameters
     ----------
     heights, spacing, contact_modulus, periodic
         As in `solve_contact`.
-    target_pressure : float or array_like, shape (steps,)
+    target_pressure : float
         Mean pressure of the last state (MPa), ≥ 0, met to rounding. At 0, all values of the path
-        are 0, also the stiffness. Or the mean pressures of all states, in ascending order, such as
-        ``np.geomspace(1, 100, 20)``.
+        are 0, also the stiffness.
     steps : int
-        Number of states up to one target pressure.
+        Number of states.
     tolerance : float
         As in `solve_contact`, for the last state and kept states. For the others it is at least
         1e-6.
@@ -137,8 +118,7 @@ def load_path(
     Raises
     ------
     ContactInputError
-        A negative target, no steps, targets that do not ascend, and whatever `solve_contact`
-        refuses.
+        A negative target, no steps, and whatever `solve_contact` refuses.
     ConvergenceError
         A state did not reach the tolerance.
 
@@ -161,34 +141,21 @@ def load_path(
     """
     heights, spacing, like = as_given(heights, spacing)
     problem = ContactProblem(heights, spacing, contact_modulus, periodic=periodic)
-    pressures = _checked_pressures(target_pressure)
-    loads = [
-        LoadControl(force=pressure * problem.relief.size) for pressure in pressures
-    ]
-    has_one_target = np.ndim(target_pressure) == 0
-    steps = checked_steps(steps) if has_one_target else len(loads)
-    tolerance = checked_tolerance(tolerance)
-    final = problem.solve(loads[-1], tolerance)
+    target = checked_number("target_pressure", target_pressure, "MPa")
+    steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
+    final = problem.solve(LoadControl(force=target * problem.relief.size), tolerance)
     warn_of_doubts(final, problem)
     if not keep_states:
         tolerance = max(tolerance, _CURVE_TOLERANCE)
 
     stiffness, curve, states = np.zeros(steps), [], []
-    # The quantity that sets a state, and its growth with the displacement.
-    level, rate = np.array(pressures), stiffness
-    if has_one_target:
-        level, rate = (
-            final.displacement * np.arange(1, steps + 1) / steps,
-            np.ones(steps),
-        )
-        loads = [LoadControl(displacement) for displacement in level]
+    level = final.displacement * np.arange(1, steps + 1) / steps
     state, tangent = final, None
     for index in reversed(range(steps)):
         if tangent is not None:
-            descent = (level[index + 1] - level[index]) / rate[index + 1]
-            state = _below(problem, state, loads[index], tolerance, tangent, descent)
+            state = _below(problem, state, level[index], tolerance, tangent)
         elif index < steps - 1:
-            state = problem.solve(loads[index], tolerance)
+            state = problem.solve(LoadControl(level[index]), tolerance)
         tangent, stiffness[index] = _tangent(problem, state, tangent)
         curve.append([getattr(state, name) for name in _OF_STATE])
         if keep_states:
@@ -239,9 +206,10 @@ def _tangent(problem, state, above):
     return (window, state.pressure.reshape(-1)[contact], response), stiffness
 
 
-def _below(problem, above, load, tolerance, tangent, descent):
-    """The state at a smaller load: `descent` (mm) below another state, by its tangent."""
+def _below(problem, above, displacement, tolerance, tangent):
+    """The state at a smaller displacement than that of another state, by its tangent."""
     window, pressure, response = tangent
+    descent = above.displacement - displacement
     # Along the tangent of p², not of p. At a moving edge p is the root of the distance, so p² is
     # smooth where p is not. On Hertz's sphere p² is linear in δ.
     squared = pressure * (pressure - 2 * descent * response)
@@ -250,27 +218,12 @@ def _below(problem, above, load, tolerance, tangent, descent):
     # On the way down elements leave the contact. If some join it nevertheless, against the
     # continuum's rule, the solver's final check adds them.
     return problem.solve(
-        load,
+        LoadControl(displacement),
         tolerance,
-        load.scaled(np.sqrt(np.maximum(squared, 0))),
+        np.sqrt(np.maximum(squared, 0)),
         window,
         nearby=(pressure, opening + above.displacement),
     )
-
-
-def _checked_pressures(target_pressure):
-    """List of mean pressures (MPa): the target alone, or the pressure of each state."""
-    if not np.size(target_pressure):
-        raise ContactInputError(
-            "target_pressure is empty: give at least one number (MPa)"
-        )
-    numbers = [
-        checked_number("target_pressure", number, "MPa")
-        for number in np.ravel(target_pressure)
-    ]
-    if numbers != sorted(numbers):
-        raise ContactInputError(f"target_pressure must increase (MPa), got {numbers}")
-    return numbers
 
 
 def _unit_response(window, start):

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from .plots import plot_field
-
 __all__ = ["ContactState"]
 
 # Elements from the border that form its rim, which carries extra load if the body ends there.
@@ -94,14 +92,6 @@ class ContactState:
             return self
         return replace(self, pressure=pressure, gap=field("gap", self.gap))
 
-    def plot(self, field: str = "pressure", axes: Any = None) -> Any:
-        """Draw ``"pressure"`` in contact or ``"gap"`` out of contact, and return the axes.
-
-        On the current axes unless others are given.
-        """
-        shown = self.contact if field == "pressure" else ~self.contact
-        return plot_field(field, getattr(self, field), shown, axes)
-
     @property
     def rim_fraction(self) -> float:
         """Share of the force on the outer three elements of the grid, unless it is periodic."""
@@ -129,16 +119,3 @@ class ContactState:
         sides = np.count_nonzero(np.diff(around, axis=0)[:, :-1])
         sides += np.count_nonzero(np.diff(around, axis=1)[:-1])
         return float(np.count_nonzero(contact) - _PIXELS * sides) / contact.size
-
-    def distribution(self, field: str, bins: int = 50) -> tuple[np.ndarray, np.ndarray]:
-        """Probability density of ``"pressure"`` in contact or ``"gap"`` out of contact.
-
-        Centres of the bins (MPa or mm) and the density (1/MPa or 1/mm) over the whole grid. Its
-        integral is the contact fraction, or the rest.
-        """
-        contact = np.asarray(self.contact)
-        shown = contact if field == "pressure" else ~contact
-        values = np.asarray(getattr(self, field))[shown]
-        counts, edges = np.histogram(values[np.isfinite(values)], bins)
-        centres = (edges[1:] + edges[:-1]) / 2
-        return centres, counts / (np.diff(edges) * contact.size)

@@ -14,12 +14,9 @@ stone and one for the third body. The two take turns in each step.
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 from .doubts import warn_of_doubts
 from .errors import (
@@ -33,19 +30,10 @@ from .errors import (
 from .fields import as_given, rows_first
 from .layer import Layer
 from .load import LoadControl
-from .plots import plot_field
 from .solver import ContactProblem
 from .state import ContactState
 
 __all__ = ["ThirdBody", "WearPath", "wear_path"]
-
-_OF_STATE = (
-    "contact_fraction",
-    "displacement",
-    "mean_pressure",
-    "iterations",
-    "convolutions",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,14 +68,11 @@ class WearPath:
         Height lost in the end (mm), ≥ 0.
     mean_loss : ndarray, shape (steps,)
         Mean depth over the grid after each step (mm).
-    contact_fraction, displacement, mean_pressure, iterations, convolutions : ndarray
-        Shape (steps,), for the contact of the worn surface after each step, see `ContactState`.
-        They describe the bare stone, unless the third body does all the wear. The displacement is
-        counted from the highest point of the worn surface (mm).
     highest_pressure : float
         Highest pressure of all elements, bodies and steps (MPa).
     final : ContactState
-        The last of these contacts.
+        The contact of the worn surface after the last step, of the bare stone unless the third body
+        does all the wear. Its displacement is counted from the highest point of the worn surface.
     states : tuple of tuple of ContactState
         For each step the contacts of the bare stone and of the third body, except one whose share
         is 0. It is empty unless requested.
@@ -97,11 +82,6 @@ class WearPath:
 
     depth: Any
     mean_loss: np.ndarray
-    contact_fraction: np.ndarray
-    displacement: np.ndarray
-    mean_pressure: np.ndarray
-    iterations: np.ndarray
-    convolutions: np.ndarray
     highest_pressure: float
     final: ContactState
     states: tuple[tuple[ContactState, ...], ...]
@@ -110,23 +90,6 @@ class WearPath:
     def __repr__(self) -> str:
         lost = f"{self.mean_loss[-1]:.4g} mm lost in {self.mean_loss.size} steps"
         return f"WearPath({lost}, {self.final!r})"
-
-    def table(self) -> "pd.DataFrame":
-        """A row for each step, units in the names of its columns."""
-        import pandas as pd  # here: solving needs it not
-
-        return pd.DataFrame(
-            {
-                "mean_loss_um": 1e3 * self.mean_loss,
-                "mean_pressure_MPa": self.mean_pressure,
-                "contact_fraction": self.contact_fraction,
-                "displacement_um": 1e3 * self.displacement,
-            }
-        )
-
-    def plot(self, axes: Any = None) -> Any:
-        """Draw the depth of the wear, and return the axes, as `ContactState.plot`."""
-        return plot_field("depth", self.depth, self.depth > 0, axes)
 
 
 # Its options are keywords.
@@ -207,16 +170,16 @@ def wear_path(  # noqa: PLR0913
         )
     highest_mean = max(float(body.pressures.max()) for body in bodies)
     pressure_cap = checked_cap(pressure_cap, highest_mean)
-    mean_loss = checked_number("mean_loss", mean_loss, "mm")
+    target = checked_number("mean_loss", mean_loss, "mm")
     relief = float(np.ptp(heights[heights > -math.inf]))
-    if mean_loss > relief:
+    if target > relief:
         raise ContactInputError(
-            f"mean_loss {mean_loss:g} mm is more than the relief of the surface, {relief:g} mm: "
+            f"mean_loss {target:g} mm is more than the relief of the surface, {relief:g} mm: "
             "nothing would be left of it"
         )
     for body in bodies:
         # The same sliding in each step, and so the same operators.
-        body.rate = body.share * mean_loss / total
+        body.rate = body.share * target / total
         body.problem = ContactProblem(
             body.heights,
             spacing,
@@ -225,7 +188,7 @@ def wear_path(  # noqa: PLR0913
             layer=body.layer,
             periodic=periodic,
         )
-    depth, curve = np.zeros_like(heights), []
+    depth, mean_loss = np.zeros_like(heights), np.zeros(steps)
     states, depths, highest = [], [], 0.0
     for step in range(steps):
         reached: list[ContactState] = []
@@ -241,18 +204,15 @@ def wear_path(  # noqa: PLR0913
             states.append(tuple(state.like(like) for state in reached))
         if keep_depths:
             depths.append(like("depth", depth.copy()))
-        curve.append(
-            [float(depth.mean())] + [getattr(reached[0], name) for name in _OF_STATE]
-        )
+        mean_loss[step] = depth.mean()
     warn_of_doubts(reached[0], bodies[0].problem)
-    columns = map(np.array, zip(*curve, strict=True))
     return WearPath(
         depth=like("depth", depth),
+        mean_loss=mean_loss,
         highest_pressure=highest,
         final=reached[0].like(like),
         states=tuple(states),
         depths=tuple(depths),
-        **dict(zip(("mean_loss", *_OF_STATE), columns, strict=True)),
     )
 
 

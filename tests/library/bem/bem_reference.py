@@ -1,19 +1,30 @@
 """Surfaces for tests, and a dense matrix for small grids from Love's closed form."""
 
-import numpy as np
+import math
 
-from gstlib.bem.closed_forms import love_rectangle_displacement
+import numpy as np
 
 MODULUS = 12820.0
 
 
 def dense_matrix(shape, spacing):
-    """K (ny·nx, ny·nx): displacement of each element from unit pressure on each other."""
+    """K (ny·nx, ny·nx): displacement of each element from unit pressure on each other.
+
+    By Love's closed form for a rectangle (Johnson, *Contact Mechanics* (1985), eq. 3.25).
+    """
     dy, dx = np.broadcast_to(spacing, 2)
-    y, x = np.indices(shape)
-    quadrant = love_rectangle_displacement(x * dx, y * dy, (dx, dy), 1.0, MODULUS)
-    rows_apart = abs(y.reshape(-1, 1) - y.ravel())
-    columns_apart = abs(x.reshape(-1, 1) - x.ravel())
+    rows, columns = np.indices(shape)
+
+    def corner(y, x):
+        return y * np.arcsinh(x / np.abs(y)) + x * np.arcsinh(y / np.abs(x))
+
+    quadrant = np.zeros(shape)
+    for up, right in np.ndindex(2, 2):
+        sign = 1 if up == right else -1
+        quadrant += sign * corner((rows + up - 0.5) * dy, (columns + right - 0.5) * dx)
+    quadrant /= math.pi * MODULUS
+    rows_apart = abs(rows.reshape(-1, 1) - rows.ravel())
+    columns_apart = abs(columns.reshape(-1, 1) - columns.ravel())
     return quadrant[rows_apart, columns_apart]
 
 

@@ -1,4 +1,4 @@
-"""Load paths: equal steps of displacement down from a target, or loads; and the stiffness."""
+"""Load paths: equal steps of displacement down from a target, and the stiffness."""
 
 import numpy as np
 import pytest
@@ -51,27 +51,7 @@ def test_states_that_are_not_kept_are_solved_as_tightly_as_their_curve_needs(pat
     np.testing.assert_allclose(curve.stiffness, path.stiffness, rtol=1e-5)
 
 
-@pytest.mark.parametrize("periodic", [False, True])
-def test_a_path_at_stated_loads_is_the_contact_at_each(periodic):
-    loads = [0.0, 1.0, 50.0]
-    path = load_path(*SURFACE, target_pressure=loads, periodic=periodic, tolerance=1e-9)
-    np.testing.assert_allclose(path.mean_pressure, loads, rtol=1e-12)
-    state = solve_contact(*SURFACE, mean_pressure=1.0, periodic=periodic)
-    assert path.contact_fraction[1] == pytest.approx(
-        state.contact_fraction, abs=2 / 80**2
-    )
-    assert path.displacement[1] == pytest.approx(state.displacement, rel=1e-5)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"target_pressure": -3.0},
-        {"target_pressure": [2.0, 1.0]},
-        {"target_pressure": []},
-        {"steps": 0},
-    ],
-)
+@pytest.mark.parametrize("change", [{"target_pressure": -3.0}, {"steps": 0}])
 def test_bad_input_is_refused(change):
     with pytest.raises(ContactInputError):
         load_path(*SURFACE, **({"target_pressure": 1.0} | change))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bem_reference import self_affine
 
-from gstlib.bem import measure_roughness, measure_spectrum
+from gstlib.bem import measure_roughness
 
 
 @pytest.mark.parametrize(("periodic", "within"), [(True, 1e-12), (False, 1e-2)])
@@ -32,18 +32,3 @@ def test_unmeasured_heights_do_not_count():
     for missing in (math.nan, -math.inf):
         partial = measure_roughness(np.where(holes, missing, surface), 0.01)
         assert partial.curvature == pytest.approx(whole.curvature, rel=0.03)
-
-
-def test_a_wave_has_its_power_in_its_ring_and_all_of_them_the_variance():
-    area, q = 0.96 * 1.2, 10 * math.pi / 1.2
-    wave = 2e-3 * np.cos(q * 0.02 * np.arange(60)) * np.ones((96, 1))
-    table = measure_spectrum(wave + 1.0, (0.01, 0.02), periodic=True)
-    peak = table.loc[table.density_mm4.idxmax()]
-    assert peak.wave_number_per_mm == pytest.approx(q, abs=math.pi / 0.96)
-    # (a/2)² A of each of two waves
-    assert peak.density_mm4 * peak.waves == pytest.approx(2 * 1e-3**2 * area)
-    heights = np.random.default_rng(0).normal(size=wave.shape)
-    for periodic, within in ((True, 1e-12), (False, 0.1)):
-        table = measure_spectrum(heights, (0.01, 0.02), periodic=periodic)
-        power = (table.density_mm4 * table.waves).sum() / area
-        assert power == pytest.approx(heights.var(), rel=within)
