@@ -66,18 +66,15 @@ def fitted_plane(heights, spacing):
 
     The share is the fraction of the heights' variance.
     """
-    is_there = np.isfinite(heights)
-    if not (count := np.count_nonzero(is_there)):
+    rows, columns = np.nonzero(np.isfinite(heights))
+    if not rows.size:
         return np.zeros(2), 0.0
-    values = np.where(is_there, heights, 0.0)
-    values = np.where(is_there, values - values.sum() / count, 0.0)
-    in_rows, in_columns = is_there.sum(axis=1), is_there.sum(axis=0)
-    y, x = (np.arange(n) * step for n, step in zip(heights.shape, spacing, strict=True))
-    y -= in_rows @ y / count
-    x -= in_columns @ x / count
-    mixed = float(y @ np.where(is_there, x, 0.0).sum(axis=1))
-    squares = np.array([[in_rows @ y**2, mixed], [mixed, in_columns @ x**2]])
-    right = np.array([values.sum(axis=1) @ y, values.sum(axis=0) @ x])
+    values = heights[rows, columns]
+    values = values - values.mean()
+    points = np.stack((rows * spacing[0], columns * spacing[1]))
+    points -= points.mean(axis=1, keepdims=True)
+    squares = np.einsum("in,jn->ij", points, points)
+    right = np.einsum("in,n->i", points, values)
     slopes = np.linalg.lstsq(squares, right)[0]
-    variance = float(np.einsum("ij,ij->", values, values))
+    variance = float(np.einsum("n,n->", values, values))
     return slopes, float(slopes @ right) / variance if variance else 0.0

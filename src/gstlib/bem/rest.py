@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import scipy
 
 from .errors import ContactInputError, TippingError
 from .load import LoadControl
@@ -382,30 +383,16 @@ def _plane(shape, point, level, slope_y, slope_x):
 
 
 def _hull(surface):
-    """Corners (row, column) of the convex hull of a mask, in order (A. M. Andrew, 1979)."""
+    """Corners (row, column) of the convex hull of a mask, in order."""
     rows = np.flatnonzero(surface.any(axis=1))
-    surface = surface[rows]
-    first = surface.argmax(axis=1)
-    last = surface.shape[1] - 1 - surface[:, ::-1].argmax(axis=1)
-    left = _chain(rows, first, 1)
-    right = _chain(rows, last, -1)
-    # Both may begin, or end, with the same element.
-    corners = dict.fromkeys(left + right[::-1])
-    return np.array(list(corners), dtype=float)
-
-
-def _chain(rows, columns, sign):
-    """The points of a column that its hull needs on one side."""
-    kept = []
-    for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
-        while len(kept) > 1:
-            (r0, c0), (r1, c1) = kept[-2:]
-            turn = (c1 - c0) * (row - r0) - (column - c0) * (r1 - r0)
-            if sign * turn < 0:
-                break
-            kept.pop()
-        kept.append((row, column))
-    return kept
+    first = surface[rows].argmax(axis=1)
+    last = surface.shape[1] - 1 - surface[rows, ::-1].argmax(axis=1)
+    ends = np.concatenate(([rows, first], [rows, last]), axis=1).T
+    ends = np.unique(ends, axis=0).astype(float)
+    try:
+        return ends[scipy.spatial.ConvexHull(ends).vertices]
+    except scipy.spatial.QhullError:  # all on a line
+        return ends[np.unique([0, len(ends) - 1])]
 
 
 def _triangle(corners, point):

@@ -102,9 +102,7 @@ def slope_of(
         lines = heights[::every] if axis else heights[:, ::every]
         with np.errstate(invalid="ignore"):  # −inf less −inf
             difference = np.diff(lines, axis=axis)
-        squared = float(np.einsum("ij,ij->", difference, difference))
-        if not math.isfinite(squared):
-            difference = difference[np.isfinite(difference)]
-            squared = float(np.einsum("i,i->", difference, difference))
+        difference = difference[np.isfinite(difference)]
+        squared = float(np.einsum("i,i->", difference, difference))
         total += squared / (max(difference.size, 1) * step**2)
     return math.sqrt(total)

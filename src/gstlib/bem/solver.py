@@ -23,7 +23,6 @@ a separate convolution, in double precision and on every element.
 
 import copy
 import math
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -291,30 +290,17 @@ class ContactProblem:
         `nearby` : a pressure on the window near the initial one, and its displacement (mm).
         `field` : the exact displacement (mm) of the initial pressure on the grid; with a force.
         """
+        nothing = np.zeros_like(self.relief)
+        settings = {
+            "pressure_cap": load.pressure_cap,
+            "tilt": tuple(self.tilt.tolist()),
+            "periodic": self.half_space.periodic,
+        }
         if load.displacement == 0 or load.force == 0:
-            nothing, tilt = np.zeros_like(self.relief), tuple(self.tilt.tolist())
-            return ContactState(
-                *(
-                    nothing,
-                    -self.relief,
-                    0.0,
-                    0.0,
-                    0.0,
-                    0,
-                    0,
-                    0.0,
-                    load.pressure_cap,
-                    tilt,
-                ),
-                periodic=self.half_space.periodic,
-            )
+            return ContactState(nothing, -self.relief, 0.0, 0.0, 0.0, **settings)
         if self.full_displacement == 0:
-            flat = np.full_like(self.relief, load.force / self.relief.size)
-            mean = float(flat[0, 0])
-            state = ContactState(
-                flat, 0 * flat, 0.0, mean, 1.0, 0, 0, 0.0, load.pressure_cap
-            )
-            return replace(state, periodic=True)
+            mean = load.force / nothing.size
+            return ContactState(nothing + mean, nothing, 0.0, mean, 1.0, **settings)
         few = self._only_candidates(load)
         if few.size:
             initial_pressure = np.full(few.size, load.force)
@@ -512,13 +498,11 @@ def _carried(load, pressure):
 
 def _mean_of_four(relief):
     """Mean of the elements with surface in each two by two elements; −inf without any."""
-    quarters = [relief[i::2, j::2] for i in (0, 1) for j in (0, 1)]
-    total = quarters[0] + quarters[2] + quarters[1] + quarters[3]
+    quarters = [relief[i::2, j::2] for j in (0, 1) for i in (0, 1)]
+    total = quarters[0] + quarters[1] + quarters[2] + quarters[3]
     if np.isfinite(total).all():
         return 0.25 * total
-    there = [np.isfinite(part) for part in quarters]
-    total = sum(
-        np.where(mask, part, 0.0) for mask, part in zip(there, quarters, strict=True)
-    )
-    count = sum(mask.astype(int) for mask in there)
+    there = np.isfinite(quarters)
+    count = there.sum(axis=0)
+    total = np.sum(quarters, axis=0, where=there)
     return np.where(count > 0, total / np.maximum(count, 1), -math.inf)

@@ -57,9 +57,9 @@ class ContactState:
     displacement: float
     mean_pressure: float
     contact_fraction: float
-    iterations: int
-    convolutions: int
-    residual: float
+    iterations: int = 0
+    convolutions: int = 0
+    residual: float = 0.0
     pressure_cap: float = math.inf
     tilt: tuple[float, float] = (0.0, 0.0)
     moment_residual: float = 0.0

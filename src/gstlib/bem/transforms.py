@@ -6,6 +6,8 @@ processor's vector units (benchmarks/README.md reports the gain).
 
 import functools
 import importlib.util
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -18,53 +20,49 @@ if HAS_DUCC0:
 
 
 @functools.cache
-def _pocketfft():
-    """SciPy's real transforms, forth and back. When first used: their import is slow."""
+def _pocketfft() -> Any:
+    """SciPy's transforms, with the arguments of ducc0. When first used: their import is slow."""
     try:
         # Not public, but the transforms of scipy.fft bit for bit. They write into a given array.
         # Without the copies, a path of loads takes a seventh less.
-        from scipy.fft._pocketfft.pypocketfft import c2r, r2c
+        from scipy.fft._pocketfft import pypocketfft
     except ImportError:  # a SciPy that has moved them
+        return SimpleNamespace(r2c=_r2c, c2r=_c2r, c2c=_c2c)
+    return pypocketfft
 
-        def r2c(lines, axes, forward, inorm, out, workers):
-            """Real transforms."""
-            out[:] = scipy.fft.rfft(lines)
 
-        def c2r(waves, axes, lastsize, forward, inorm, out, workers):
-            """Real transforms backwards."""
-            out[:] = scipy.fft.irfft(waves, lastsize)
+def _r2c(lines, axes, forward, norm, out, threads):
+    out[:] = scipy.fft.rfft(lines)
 
-    return r2c, c2r
+
+def _c2r(waves, axes, length, forward, norm, out, threads):
+    out[:] = scipy.fft.irfft(waves, length)
+
+
+def _c2c(lines, axes, forward, norm, out, threads):
+    transform = scipy.fft.fft if forward else scipy.fft.ifft
+    return transform(lines, overwrite_x=True)
+
+
+def _library() -> Any:
+    return ducc0.fft if HAS_DUCC0 else _pocketfft()
 
 
 def to_waves(lines: np.ndarray, out: np.ndarray) -> None:
     """Waves (m, n // 2 + 1) of real lines (m, n)."""
-    if HAS_DUCC0:
-        ducc0.fft.r2c(lines, axes=(1,), out=out)
-    else:
-        _pocketfft()[0](lines, (1,), True, 0, out, 1)
+    _library().r2c(lines, (1,), True, 0, out, 1)
 
 
 def from_waves(waves: np.ndarray, out: np.ndarray) -> None:
     """Real lines (m, n), n even, of waves (m, n // 2 + 1)."""
-    if HAS_DUCC0:
-        length = out.shape[1]
-        ducc0.fft.c2r(
-            waves, axes=(1,), lastsize=length, forward=False, inorm=2, out=out
-        )
-    else:
-        _pocketfft()[1](waves, (1,), out.shape[1], False, 2, out, 1)
+    _library().c2r(waves, (1,), out.shape[1], False, 2, out, 1)
 
 
 def to_waves_inplace(lines: np.ndarray) -> np.ndarray:
     """Waves of complex lines (m, n), which are overwritten."""
-    if HAS_DUCC0:
-        return ducc0.fft.c2c(lines, axes=(1,), out=lines)
-    return scipy.fft.fft(lines, overwrite_x=True)
+    return _library().c2c(lines, (1,), True, 0, lines, 1)
 
 
 def from_waves_inplace(waves: np.ndarray) -> np.ndarray:
     """Complex lines of waves (m, n), which are overwritten."""
-    if HAS_DUCC0:
-        return ducc0.fft.c2c(waves, axes=(1,), forward=False, inorm=2, out=waves)
-    return scipy.fft.ifft(waves, overwrite_x=True)
+    return _library().c2c(waves, (1,), False, 2, waves, 1)
