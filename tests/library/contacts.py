@@ -93,7 +93,4 @@ def contact_of(height, pressure, gap=None, displacement=0.0, slopes=(0.0, 0.0)):
         displacement=displacement,
         mean_pressure=mean,
         contact_fraction=float(touching.mean()),
-        residual=0.0,
-        iterations=0,
-        convolutions=0,
     )

@@ -136,8 +136,6 @@ class Contact(ContactState):
         values |= {name: float(stored[name]) for name in _NUMBERS}
         return cls(
             **values,
-            iterations=0,
-            convolutions=0,
             interface=Interface.from_dataset(stored),
             load=Load(float(stored.target_pressure), load_point if is_free else None),
             modulus=float(stored.contact_modulus),

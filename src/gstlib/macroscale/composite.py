@@ -36,7 +36,7 @@ from gstlib.surfaces.footprints import (
     spline_of,
     square_of,
 )
-from gstlib.surfaces.grid import axis_coordinates, described, make_surface, spacing_of
+from gstlib.surfaces.grid import axis_coordinates, described, spacing_of
 from gstlib.surfaces.leveling import Plane, fit_plane, remove_plane
 
 __all__ = [
@@ -259,18 +259,12 @@ def compose_grid(
 
 def refined(surface: xr.DataArray, parts: int) -> xr.DataArray:
     """A surface of zeros with each element of `surface` divided into so many parts a side."""
-    shape = tuple(parts * count for count in surface.shape)
-    steps = tuple(step / parts for step in spacing_of(surface))
-    fine = make_surface(np.zeros(shape), steps)
-    corner = {
-        axis: float(surface[axis][0]) - step / 2
-        for axis, step in zip("yx", spacing_of(surface), strict=True)
-    }
-    moved = {
-        axis: fine[axis].copy(data=fine[axis].values + at)
-        for axis, at in corner.items()
-    }
-    return fine.assign_coords(moved)
+    axes = {}
+    for axis, step in zip("yx", spacing_of(surface), strict=True):
+        corner = float(surface[axis][0]) - step / 2
+        count = parts * surface.sizes[axis]
+        axes[axis] = corner + axis_coordinates(count, step / parts)
+    return xr.DataArray(0.0, axes, ("y", "x"))
 
 
 def draw_mesh_errors(
@@ -334,18 +328,12 @@ def _density(heights: np.ndarray, side_mm: float) -> tuple[np.ndarray, np.ndarra
     step = side_mm / len(heights)
     taper = np.hanning(count + 2)[1:-1]
     window = taper[:, None] * taper / (taper**2).mean()
-    waves = scipy.fft.rfft2((heights - heights.mean()) * window)
-    power = np.abs(waves) ** 2
-    ring = np.rint(radial_frequency((count, count), step) * side_mm).astype(int)
-    within = (ring > 0) & (ring <= count // 2)
-    # A term of the half plane also represents its conjugate, except on the edge.
-    stands_for = np.full(power.shape, 2.0)
-    stands_for[:, 0] = 1
-    if count % 2 == 0:
-        stands_for[:, -1] = 1
-    total = np.bincount(ring[within], (stands_for * power)[within])[1:]
-    mean = total / np.bincount(ring[within], stands_for[within])[1:]
-    return np.arange(1, len(mean) + 1) / side_mm, mean * (step / count) ** 2
+    power = np.abs(scipy.fft.fft2((heights - heights.mean()) * window)) ** 2
+    along = scipy.fft.fftfreq(count, step)
+    ring = np.rint(np.hypot(along[:, None], along) * side_mm).astype(int).ravel()
+    mean = np.bincount(ring, power.ravel()) / np.bincount(ring)
+    rings = np.arange(1, count // 2 + 1)
+    return rings / side_mm, mean[rings] * (step / count) ** 2
 
 
 def _random_field(

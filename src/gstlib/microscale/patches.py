@@ -105,10 +105,6 @@ def solve_patches(
     >>> [(patch, round(float(contact.pressure.mean()), 6)) for patch, _, contact in solved]
     [('7', 6.0)]
     """
-    if EQUILIBRIUM in variants and (composite is None or contact is None):
-        raise ValueError(
-            "patches on the stone need the composite surface and its contact"
-        )
     targets = pressures.set_index("patch")
     for patch in scans:
         source = f"patch {patch}"
@@ -119,11 +115,13 @@ def solve_patches(
             source=source,
         )
         for variant in variants:
-            if variant == EQUILIBRIUM and composite is not None and contact is not None:
-                interface = place_patch(height, pressed, composite, contact, patch)
-            else:
+            if variant == PAPER:
                 over = xr.zeros_like(height) if pressed is None else pressed
                 interface = Interface(height, over)
+            elif composite is None or contact is None:
+                raise ValueError("patches on the stone need `composite` and `contact`")
+            else:
+                interface = place_patch(height, pressed, composite, contact, patch)
             loaded = interface, Load(float(targets[_PRESSURES[variant]][patch]))
             solved: dict[str, Any] = {
                 "modulus": settings.contact_modulus_MPa,

@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 # The strength of an element as small as a scan's point lies in between.
 
 # The cases, in the order of the table. The first is the study itself.
-_STUDY, _GRINDING, _CAP = "study", "grinding", "cap"
+_CASES = "study", "grinding", "cap"
 _UNITS = {
     "friction": "1",
     "tangential ratio": "1",
@@ -123,12 +123,12 @@ def solve_slip(
     >>> round(float(slip.traction.mean()), 6), int(slip.stick.sum()), int(slip.slip.sum())
     (1.0, 52, 28)
     """
-    pressure, remaining = contact.pressure.values, 1 - tangential_ratio
+    pressure, remaining = contact.pressure, 1 - tangential_ratio
     reduced = solve_again(
         contact,
         source,
         mean_pressure=remaining * contact.mean_pressure,
-        initial_pressure=remaining * pressure,
+        initial_pressure=remaining * pressure.values,
     )
     stick = reduced.contact & (pressure > 0)
     compliance_ratio = (2 - poisson) / (2 * (1 - poisson))
@@ -139,7 +139,7 @@ def solve_slip(
         "slip": (pressure > 0) & ~stick,
         "tangential_displacement": friction * compliance_ratio * descent,
     }
-    return _on_grid_of(contact, fields)
+    return described(xr.Dataset(fields), _VARIABLES)
 
 
 def solve_capped(
@@ -174,15 +174,11 @@ def solve_capped(
     state = solve_again(
         contact, source, mean_pressure=mean_pressure, pressure_cap=pressure_cap
     )
-    names = (
-        "pressure",
-        "gap",
-        "displacement",
-        "capped_fraction",
-        "residual",
-        "pressure_cap",
-    )
-    return _on_grid_of(contact, {name: getattr(state, name) for name in names})
+    names = "displacement", "capped_fraction", "residual", "pressure_cap"
+    fields = {name: getattr(state, name) for name in names}
+    for name in ("pressure", "gap"):
+        fields[name] = contact.pressure.copy(data=getattr(state, name))
+    return described(xr.Dataset(fields), _VARIABLES)
 
 
 def case_table(
@@ -209,20 +205,21 @@ def case_table(
     pandas.DataFrame
         ``case, patch, quantity, unit, value``. ``patch`` is empty if a row describes all patches.
     """
-    numbers: dict[tuple[str, str], dict[str, float]] = {}
+    study: dict[str, dict[str, float]] = {}
+    ground: dict[str, dict[str, float]] = {}
+    capped: dict[str, dict[str, float]] = {}
     if grinding is not None:
-        friction, ratio = grinding["friction"], grinding["tangential_ratio"]
-        numbers[_GRINDING, ""] = {
-            "friction": float(friction),
-            "tangential ratio": float(ratio),
+        ground[""] = {
+            "friction": float(grinding["friction"]),
+            "tangential ratio": float(grinding["tangential_ratio"]),
         }
     if pressure_cap is not None:
-        numbers[_CAP, ""] = {"pressure cap": float(pressure_cap)}
+        capped[""] = {"pressure cap": float(pressure_cap)}
     for patch, contact in contacts.items():
         source = f"patch {patch}"
         if grinding is not None:
             slip = solve_slip(contact, source=source, **grinding)
-            numbers[_GRINDING, patch] = slip_numbers(slip)
+            ground[patch] = slip_numbers(slip)
         if pressure_cap is None:
             continue
         if (mean := float(contact.pressure.mean())) >= pressure_cap:
@@ -235,13 +232,12 @@ def case_table(
             )
             continue
         limited = solve_capped(contact, source=source, pressure_cap=pressure_cap)
-        numbers[_STUDY, patch], numbers[_CAP, patch] = capped_numbers(contact, limited)
-    # stable: within a case the rows keep their order
-    cases = sorted(numbers, key=lambda row: (_STUDY, _GRINDING, _CAP).index(row[0]))
+        study[patch], capped[patch] = capped_numbers(contact, limited)
     rows = [
-        (*case, quantity, _UNITS[quantity], value)
-        for case in cases
-        for quantity, value in numbers[case].items()
+        (case, patch, quantity, _UNITS[quantity], value)
+        for case, patches in zip(_CASES, (study, ground, capped), strict=True)
+        for patch, numbers in patches.items()
+        for quantity, value in numbers.items()
     ]
     return pd.DataFrame(rows, columns=["case", "patch", "quantity", "unit", "value"])
 
@@ -269,25 +265,15 @@ def capped_numbers(
     If the patch has no contact, the share at the cap is 0.
     """
     at_cap = limited.pressure.values >= float(limited.pressure_cap)
-    elastic = {
-        "displacement": float(contact.displacement) * 1e3,
-        "contact fraction": float((contact.pressure.values > 0).mean()),
-        "peak pressure": float(contact.pressure.max()),
-    }
-    plastic = {
-        "displacement": float(limited.displacement) * 1e3,
-        "contact fraction": float((limited.pressure.values > 0).mean()),
-        "share at the cap": float(limited.capped_fraction),
-        "deepest yield": float(np.max(-limited.gap.values[at_cap], initial=0.0)) * 1e3,
-    }
+    elastic, plastic = (
+        {
+            "displacement": float(state.displacement) * 1e3,
+            "contact fraction": float((state.pressure > 0).mean()),
+        }
+        for state in (contact, limited)
+    )
+    elastic["peak pressure"] = float(contact.pressure.max())
+    plastic["share at the cap"] = float(limited.capped_fraction)
+    deepest = np.max(-limited.gap.values[at_cap], initial=0.0)
+    plastic["deepest yield"] = float(deepest) * 1e3
     return elastic, plastic
-
-
-def _on_grid_of(contact: Contact, fields: Mapping) -> xr.Dataset:
-    """Fields (y, x) and numbers of a case, with their units."""
-    variables = {
-        name: (("y", "x") if np.ndim(value) else (), value)
-        for name, value in fields.items()
-    }
-    on_grid = xr.Dataset(variables, {"y": contact.pressure.y, "x": contact.pressure.x})
-    return described(on_grid, _VARIABLES)
