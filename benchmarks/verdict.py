@@ -42,7 +42,7 @@ def scored(study, strengths):
     for patch, contact in contacts.items():
         maps = [wear_map(contact, worn, patch)]
         for limit in strengths:
-            depth = wear_patch(contact, worn, patch, pressure_cap=limit)
+            depth = wear_patch(contact, worn, patch, pressure_cap=limit)[-1]
             named = maps[0].assign_coords(model=[f"{limit:g} MPa"])
             maps.append(named.copy(data={"depth": depth[None]}))
         predicted[patch] = xr.concat(maps, "model")

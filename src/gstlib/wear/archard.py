@@ -69,7 +69,6 @@ __all__ = [
     "layer_of",
     "seen_depth",
     "wear_contact",
-    "wear_elastic_and_capped",
     "wear_patch",
     "wear_square",
 ]
@@ -261,21 +260,16 @@ def wear_square(
 
     @cache
     def path_to(reach: float) -> xr.Dataset:
-        if gesture is None:
-            depths = [
-                _pressed(contact, means, (1 + ratio) * reach, ratio, interlayer, steps)
-                for ratio in ratios
-            ]
-        else:
-            depths = [
-                _pressed_in_poses(
-                    contact, gesture, table, means, reach, patch_mm, steps
+        paths = []
+        for ratio in ratios:
+            kappas = np.linspace(0, (1 + ratio) * reach, steps + 1)
+            if gesture is None:
+                pressed = _pressed(contact, means, kappas, ratio, interlayer)
+            else:
+                pressed = _pressed_in_poses(
+                    contact, gesture, table, means, kappas, patch_mm
                 )
-            ]
-        paths = [
-            _without_own_loss(_path(kappa, pressed, table), table)
-            for kappa, pressed in depths
-        ]
+            paths.append(_path(kappas, pressed, table))
         return xr.concat(paths, pd.Index(ratios, name="ratio"))
 
     others = [measured.drop(patch, errors="ignore") for patch in table.patch]
@@ -322,14 +316,14 @@ def _under_interlayer(contact: Contact, interlayer: Layer) -> xr.DataArray:
 def _pressed(
     contact: Contact,
     means: "scipy.sparse.csr_array",
-    kappa: float,
+    kappas: np.ndarray,
     ratio: float,
     interlayer: Layer | None,
-    steps: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """κ in each step, and the mean depths (body, step, area) over the areas of `means`."""
+) -> np.ndarray:
+    """Mean depths (body, step, area) over the areas of `means` at each κ."""
     target = float(contact.pressure.mean())
     share = ratio / (1 + ratio)
+    kappa, steps = kappas[-1], len(kappas) - 1
     path = wear_contact(
         contact,
         "macroscale",
@@ -343,7 +337,7 @@ def _pressed(
     for body, states in enumerate(zip(*path.states, strict=True)):
         in_steps = [means @ state.pressure.ravel() for state in states]
         pressed[body, 1:] = kappa / steps * np.cumsum(in_steps, axis=0)
-    return np.linspace(0, kappa, steps + 1), pressed
+    return pressed
 
 
 def _pressed_in_poses(
@@ -351,16 +345,16 @@ def _pressed_in_poses(
     gesture: Gesture,
     table: pd.DataFrame,
     means: "scipy.sparse.csr_array",
-    kappa: float,
+    kappas: np.ndarray,
     patch_mm: float,
-    steps: int,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> np.ndarray:
     """Like `_pressed`, for all poses of a gesture in each of as many explicit steps.
 
     The exposure replaces the pressure, scaled so that its mean is the mean pressure.
     """
     target = float(contact.pressure.mean())
     height = contact.interface.height
+    kappa, steps = kappas[-1], len(kappas) - 1
     pressed = np.zeros((len(_BODIES), steps + 1, means.shape[0]))
     for step in range(steps):
         batch = press_poses(
@@ -380,14 +374,14 @@ def _pressed_in_poses(
         depth = kappa / steps * target / mean * exposed.values
         pressed[0, step + 1] = pressed[0, step] + means @ depth.ravel()
         height = height.copy(data=height.values - depth)
-    return np.linspace(0, kappa, steps + 1), pressed
+    return pressed
 
 
-def _without_own_loss(path: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
-    """The path at pressures under the load case inferred from the other patches."""
-    other = (unseen(table) - covered(table)).to_numpy()
-    if not other.any():
-        return path
+def _path(kappas: np.ndarray, pressed: np.ndarray, table: pd.DataFrame) -> xr.Dataset:
+    """The path from mean depths (body, step, area), over outlines and then over covered areas.
+
+    Pressures are those under the load case inferred from the other patches.
+    """
     # ASSUME: Change of pressure without a patch's own loss. The load case inferred from the other
     # patches changes the pressure over the outline as much as over the area that both scans cover.
     # Reason: T1 covers most of the outline.
@@ -397,22 +391,15 @@ def _without_own_loss(path: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
     # ASSUME: Remaining influence of a patch's own loss. The loss of a patch may influence its tilt,
     # its surroundings, and the pressures of the patches that κ is fitted to. Reason: Otherwise each
     # patch would need a path of its own.
-    changed = {}
-    for name in ("pressed", "pressed_covered"):
-        changed[name] = path[name].copy()
-        steps = np.diff(path[name].values, axis=-2)
-        added = np.diff(path.kappa)[:, np.newaxis] * other
-        steps = np.maximum(steps + added, 0)
-        changed[name][..., 1:, :] = np.cumsum(steps, axis=-2)
-    return path.assign(changed)
-
-
-def _path(kappa: np.ndarray, pressed: np.ndarray, table: pd.DataFrame) -> xr.Dataset:
-    """The path from mean depths (body, step, area), over outlines and then over covered areas."""
+    other = (unseen(table) - covered(table)).to_numpy()
+    if other.any():
+        added = np.diff(kappas)[:, np.newaxis] * np.tile(other, 2)
+        steps = np.maximum(np.diff(pressed, axis=1) + added, 0)
+        pressed[:, 1:] = np.cumsum(steps, axis=1)
     outlines, areas = np.split(pressed, 2, axis=-1)
     return xr.Dataset(
         {
-            "kappa": ("step", kappa),
+            "kappa": ("step", kappas),
             "pressed": (("body", "step", "patch"), outlines),
             "pressed_covered": (("step", "patch"), areas[0]),
         },
@@ -475,7 +462,7 @@ def wear_patch(
     ratio: float = 0.0,
     kappa: float | None = None,
     pressure_cap: float | None = None,
-) -> np.ndarray:
+) -> list[np.ndarray]:
     """Wear a patch at the pressures that it has on the wearing square.
 
     Parameters
@@ -494,24 +481,9 @@ def wear_patch(
 
     Returns
     -------
-    ndarray, shape (ny, nx)
-        The depth lost, mm.
+    list of ndarray, shape (ny, nx)
+        The depth lost, mm, without a cap and, if there is one, with it.
     """
-    return wear_elastic_and_capped(
-        contact, worn, patch, ratio=ratio, kappa=kappa, pressure_cap=pressure_cap
-    )[-1]
-
-
-def wear_elastic_and_capped(
-    contact: Contact,
-    worn: WornSquare,
-    patch: str,
-    *,
-    ratio: float = 0.0,
-    kappa: float | None = None,
-    pressure_cap: float | None = None,
-) -> list[np.ndarray]:
-    """The depth of `wear_patch` without a cap and, if there is one, with it."""
     kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
     lost, options = driven(contact, worn, worn.along(patch, ratio), kappa)
     count = 1 if pressure_cap is None else 2

@@ -19,7 +19,7 @@ from gstlib.wear.archard import (
     INTERLAYER,
     WornSquare,
     layer_of,
-    wear_elastic_and_capped,
+    wear_patch,
     wear_square,
 )
 from gstlib.wear.interlayer import fit_interlayer
@@ -220,9 +220,7 @@ def wear_map(
     depth: dict[str, np.ndarray] = {}
     for model, coefficient in coefficients.items():
         cap = pressure_cap if model == list(coefficients)[-1] else None
-        maps = wear_elastic_and_capped(
-            contact, worn, patch, pressure_cap=cap, **coefficient
-        )
+        maps = wear_patch(contact, worn, patch, pressure_cap=cap, **coefficient)
         depth |= zip((model, CAPPED), maps, strict=False)
     described = {"units": "mm", "long_name": "predicted height loss"}
     return xr.Dataset(

@@ -28,6 +28,11 @@ INTERLAYER = Layer(300.0, 0.3, 0.2)
 OPTIONS = {"patch_mm": 1.0, "steps": 6}
 
 
+def depth_of(*patch, **options):
+    """The depth (mm) that a patch loses."""
+    return wear_patch(*patch, **options)[-1]
+
+
 @pytest.fixture(scope="module")
 def square():
     return pressed(rough(3, **GRID, rms_mm=0.004), mean_pressure=20.0, **SETTINGS)
@@ -161,7 +166,7 @@ def worn_by_both():
     contacts, changes, losses = {}, {}, []
     for number, patch in enumerate(table.itertuples()):
         unworn = patch_of(patch.pressure_MPa, seed=number)
-        depth = wear_patch(unworn, guess, patch.patch, ratio=1.0, kappa=2e-5)
+        depth = depth_of(unworn, guess, patch.patch, ratio=1.0, kappa=2e-5)
         contacts[patch.patch], changes[patch.patch] = unworn, changed(unworn, depth)
         losses.append(1e3 * float((-changes[patch.patch].change).clip(0).mean()))
     registration = pd.DataFrame({"patch": list("abcd"), "above_noise": True})
@@ -191,7 +196,7 @@ def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
     """Whatever its own map and loss are; of a patch that nothing is fitted to, from all."""
     worn, contacts, changes = worn_by_both
     contact, fitted = contacts["a"], worn.interlayer.fitted
-    bare = 40 * wear_patch(contact, worn, "a", kappa=2e-5)  # which outweighs the others
+    bare = 40 * depth_of(contact, worn, "a", kappa=2e-5)  # which outweighs the others
     measured = worn.path.measured.where(worn.path.patch != "a", float(bare.mean()))
     other = worn._replace(path=worn.path.assign(measured=measured))
     again = fit_interlayer(other, contacts, changes | {"a": changed(contact, bare)})
@@ -204,9 +209,7 @@ def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
     ):
         stone = other._replace(interlayer=worn.interlayer._replace(fitted=table))
         maps = wear_map(contact, stone, "a").depth
-        expected = wear_patch(
-            contact, other, "a", ratio=float(ratio), kappa=float(kappa)
-        )
+        expected = depth_of(contact, other, "a", ratio=float(ratio), kappa=float(kappa))
         np.testing.assert_array_equal(maps.sel(model="interlayer"), expected)
 
 
@@ -216,14 +219,14 @@ def test_a_patch_is_worn_at_its_pressure_in_each_step(worn):
     kappas = worn.along("a", 0).kappa.values
     depths = np.cumsum([0.0, *np.diff(kappas) * pressures])
     path = path.assign(pressed=0 * path.pressed + xr.DataArray(depths, dims="step"))
-    depth = wear_patch(contact, worn._replace(path=path), "a", kappa=kappas[-1])
+    depth = depth_of(contact, worn._replace(path=path), "a", kappa=kappas[-1])
     options = {"mean_pressure": pressures, "mean_loss": depths[-1], "steps": 6}
     expected = wear_path(
         contact.interface.height.values, 0.01, 1e4, **options, tolerance=1e-9
     )
     np.testing.assert_allclose(depth, expected.depth, atol=1e-12)
     spared = worn._replace(path=path.assign(pressed=0 * path.pressed))
-    assert wear_patch(contact, spared, "a").max() == 0
+    assert depth_of(contact, spared, "a").max() == 0
 
 
 def test_an_interlayer_lies_among_the_pressures_that_are_under_it(worn_by_both):
@@ -237,10 +240,10 @@ def test_an_interlayer_lies_among_the_pressures_that_are_under_it(worn_by_both):
     sunk = surroundings(worn.interlayer.pressure, place, shape, **options)
     assert np.ptp(sunk) > 1e-4
     lower = replace(alone, interface=replace(face, height=face.height - sunk))
-    expected = wear_patch(lower, worn, "a", ratio=1.0, kappa=1e-5)
+    expected = depth_of(lower, worn, "a", ratio=1.0, kappa=1e-5)
     ramp = 2e-3 * np.linspace(0, 1, shape[1]) * np.ones(shape)
     among = replace(alone, interface=replace(face, surroundings=ramp))
-    depth = wear_patch(among, worn, "a", ratio=1.0, kappa=1e-5)
+    depth = depth_of(among, worn, "a", ratio=1.0, kappa=1e-5)
     np.testing.assert_allclose(depth, expected, atol=1e-12)
 
 
@@ -255,7 +258,7 @@ def test_a_patch_loses_as_the_law_says_of_its_pressure(square, pressures, law):
     kappa = float(worn.path.kappa_of_all)
     expected = np.maximum(before - law.threshold_MPa, 0) ** law.exponent
     measured = [
-        wear_patch(patch_of(pressure), worn, name, kappa=kappa).mean()
+        depth_of(patch_of(pressure), worn, name, kappa=kappa).mean()
         for name, pressure in zip("abcd", before, strict=True)
     ]
     np.testing.assert_allclose(measured, 4e-8 * expected / expected.sum(), rtol=2e-3)
@@ -265,12 +268,12 @@ def test_summits_that_yield_spread_the_same_loss_wider(worn, pressures):
     contact = patch_of(float(pressures.pressure_MPa[0]))
     ((_, maps),) = predict_wear({"a": contact}, worn, pressure_cap=100.0)
     elastic, yielding = maps.depth.values
-    np.testing.assert_array_equal(elastic, wear_patch(contact, worn, "a"))
+    np.testing.assert_array_equal(elastic, depth_of(contact, worn, "a"))
     assert yielding.mean() == pytest.approx(elastic.mean(), rel=1e-9)
     assert yielding.max() < elastic.max()
     # a cap above all pressures, 481 MPa here, changes nothing, and one just below them does
     for pressure_cap in (480.0, 482.0):
-        capped = wear_patch(contact, worn, "a", pressure_cap=pressure_cap)
+        capped = depth_of(contact, worn, "a", pressure_cap=pressure_cap)
         assert np.array_equal(capped, elastic) == (pressure_cap > 481)
 
 
