@@ -49,14 +49,6 @@ _COLUMNS = [
     "turning_deg",
     "weight",
 ]
-# Results that are kept for each pose.
-_BY_POSE = (
-    "weight",
-    "displacement",
-    "contact_fraction",
-    "patch_pressure",
-    "patch_exposure",
-)
 _VARIABLES = {
     "mean_pressure": ("MPa", "mean contact pressure of the poses"),
     "pressure_sum": ("MPa", "sum of the contact pressures of the poses"),
@@ -225,7 +217,7 @@ def press_poses(
 
     names = "pressure_sum", "highest_pressure", "touched_sum", "exposure"
     sums = {name: np.zeros(height.shape) for name in names}
-    by_pose: list[tuple] = []
+    by_pose: list[dict[str, Any]] = []
     kept: dict[int, np.ndarray] = {}
     for pose, contact in zip(poses.itertuples(), contacts, strict=True):
         if contact is None:
@@ -233,33 +225,39 @@ def press_poses(
                 "pose %s: the stone does not rest in it, so this pose causes no wear",
                 pose.Index,
             )
-            pressure = np.zeros(height.shape)
-            state = np.nan, 0.0
+            pressure, displacement = np.zeros(height.shape), np.nan
         else:
-            pressure = contact.pressure.values
-            state = contact.displacement, contact.contact_fraction
+            pressure, displacement = contact.pressure.values, contact.displacement
         sliding_mm = np.hypot(
             pose.sliding_mm, np.radians(pose.turning_deg) * from_middle
         )
         work = pressure * sliding_mm
+        touched = pressure > 0
         sums["pressure_sum"] += pose.weight * pressure
-        sums["touched_sum"] += pose.weight * (pressure > 0)
+        sums["touched_sum"] += pose.weight * touched
         sums["exposure"] += pose.weight * work
         if pose.weight > 0:
             sums["highest_pressure"] = np.maximum(sums["highest_pressure"], pressure)
         if pose.Index in shown:
             kept[pose.Index] = pressure
-        of_patches = means @ pressure.ravel(), pose.weight * (means @ work.ravel())
-        by_pose.append((pose.weight, *state, *of_patches))
+        by_pose.append(
+            {
+                "weight": pose.weight,
+                "displacement": displacement,
+                "contact_fraction": touched.mean(),
+                "patch_pressure": means @ pressure.ravel(),
+                "patch_exposure": pose.weight * (means @ work.ravel()),
+            }
+        )
 
-    shown_fields = np.array(list(kept.values())).reshape(-1, *height.shape)
     variables: dict[str, tuple] = {
         name: (("y", "x"), total) for name, total in sums.items()
     }
-    for name, values in zip(_BY_POSE, zip(*by_pose, strict=True), strict=True):
-        rows = np.array(values)
+    for name in by_pose[0]:
+        rows = np.array([row[name] for row in by_pose])
         variables[name] = (("pose", "patch")[: rows.ndim], rows)
-    variables["pressure"] = (("shown", "y", "x"), shown_fields)
+    fields = np.array([*kept.values()]).reshape(-1, *height.shape)
+    variables["pressure"] = (("shown", "y", "x"), fields)
     coordinates = {
         "y": height.y,
         "x": height.x,
@@ -282,19 +280,14 @@ def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:
         [part.drop_dims(["y", "x", "shown"]) for part in parts], "pose"
     )
     total = float(of_poses.weight.sum())
-    fields = {
-        "mean_pressure": sum(part.pressure_sum for part in parts) / total,
-        "highest_pressure": np.maximum.reduce(
-            [part.highest_pressure for part in parts]
-        ),
-        "touched": sum(part.touched_sum for part in parts) / total,
-        "exposure": sum(part.exposure for part in parts),
-    }
+    highest = xr.concat([part.highest_pressure for part in parts], "batch")
     exposed = of_poses.assign(
-        {name: (("y", "x"), np.asarray(field)) for name, field in fields.items()}
+        mean_pressure=sum(part.pressure_sum for part in parts) / total,
+        highest_pressure=highest.max("batch"),
+        touched=sum(part.touched_sum for part in parts) / total,
+        exposure=sum(part.exposure for part in parts),
+        pressure=xr.concat([part.pressure for part in parts], "shown"),
     )
-    exposed = exposed.assign_coords(y=parts[0].y, x=parts[0].x)
-    exposed["pressure"] = xr.concat([part.pressure for part in parts], "shown")
     return described(exposed, _VARIABLES)
 
 

@@ -74,71 +74,43 @@ def propose_places(
     >>> print(*places.iloc[0][["place", "x_mm", "y_mm"]])
     E1 2.0 3.0
     """
-    candidates = _candidates(fields, size_mm, patch_mm)
-    left = {EXPOSED: candidates.exposure.copy(), CONTROL: candidates.away.copy()}
+    element, step_x = spacing_of(fields)
+    centres = _centres(element, size_mm, patch_mm)
+    share_y = _shares(fields.y.values, element, centres, patch_mm)
+    share_x = _shares(fields.x.values, step_x, centres, patch_mm)
+    within = share_y > 0, share_x > 0
+    # By position: mean exposure, highest share of poses, and how far (mm) the next touched element
+    # and the positions chosen before are.
+    exposure = share_y @ fields.exposure.values @ share_x.T
+    touched = _highest(fields.touched.values, *within)
+    untouched = fields.touched.values == 0
+    steps = scipy.ndimage.distance_transform_cdt(untouched, "chessboard")
+    away = np.where(touched > 0, 0.0, -element * _highest(-steps, *within))
+
+    left = {EXPOSED: exposure.copy(), CONTROL: away}
     rows = []
     for kind, count in COUNTS.items():
         for number in range(1, count + 1):
-            at = np.unravel_index(left[kind].argmax(), left[kind].shape)
+            at = np.unravel_index(left[kind].argmax(), exposure.shape)
             if left[kind][at] <= 0:
                 _warn_of_few(kind, number - 1, count)
                 break
-            row, column = map(int, at)
-            gaps = candidates.gaps(row, column, patch_mm)
+            y_mm, x_mm = centres[list(at)]
+            apart = np.maximum.outer(abs(centres - y_mm), abs(centres - x_mm))
+            gaps = apart - patch_mm + _ROUNDING  # negative if they overlap
             left[EXPOSED][gaps < 0] = 0
             left[CONTROL] = np.minimum(left[CONTROL], gaps)
             rows.append(
                 {
                     "place": f"{kind[0].upper()}{number}",
                     "kind": kind,
-                    "x_mm": float(candidates.centres[column]),
-                    "y_mm": float(candidates.centres[row]),
-                    "exposure_N_per_mm": candidates.exposure[row, column],
-                    "touched": candidates.touched[row, column],
+                    "x_mm": float(x_mm),
+                    "y_mm": float(y_mm),
+                    "exposure_N_per_mm": exposure[at],
+                    "touched": touched[at],
                 }
             )
     return pd.DataFrame(rows)
-
-
-class _Candidates(NamedTuple):
-    """All positions of a patch in the square, (n, n) by their centres along y and x.
-
-    Attributes
-    ----------
-    centres : (n,) ndarray
-        Along either axis, mm.
-    exposure : (n, n) ndarray
-        Mean over the patch, N/mm.
-    touched : (n, n) ndarray
-        Highest value in the patch.
-    away : (n, n) ndarray
-        Distance (mm) from the nearest touched element, 0 if the patch itself is touched.
-    """
-
-    centres: np.ndarray
-    exposure: np.ndarray
-    touched: np.ndarray
-    away: np.ndarray
-
-    def gaps(self, row: int, column: int, patch_mm: float) -> np.ndarray:
-        """Distance (mm) of one position from all others, negative if they overlap."""
-        apart_y = np.abs(self.centres - self.centres[row])
-        apart_x = np.abs(self.centres - self.centres[column])
-        return np.maximum.outer(apart_y, apart_x) - patch_mm + _ROUNDING
-
-
-def _candidates(fields: xr.Dataset, size_mm: float, patch_mm: float) -> _Candidates:
-    element, step_x = spacing_of(fields)
-    centres = _centres(element, size_mm, patch_mm)
-    share_y = _shares(fields.y.values, element, centres, patch_mm)
-    share_x = _shares(fields.x.values, step_x, centres, patch_mm)
-    exposure = share_y @ fields.exposure.values @ share_x.T
-    within = share_y > 0, share_x > 0
-    touched = _highest(fields.touched.values, *within)
-    untouched = fields.touched.values == 0
-    steps = scipy.ndimage.distance_transform_cdt(untouched, "chessboard")
-    away = -element * _highest(-steps, *within)
-    return _Candidates(centres, exposure, touched, np.where(touched > 0, 0.0, away))
 
 
 def _centres(element: float, size_mm: float, patch_mm: float) -> np.ndarray:

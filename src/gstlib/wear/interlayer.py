@@ -100,8 +100,8 @@ def fit_interlayer(
     misfits = xr.concat(by_patch, pd.Index(names, name="patch"))
     measured = worn.path.measured.sel(patch=names).values
 
-    def misfit(patches: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """κ (ratio,) and the misfits (ratio, patch) of a fit to these patches."""
+    def fit(patches: np.ndarray, reach: float) -> tuple[float, float, np.ndarray]:
+        """Ratio, κ and the misfits (ratio, patch) of a fit to these patches."""
         kappas, errors = [], []
         for ratio in worn.path.ratio.values:
             where = {"ratio": ratio, "reach": reach}
@@ -118,25 +118,25 @@ def fit_interlayer(
                 + 2 * part * (1 - part) * at.product[:, low]
                 + part**2 * at.misfit[:, low + 1]
             )
-        return np.array(kappas), np.array(errors)
+        table = np.array(errors)
+        best = int(table[:, patches].sum(axis=1).argmin())
+        return float(worn.path.ratio[best]), float(kappas[best]), table
 
     every = np.arange(len(names))
-    kappas_of_all, all_misfits = misfit(every, float(worn.path.reach_of_all))
+    ratio_of_all, kappa_of_all, all_misfits = fit(every, float(worn.path.reach_of_all))
     ratios, kappas = [], []
     for own, patch in enumerate(names):
-        others = np.delete(every, own)
-        kappa, errors = misfit(others, float(worn.path.reach_of.sel(patch=patch)))
-        best = int(errors[:, others].sum(axis=1).argmin())
-        ratios.append(float(worn.path.ratio[best]))
-        kappas.append(kappa[best])
-    best = int(all_misfits.sum(axis=1).argmin())
+        reach = float(worn.path.reach_of.sel(patch=patch))
+        ratio, kappa, _ = fit(np.delete(every, own), reach)
+        ratios.append(ratio)
+        kappas.append(kappa)
     fitted = xr.Dataset(
         {
             "misfit": (("ratio", "patch"), all_misfits),
             "interlayer_ratio": ("patch", ratios),
             "interlayer_kappa": ("patch", kappas),
-            "ratio_of_all": float(worn.path.ratio[best]),
-            "kappa_of_all": float(kappas_of_all[best]),
+            "ratio_of_all": ratio_of_all,
+            "kappa_of_all": kappa_of_all,
         },
         coords={"ratio": worn.path.ratio, "patch": names},
     )
