@@ -63,7 +63,6 @@ __all__ = [
     "BARE",
     "CAPPED",
     "INTERLAYER",
-    "Interlayer",
     "WornSquare",
     "driven",
     "layer_of",
@@ -114,23 +113,6 @@ _OF_LAYER = {
 BARE, INTERLAYER, CAPPED = "archard", "interlayer", "archard_capped"
 
 
-class Interlayer(NamedTuple):
-    """The layer that alternates with the bare stone.
-
-    Attributes
-    ----------
-    layer : gstlib.bem.Layer
-    pressure : (y, x) xarray.DataArray
-        Pressure under the layer on the square before use, MPa.
-    fitted : xarray.Dataset or None
-        Its coefficient, from `gstlib.wear.interlayer.fit_interlayer`.
-    """
-
-    layer: Layer
-    pressure: xr.DataArray
-    fitted: xr.Dataset | None = None
-
-
 class WornSquare(NamedTuple):
     """The path of wear of the square.
 
@@ -148,21 +130,19 @@ class WornSquare(NamedTuple):
         fitted to a patch; ``pressure_MPa`` before use and ``x_mm, y_mm, rotation_deg`` (patch);
         ``patch_mm``. The attribute ``wear_law`` has the fields of `law` for laws other than
         Archard's.
-    interlayer : Interlayer or None
+    interlayer : xarray.Dataset or None
+        The layer that alternates with the bare stone: ``young`` (MPa), ``poisson``, ``thickness``
+        (mm), and the ``pressure`` (y, x), MPa, under it on the square before use. Once it is
+        fitted, it also contains its coefficient, from `gstlib.wear.interlayer.fit_interlayer`.
     """
 
     path: xr.Dataset
-    interlayer: Interlayer | None
+    interlayer: xr.Dataset | None
 
     @classmethod
     def from_datasets(cls, path: xr.Dataset, fitted: xr.Dataset | None) -> Self | None:
         """From the stored `path` and `fitted_interlayer`; None if wear is not predicted."""
-        if not path.sizes:
-            return None
-        if fitted is None:
-            return cls(path, None)
-        layer = Layer(*(float(fitted[name]) for name in _OF_LAYER))
-        return cls(path, Interlayer(layer, fitted.pressure, fitted))
+        return cls(path, fitted) if path.sizes else None
 
     @property
     def law(self) -> Law:
@@ -171,20 +151,16 @@ class WornSquare(NamedTuple):
 
     @property
     def fitted_interlayer(self) -> xr.Dataset | None:
-        """The fitted coefficient of the interlayer, and the interlayer itself.
+        """The interlayer with its coefficient, or None if there is none."""
+        is_fitted = self.interlayer is not None and "misfit" in self.interlayer
+        return self.interlayer if is_fitted else None
 
-        Contains ``young`` (MPa), ``poisson``, ``thickness`` (mm) and the ``pressure`` (y, x), MPa,
-        under it on the square before use.
-        """
+    @property
+    def layer(self) -> Layer | None:
+        """The interlayer as the solver takes it."""
         if self.interlayer is None:
             return None
-        layer, pressure, fitted = self.interlayer
-        if fitted is None:
-            return None
-        constants = described(
-            xr.Dataset({name: getattr(layer, name) for name in _OF_LAYER}), _OF_LAYER
-        )
-        return fitted.assign(constants.data_vars).assign(pressure=pressure)
+        return Layer(*(float(self.interlayer[name]) for name in _OF_LAYER))
 
     def along(self, patch: str, ratio: float) -> xr.Dataset:
         """The path along which a patch wears, whose steps do not depend on its own loss."""
@@ -291,11 +267,7 @@ def wear_square(
     path = described(path, _DESCRIBED)
     if law != ARCHARD:
         path.attrs["wear_law"] = [*law]
-    if interlayer is None:
-        return WornSquare(path, None)
-    return WornSquare(
-        path, Interlayer(interlayer, _under_interlayer(contact, interlayer))
-    )
+    return WornSquare(path, interlayer and _before_use(contact, interlayer))
 
 
 def wear_contact(contact: Contact, source: str, **options: Any) -> WearPath:
@@ -304,13 +276,13 @@ def wear_contact(contact: Contact, source: str, **options: Any) -> WearPath:
     return path
 
 
-def _under_interlayer(contact: Contact, interlayer: Layer) -> xr.DataArray:
-    """Pressure (y, x) on the square under an interlayer before use, MPa."""
+def _before_use(contact: Contact, layer: Layer) -> xr.Dataset:
+    """An interlayer, and the pressure (y, x) under it on the square before use, MPa."""
     mean_pressure = float(contact.pressure.mean())
-    state = solve_again(
-        contact, "macroscale", mean_pressure=mean_pressure, layer=interlayer
-    )
-    return contact.pressure.copy(data=state.pressure)
+    state = solve_again(contact, "macroscale", mean_pressure=mean_pressure, layer=layer)
+    constants = xr.Dataset({name: getattr(layer, name) for name in _OF_LAYER})
+    under = contact.pressure.copy(data=state.pressure)
+    return described(constants, _OF_LAYER).assign(pressure=under)
 
 
 def _pressed(
@@ -520,9 +492,9 @@ def driven(
         "mean_loss": lost,
         "steps": steps,
     }
-    if ratio and worn.interlayer:
-        lowered = _lowered(contact, at, worn.interlayer)
-        options["third_body"] = ThirdBody(worn.interlayer.layer, share, soft, lowered)
+    if ratio and worn.layer and worn.interlayer is not None:
+        lowered = _lowered(contact, at, worn.layer, worn.interlayer.pressure)
+        options["third_body"] = ThirdBody(worn.layer, share, soft, lowered)
     return lost, options
 
 
@@ -544,18 +516,18 @@ def _bounded(options: dict, ratio: float, pressure_cap: float, law: Law) -> dict
 
 
 def _lowered(
-    contact: Contact, at: xr.Dataset, interlayer: Interlayer
+    contact: Contact, at: xr.Dataset, layer: Layer, pressure: xr.DataArray
 ) -> np.ndarray | float:
-    """Additional depth (mm) of a patch's surroundings under an interlayer."""
+    """Additional depth (mm) of a patch's surroundings under an interlayer at its pressure."""
     around = contact.interface.surroundings
     if around is None:
         return 0.0
     under_interlayer = surroundings(
-        interlayer.pressure,
+        pressure,
         PatchPosition.from_dataset(at),
         around.shape,
         size_mm=float(at.patch_mm),
         contact_modulus_MPa=contact.modulus,
-        layer=interlayer.layer,
+        layer=layer,
     )
     return under_interlayer - around

@@ -148,7 +148,7 @@ def fit_wear(
     if worn.interlayer is None or maps is None:
         return worn
     fitted = fit_interlayer(worn, maps.contacts, maps.changes)
-    return worn._replace(interlayer=worn.interlayer._replace(fitted=fitted))
+    return worn._replace(interlayer=fitted.assign(worn.interlayer.data_vars))
 
 
 def predict_wear(

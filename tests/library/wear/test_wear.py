@@ -185,8 +185,8 @@ def worn_by_both():
 
 def test_an_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both):
     worn, *_ = worn_by_both
-    fitted = worn.interlayer.fitted
-    assert worn.interlayer.layer == INTERLAYER
+    fitted = worn.interlayer
+    assert worn.layer == INTERLAYER
     assert fitted.ratio_of_all == 1.0
     np.testing.assert_array_equal(fitted.interlayer_ratio, 1.0)
     np.testing.assert_allclose(fitted.interlayer_kappa, 2e-5, rtol=0.05)
@@ -195,7 +195,7 @@ def test_an_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_bot
 def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
     """Whatever its own map and loss are; of a patch that nothing is fitted to, from all."""
     worn, contacts, changes = worn_by_both
-    contact, fitted = contacts["a"], worn.interlayer.fitted
+    contact, fitted = contacts["a"], worn.interlayer
     bare = 40 * depth_of(contact, worn, "a", kappa=2e-5)  # which outweighs the others
     measured = worn.path.measured.where(worn.path.patch != "a", float(bare.mean()))
     other = worn._replace(path=worn.path.assign(measured=measured))
@@ -203,11 +203,12 @@ def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
     is_same = again.interlayer_kappa == fitted.interlayer_kappa
     assert again.patch[is_same].values.tolist() == ["a"]
     out = again.sel(patch=list("bcd"))
+    layer = {name: fitted[name] for name in set(fitted) - set(again)}
     for table, ratio, kappa in (
         (again, again.interlayer_ratio[0], again.interlayer_kappa[0]),
         (out, out.ratio_of_all, out.kappa_of_all),
     ):
-        stone = other._replace(interlayer=worn.interlayer._replace(fitted=table))
+        stone = other._replace(interlayer=table.assign(layer))
         maps = wear_map(contact, stone, "a").depth
         expected = depth_of(contact, other, "a", ratio=float(ratio), kappa=float(kappa))
         np.testing.assert_array_equal(maps.sel(model="interlayer"), expected)
