@@ -382,12 +382,12 @@ def without_contact(stone, generator, *, field):
 
 def fewer(stone, generator, *, count):
     """So many patches, by chance."""
-    trial = law(stone, generator)
+    trial, losses = law(stone, generator), stone.losses
     chosen = np.sort(generator.permutation(len(stone.patches))[:count])
     patches = stone.patches.iloc[chosen].reset_index(drop=True)
     return trial._replace(
         stone=stone._replace(patches=patches),
-        evidence=trial.evidence.permuted(chosen),
+        evidence=Losses(losses.depth_um[chosen], losses.above_noise[chosen]),
         pressure=trial.pressure[chosen],
     )
 

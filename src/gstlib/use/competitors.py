@@ -10,7 +10,7 @@ a spot anywhere, and uniform wear. Each predicts the wear of a patch from the ot
 # below their mean and 2.5 above it. Its tilt would about span the heights. Reason: Planes and spots
 # beyond these limits wear nearly all patches alike, or hardly any.
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
@@ -18,8 +18,7 @@ import scipy
 import xarray as xr
 
 from gstlib.macroscale.ensemble import patch_means
-from gstlib.use.evidence import Evidence, likelihood
-from gstlib.use.tempering import tempered
+from gstlib.use.evidence import Evidence, posterior
 
 __all__ = ["COMPETITORS", "competitor_scores"]
 
@@ -44,7 +43,7 @@ def competitor_scores(
     *,
     patch_mm: float,
     seed: int,
-) -> Mapping[str, np.ndarray]:
+) -> dict[str, np.ndarray]:
     """Log probability (patches,) of the wear of each patch given the others, by competitor.
 
     Parameters
@@ -68,17 +67,8 @@ def competitor_scores(
     }
     scores = {}
     for number, (name, (depths, variables)) in enumerate(competitors.items()):
-
-        def log_likelihood(
-            standard: np.ndarray, depths: _Depths = depths, variables: int = variables
-        ) -> np.ndarray:
-            return likelihood(
-                evidence, depths(standard[:, :variables]), standard[:, variables:]
-            )
-
         generator = np.random.default_rng([seed, 13, number])
-        size = variables + evidence.variables
-        particles = tempered(log_likelihood, size, _DRAWS, generator)
+        particles = posterior(depths, variables, evidence, _DRAWS, generator)
         none = np.full(len(patches), -np.inf)
         scores[name] = none if particles is None else particles.log_score
     return scores
@@ -97,7 +87,7 @@ def _spots(patches: pd.DataFrame, patch_mm: float) -> _Depths:
         log_width = least + (most - least) * uniform[:, 2:]
         width = side * np.exp(log_width)
         apart = np.square(centre[:, None] - places).sum(axis=2)
-        return np.asarray(np.exp(-0.5 * apart / width**2))
+        return np.exp(-0.5 * apart / width**2)
 
     return depths
 
@@ -124,6 +114,6 @@ def _above_planes(
         level = least + (most - least) * scipy.special.ndtr(standard[:, :1])
         plane = turned.std(axis=1, keepdims=True) * level
         above = np.maximum(turned - plane, 0)
-        return np.asarray((weights @ above.T).T)
+        return (weights @ above.T).T
 
     return depths

@@ -18,14 +18,15 @@ priors in `gstlib.use.tempering`.
 # of their grades. Reason: Grades give an order, but no depths.
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import scipy
 
 from gstlib.conditions import ARCHARD, Law
+from gstlib.use.tempering import Particles, tempered
 
 __all__ = [
     "FEWEST_PATCHES",
@@ -34,6 +35,7 @@ __all__ = [
     "Grades",
     "Losses",
     "likelihood",
+    "posterior",
 ]
 
 # Fewest patches, and fewest patches with a loss above the noise, for an inference.
@@ -56,36 +58,6 @@ _AT_RANDOM = 0.1
 _UNSEEN = 0.03
 
 
-class Evidence(Protocol):
-    """Observed wear of each patch.
-
-    Attributes
-    ----------
-    variables : int
-        Number of additional parameters.
-    """
-
-    variables: int
-
-    @property
-    def tells(self) -> bool:
-        """Whether the patches differ."""
-
-    def log_likelihood(self, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
-        """Log likelihood of each patch (draws, patches), given its pressures and `variables`."""
-
-    def parameters(
-        self, pressure: np.ndarray, standard: np.ndarray
-    ) -> Mapping[str, np.ndarray]:
-        """Additional parameters (draws,) by name."""
-
-    def springs(self, pressure: np.ndarray) -> np.ndarray:
-        """Wear of an element per pressure (draws,), mm/MPa, at pressures (draws, patches), MPa."""
-
-    def permuted(self, order: Sequence[int] | np.ndarray) -> "Evidence":
-        """The same evidence for other patches, or for some of them."""
-
-
 @dataclass(frozen=True)
 class Losses:
     """Mean depth lost on each patch.
@@ -94,25 +66,23 @@ class Losses:
     ----------
     depth_um : (patches,) ndarray
         Lost volume per area of the patch, µm.
-    above_noise : (patches,) ndarray of bool, optional
-        Whether each loss is above the noise. By default, all losses except 0 are.
+    above_noise : (patches,) ndarray of bool, or bool
+        Whether each loss is above the noise.
     law : Law
         Law of wear.
+    variables : int
+        Number of additional parameters.
     """
 
     depth_um: np.ndarray
-    above_noise: np.ndarray | None = None
+    above_noise: np.ndarray | bool = True
     law: Law = ARCHARD
     variables = 3
 
     @property
     def tells(self) -> bool:
-        """Whether enough patches have a loss above the noise."""
-        worn = np.asarray(self.depth_um > 0)
-        if self.above_noise is not None:
-            worn = (
-                worn & self.above_noise
-            )  # so is the loss of a patch that lost nothing
+        """Whether enough patches have a loss above the noise; a loss of 0 does not count."""
+        worn = (self.depth_um > 0) & self.above_noise
         return bool(worn.sum() >= FEWEST_WORN)
 
     def springs(self, pressure: np.ndarray) -> np.ndarray:
@@ -121,20 +91,15 @@ class Losses:
         An element that yields by this amount per pressure has worn (`gstlib.bem.wear_path`).
         """
         borne = self.law.equivalent(pressure).sum(axis=1)
-        lost = 1e-3 * max(float(self.depth_um.sum()), 0.0)
-        return np.where(borne > 0, lost / np.where(borne > 0, borne, 1.0), 0.0)
-
-    def permuted(self, order: Sequence[int] | np.ndarray) -> "Losses":
-        """The same losses for other patches, or the losses of some patches."""
-        above_noise = self.above_noise
-        if above_noise is not None:
-            above_noise = above_noise[order]
-        return replace(self, depth_um=self.depth_um[order], above_noise=above_noise)
+        lost = 1e-3 * max(self.depth_um.sum(), 0.0)
+        return lost / np.where(borne > 0, borne, np.inf)
 
     def parameters(
         self, pressure: np.ndarray, standard: np.ndarray
     ) -> Mapping[str, np.ndarray]:
-        """``wear_coefficient`` (with the sliding, µm/MPa), ``scatter`` / loss, ``floor``, µm."""
+        """Additional parameters (draws,): ``wear_coefficient`` (with the sliding, µm/MPa),
+        ``scatter`` / loss, ``floor``, µm.
+        """
         total = self.law.equivalent(pressure).sum(axis=1)
         together = self.depth_um.sum() / np.where(total > 0, total, np.inf)
         errors = _COEFFICIENT_ERROR, _SCATTER_ERROR, _FLOOR_ERROR
@@ -148,17 +113,13 @@ class Losses:
 
     def log_likelihood(self, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
         """Log likelihood of the loss of each patch (draws, patches)."""
-        parameters = self.parameters(pressure, standard)
-        coefficient, scatter, floor = (
-            parameters[name][:, None]
-            for name in ("wear_coefficient", "scatter", "floor")
-        )
+        parameters = self.parameters(pressure, standard).values()
+        coefficient, scatter, floor = (each[:, None] for each in parameters)
         expected = coefficient * self.law.equivalent(pressure)
         width = np.hypot(scatter * expected, floor)
         deviation = (self.depth_um - expected) / width
-        log_density: np.ndarray = _LOG_OF_T - np.log(width)
-        log_density -= (_FREEDOM + 1) / 2 * np.log1p(deviation**2 / _FREEDOM)
-        return log_density
+        tail = (_FREEDOM + 1) / 2 * np.log1p(deviation**2 / _FREEDOM)
+        return _LOG_OF_T - np.log(width) - tail
 
 
 @dataclass(frozen=True)
@@ -181,16 +142,12 @@ class Grades:
     @property
     def tells(self) -> bool:
         """Whether there are at least two grades."""
-        return len(set(self.grade.tolist())) > 1
-
-    def permuted(self, order: Sequence[int] | np.ndarray) -> "Grades":
-        """The same grades for other patches, or the grades of some patches."""
-        return Grades(self.grade[order])
+        return bool(np.ptp(self.grade) > 0)
 
     def parameters(
         self, pressure: np.ndarray, standard: np.ndarray
     ) -> Mapping[str, np.ndarray]:
-        """``scatter`` of the logarithm of pressure."""
+        """Additional parameter (draws,): ``scatter`` of the logarithm of pressure."""
         return {"scatter": _GRADE_ERROR * np.exp(_GRADE_ERROR_ERROR * standard[:, 0])}
 
     def log_likelihood(self, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
@@ -210,7 +167,10 @@ class Grades:
             for side in (0, 1)
         )
         inside = below_upper - below_lower
-        return np.asarray(np.log((1 - _AT_RANDOM) * inside + _AT_RANDOM / len(grades)))
+        return np.log((1 - _AT_RANDOM) * inside + _AT_RANDOM / len(grades))
+
+
+Evidence: TypeAlias = Losses | Grades
 
 
 def likelihood(
@@ -221,3 +181,25 @@ def likelihood(
     return np.where(
         rests[:, None], evidence.log_likelihood(pressure, standard), -np.inf
     )
+
+
+def posterior(
+    pressures: Callable[[np.ndarray], np.ndarray],
+    variables: int,
+    evidence: Evidence,
+    draws: int,
+    generator: np.random.Generator,
+    counted: float = 1.0,
+) -> Particles | None:
+    """Draws given the evidence; None if no draw is possible.
+
+    `pressures` maps standard normal variables (draws, variables) to pressures (draws, patches), in
+    any unit. The evidence has further variables. `counted` is the weight of the evidence.
+    """
+
+    def log_likelihood(standard: np.ndarray) -> np.ndarray:
+        pressure = pressures(standard[:, :variables])
+        return likelihood(evidence, pressure, standard[:, variables:])
+
+    size = variables + evidence.variables
+    return tempered(log_likelihood, size, draws, generator, counted)

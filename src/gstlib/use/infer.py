@@ -26,6 +26,7 @@ than each of them.
 
 import logging
 from collections import deque
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -214,27 +215,24 @@ def infer_use(
     >>> float(use.weight @ use.x_mm) < 1.8
     True
     """
-    if len(patches) < FEWEST_PATCHES or not evidence.tells:
-        return _too_few(len(patches))
+    count = len(patches)
+    if count < FEWEST_PATCHES:
+        reason = f"the wear of only {count} patches is known"
+        return _unknown(reason, f"Scan at least {FEWEST_PATCHES} patches")
+    if not evidence.tells:
+        reason = f"fewer than {FEWEST_WORN} of {count} patches lost more than the noise"
+        return _unknown(reason, "Scan more positions that wore")
     generator = np.random.default_rng([sampling.seed, 6])
-    height = coarser(face.height, _COARSER)
-
-    settings: dict[str, float] = {"modulus": modulus, "patch_mm": patch_mm}
-    before = use_pressures(
-        stated.prior.mean[np.newaxis], face, patches, stated, **settings
+    pressures = partial(
+        use_pressures,
+        face=face,
+        patches=patches,
+        stated=stated,
+        modulus=modulus,
+        patch_mm=patch_mm,
     )
-
-    def pressures(points: np.ndarray, springs: np.ndarray) -> np.ndarray:
-        return use_pressures(points, face, patches, stated, springs=springs, **settings)
-
-    draws = sample(
-        stated.prior,
-        pressures,
-        evidence,
-        sampling,
-        generator,
-        springs=evidence.springs(before),
-    )
+    springs = evidence.springs(pressures(stated.prior.mean[np.newaxis]))
+    draws = sample(stated.prior, pressures, evidence, sampling, generator, springs)
     contacts, touching = (
         (draws.contacts, draws.touching) if draws else (sampling.draws, 0)
     )
@@ -244,15 +242,15 @@ def infer_use(
             "Correct load.at_mm and counterface, or raise uncertainty.load_point_mm"
         )
         return _unknown(reason, remedy)
-    use = _stored(draws, patches)
-    competitors = competitor_scores(
-        height, patches, evidence, patch_mm=patch_mm, seed=sampling.seed
+    scores = competitor_scores(
+        coarser(face.height, _COARSER),
+        patches,
+        evidence,
+        patch_mm=patch_mm,
+        seed=sampling.seed,
     )
-    use["competitor"] = list(competitors)
-    use["competitor_log_score"] = (
-        ("competitor", "patch"),
-        np.array([*competitors.values()]),
-    )
+    use = _stored(draws, evidence, patches).assign_coords(competitor=list(scores))
+    use["competitor_log_score"] = ("competitor", "patch"), [*scores.values()]
     answer = _answer(use)
     # If a competitor predicts better, more contacts do not help.
     if answer["adopted"] and not draws.contact_error <= _MOST_CONTACT_ERROR:
@@ -263,43 +261,46 @@ def infer_use(
         remedy = f"Raise use.rounds (now {sampling.rounds}) or use.draws (now {sampling.draws})"
         return _unknown(reason, remedy)
     if isinstance(evidence, Losses):
-        laws = law_scores(draws.pressures_of, draws.variables, evidence, generator)
+        laws = law_scores(
+            lambda standard: draws.process.mean_pressures(draws.prior.uses(standard)),
+            draws.prior.variables,
+            evidence,
+            generator,
+        )
         use = use.merge(laws)
     _warn_of_few_draws(use, sampling)
-    stated_radius = np.nan if stated.radius_mm is None else stated.radius_mm
     return described(use, _DESCRIBED).assign_attrs(
-        effective_sample_size=float(effective_sample_size(draws.particles.weights)),
-        stated_radius_mm=stated_radius,
-        **answer,
+        stated_radius_mm=stated.radius_mm or np.nan, **answer
     )
 
 
-def _stored(draws: Draws, patches: pd.DataFrame) -> xr.Dataset:
+def _stored(draws: Draws, evidence: Evidence, patches: pd.DataFrame) -> xr.Dataset:
     """The draws as a dataset."""
-    weight, without = draws.particles.weights, draws.particles.weights_without
-    uses = draws.uses
+    particles, process = draws.particles, draws.process
+    standard, size = particles.standard, draws.prior.variables
+    uses = draws.prior.uses(standard[:, :size])
+    pressure = process.mean_pressures(uses)
     y_mm, x_mm, *log_radius = uses.points.T
     stroke_y, stroke_x = uses.stroke_mm.T
+    without = particles.weights_without
     by_draw = {
         "y_mm": y_mm,
         "x_mm": x_mm,
-        "radius_mm": np.exp(log_radius[0])
-        if log_radius
-        else np.full(len(weight), np.nan),
+        "radius_mm": np.exp(log_radius[0]) if log_radius else np.nan * y_mm,
         "scatter_mm": uses.scatter_mm,
         "stroke_mm": np.hypot(stroke_y, stroke_x),
         "spread_mm": uses.spread_mm,
         "stroke_angle_deg": np.degrees(np.arctan2(stroke_y, stroke_x)) % 180,
-        **draws.parameters,
-        "weight": weight,
+        **evidence.parameters(pressure, standard[:, size:]),
+        "weight": particles.weights,
     }
     by_both = {
-        "pressure": draws.pressure,
-        "pressure_at_centre": draws.pressure_at_centre,
+        "pressure": pressure,
+        "pressure_at_centre": process.mean_pressures(uses.still),
         "weight_without": without,
     }
     by_patch = {
-        "log_score": draws.particles.log_score,
+        "log_score": particles.log_score,
         "effective_sample_size_without": effective_sample_size(without),
     }
     return xr.Dataset(
@@ -307,7 +308,11 @@ def _stored(draws: Draws, patches: pd.DataFrame) -> xr.Dataset:
         | {name: (("draw", "patch"), values) for name, values in by_both.items()}
         | {name: ("patch", values) for name, values in by_patch.items()},
         {"patch": list(patches.patch)},
-        {"contacts": draws.contacts, "contact_error": draws.contact_error},
+        {
+            "contacts": draws.contacts,
+            "contact_error": draws.contact_error,
+            "effective_sample_size": float(effective_sample_size(particles.weights)),
+        },
     )
 
 
@@ -351,15 +356,6 @@ def use_pressures(
     return pressures
 
 
-def _too_few(count: int) -> xr.Dataset:
-    """The result of `infer_use` if too few patches are known, or if too few of them wore."""
-    if count < FEWEST_PATCHES:
-        reason = f"the wear of only {count} patches is known"
-        return _unknown(reason, f"Scan at least {FEWEST_PATCHES} patches")
-    reason = f"fewer than {FEWEST_WORN} of {count} patches lost more than the noise"
-    return _unknown(reason, "Scan more positions that wore")
-
-
 def _warn_of_few_draws(use: xr.Dataset, sampling: Sampling) -> None:
     """Warn of the patches whose prediction has a small effective sample size."""
     is_few = use.effective_sample_size_without.values < FEWEST_DRAWS
@@ -390,11 +386,7 @@ def _unknown(reason: str, remedy: str) -> xr.Dataset:
 
 def _answer(use: xr.Dataset) -> dict[str, Any]:
     """Whether a load case explains the wear, and whether the study adopts it."""
-    gains = (
-        (use.log_score - use.competitor_log_score)
-        .transpose("competitor", "patch")
-        .values
-    )
+    gains = use.log_score.values - use.competitor_log_score.values
     total = gains.sum(axis=1)
     error = np.sqrt(gains.shape[1]) * gains.std(axis=1, ddof=1)
     best = int(np.argmin(total))

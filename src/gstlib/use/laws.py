@@ -17,7 +17,6 @@ of them contains Archard's law as a special case. So a better score means a bett
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -45,28 +44,30 @@ _TOUCHED = 0.01
 # error. For the best of four other laws, the level is divided by four.
 _LEVEL = 0.05
 _STATISTICS = "posterior_mean", "low", "high"
-_COLUMNS = [
-    "law",
-    "parameter",
-    *_STATISTICS,
-    "log_score",
-    "log_score_gain",
-    "log_score_gain_error",
-    "answer",
-]
-_PARAMETERS = {
-    "threshold": "threshold_MPa",
-    "lower exponent": "exponent",
-    "higher exponent": "exponent",
-}
 _DECIMALS = 6
 
 
-class _Family(NamedTuple):
-    """A law and its parameter, if any, from a standard normal variable (draws, 0 or 1)."""
+def _threshold(standard: np.ndarray, mean: float) -> Law:
+    return Law(threshold_MPa=_THRESHOLD * mean * np.exp(_THRESHOLD_ERROR * standard))
 
-    parameter: str
-    law: Callable[[np.ndarray], Law]
+
+def _exponent(sign: float) -> Callable[[np.ndarray, float], Law]:
+    def law(standard: np.ndarray, mean: float) -> Law:
+        apart = _EXPONENT_APART + _EXPONENT_ERROR * abs(standard)
+        return Law(exponent=2.0 ** (sign * apart))
+
+    return law
+
+
+# By name, the parameter of a law, and the law for standard normal variables (draws, 0 or 1) and a
+# mean pressure (MPa).
+_LAWS: dict[str, tuple[str, Callable[[np.ndarray, float], Law]]] = {
+    BASE: ("", lambda standard, mean: ARCHARD),
+    "threshold": ("threshold_MPa", _threshold),
+    "lower exponent": ("exponent", _exponent(-1.0)),
+    "higher exponent": ("exponent", _exponent(1.0)),
+    "touched": ("", lambda standard, mean: Law(_TOUCHED * mean, 0.0)),
+}
 
 
 def law_scores(
@@ -94,67 +95,46 @@ def law_scores(
         ``law_parameter`` (law, statistic): its posterior mean and 95 % limits, NaN without a
         parameter.
     """
-    families = _families(pressures(generator.standard_normal((_DRAWS, variables))))
+    prior = pressures(generator.standard_normal((_DRAWS, variables)))
+    touched = prior[prior > 0]
+    mean = float(touched.mean()) if touched.size else 0.0
     scores, parameters = [], []
-    for family in families.values():
-        end = variables + bool(family.parameter)
+    for parameter, law in _LAWS.values():
+        end = variables + bool(parameter)
+
+        def law_of(standard: np.ndarray, law: Callable = law, end: int = end) -> Law:
+            return law(standard[:, variables:end], mean)
 
         def log_likelihood(
-            standard: np.ndarray, family: _Family = family, end: int = end
+            standard: np.ndarray, law_of: Callable = law_of, end: int = end
         ) -> np.ndarray:
-            evidence = replace(losses, law=family.law(standard[:, variables:end]))
-            return likelihood(
-                evidence, pressures(standard[:, :variables]), standard[:, end:]
-            )
+            evidence = replace(losses, law=law_of(standard))
+            pressure = pressures(standard[:, :variables])
+            return likelihood(evidence, pressure, standard[:, end:])
 
         size = end + losses.variables
         drawn = [
             tempered(log_likelihood, size, _DRAWS, generator) for _ in range(_SAMPLES)
         ]
         samples = [sample for sample in drawn if sample is not None]
-        scores.append(np.full(len(losses.depth_um), -np.inf))
-        parameters.append([np.nan] * len(_STATISTICS))
-        if not samples:
-            continue
-        scores[-1] = np.median([sample.log_score for sample in samples], axis=0)
-        if family.parameter:
+        score = np.full(len(losses.depth_um), -np.inf)
+        statistics = [np.nan] * len(_STATISTICS)
+        if samples:
+            score = np.median([sample.log_score for sample in samples], axis=0)
+        if samples and parameter:
             standard = np.concatenate([sample.standard for sample in samples])
-            law = family.law(standard[:, variables:end])
-            values = np.ravel(getattr(law, family.parameter))
+            values = np.ravel(getattr(law_of(standard), parameter))
             weights = np.concatenate([sample.weights for sample in samples])
-            parameters[-1] = mean_and_limits(values, weights / len(samples))
+            statistics = mean_and_limits(values, weights / len(samples))
+        scores.append(score)
+        parameters.append(statistics)
     return xr.Dataset(
         {
             "law_log_score": (("law", "patch"), np.array(scores)),
             "law_parameter": (("law", "statistic"), np.array(parameters)),
         },
-        {"law": list(families), "statistic": list(_STATISTICS)},
+        {"law": list(_LAWS), "statistic": list(_STATISTICS)},
     )
-
-
-def _families(pressure: np.ndarray) -> dict[str, _Family]:
-    """Archard's law and the others, by name, for pressures (draws, patches) of possible loads."""
-    mean = float(pressure[pressure > 0].mean()) if (pressure > 0).any() else 0.0
-
-    def threshold(standard: np.ndarray) -> Law:
-        return Law(
-            threshold_MPa=_THRESHOLD * mean * np.exp(_THRESHOLD_ERROR * standard)
-        )
-
-    def exponent(sign: float) -> Callable[[np.ndarray], Law]:
-        def law(standard: np.ndarray) -> Law:
-            apart = _EXPONENT_APART + _EXPONENT_ERROR * abs(standard)
-            return Law(exponent=2.0 ** (sign * apart))
-
-        return law
-
-    return {
-        BASE: _Family("", lambda _: ARCHARD),
-        "threshold": _Family("threshold_MPa", threshold),
-        "lower exponent": _Family("exponent", exponent(-1.0)),
-        "higher exponent": _Family("exponent", exponent(1.0)),
-        "touched": _Family("", lambda _: Law(_TOUCHED * mean, 0.0)),
-    }
 
 
 def law_table(
@@ -182,7 +162,7 @@ def law_table(
     if use is not None and use.attrs["adopted"] and "law_log_score" in use:
         scores = use
     elif len(pressure) < FEWEST_PATCHES or not losses.tells or not (pressure > 0).any():
-        return pd.DataFrame(columns=_COLUMNS)
+        return pd.DataFrame()
     else:
         scores = law_scores(
             lambda standard: np.tile(pressure, (len(standard), 1)),
@@ -190,18 +170,20 @@ def law_table(
             losses,
             np.random.default_rng([seed, 14]),
         )
-    score = scores.law_log_score.transpose("law", "patch")
-    gains = (score - score.sel(law=BASE)).values
+    score = scores.law_log_score.values
+    gains = score - score[0]
     count = gains.shape[1]
-    table = pd.DataFrame(scores.law_parameter.values, columns=[*_STATISTICS])
-    table = table.assign(
-        law=scores.law.values,
-        parameter=[_PARAMETERS.get(name, "") for name in scores.law.values],
-        log_score=score.sum("patch").values,
-        log_score_gain=gains.sum(axis=1),
-        log_score_gain_error=np.sqrt(count) * gains.std(axis=1, ddof=1),
+    table = pd.DataFrame(
+        {
+            "law": scores.law.values,
+            "parameter": [_LAWS[name][0] for name in scores.law.values],
+            **dict(zip(_STATISTICS, scores.law_parameter.values.T, strict=True)),
+            "log_score": score.sum(axis=1),
+            "log_score_gain": gains.sum(axis=1),
+            "log_score_gain_error": np.sqrt(count) * gains.std(axis=1, ddof=1),
+        }
     )
-    return table.assign(answer=_answer(table, count))[_COLUMNS].round(_DECIMALS)
+    return table.assign(answer=_answer(table, count)).round(_DECIMALS)
 
 
 def _answer(table: pd.DataFrame, patches: int) -> str:

@@ -45,7 +45,7 @@ def use_of_study(
     sampling: Mapping[str, Any],
     modulus: float,
     patch_mm: float,
-    wear_law: Mapping[str, float] | None = None,
+    wear_law: Mapping[str, float],
 ) -> tuple[xr.Dataset, pd.DataFrame, pd.DataFrame | None]:
     """Infer the load case of a study from the losses or the grades of its patches.
 
@@ -59,8 +59,8 @@ def use_of_study(
         The table ``registration``.
     stated, sampling : mapping
         The fields of `gstlib.use.infer.StatedUse` and `gstlib.use.sampling.Sampling`.
-    wear_law : mapping, optional
-        The fields of `gstlib.conditions.Law`; by default, Archard's law.
+    wear_law : mapping
+        The fields of `gstlib.conditions.Law`.
 
     Returns
     -------
@@ -74,39 +74,28 @@ def use_of_study(
         From `predicted_losses`; None if there are grades instead of losses.
     """
     told, drawn = StatedUse(**stated), Sampling(**sampling)
-    settings: dict[str, Any] = {
-        "modulus": modulus,
-        "patch_mm": patch_mm,
-        "sampling": drawn,
-    }
-    if registration is not None:
-        measured, losses = losses_of(patches, registration, Law(**(wear_law or {})))
-        use = infer_use(face, measured, losses, told, **settings)
-        if use.sizes:
-            areas = with_t1(patches, registration)
-            alone = told.prior.mean[np.newaxis], face, areas, told
-            (stated_MPa,) = use_pressures(*alone, modulus=modulus, patch_mm=patch_mm)
-            use = use.assign_coords(scanned=list(patches.patch))
-            use["stated_pressure"] = "scanned", stated_MPa
-            use.stated_pressure.attrs = {
-                "units": "MPa",
-                "long_name": "pressure of the patch under the prior load case",
-            }
-        predicted = predicted_losses(use, losses, drawn.seed)
-        return use, use_table(use, told, predicted), predicted
-    grades = Grades(patches.wear_grade.to_numpy(dtype=int))
-    use, flat = (
-        infer_use(pressed, patches, grades, told, **settings)
-        for pressed in (face, without_curvature(face))
-    )
-    table = use_table(use, told)
-    return (
-        use,
-        table.assign(
-            posterior_mean_without_curvature=use_table(flat, told)["posterior_mean"]
-        ),
-        None,
-    )
+    settings = {"modulus": modulus, "patch_mm": patch_mm}
+    if registration is None:
+        grades = Grades(patches.wear_grade.to_numpy(dtype=int))
+        use, flat = (
+            infer_use(pressed, patches, grades, told, sampling=drawn, **settings)
+            for pressed in (face, without_curvature(face))
+        )
+        means = use_table(flat, told).posterior_mean
+        table = use_table(use, told).assign(posterior_mean_without_curvature=means)
+        return use, table, None
+    measured, losses = losses_of(patches, registration, Law(**wear_law))
+    use = infer_use(face, measured, losses, told, sampling=drawn, **settings)
+    if use.sizes:
+        areas = with_t1(patches, registration)
+        mean = told.prior.mean[np.newaxis]
+        (stated_MPa,) = use_pressures(mean, face, areas, told, **settings)
+        use = use.assign_coords(scanned=list(patches.patch))
+        meaning = "pressure of the patch under the prior load case"
+        attrs = {"units": "MPa", "long_name": meaning}
+        use["stated_pressure"] = "scanned", stated_MPa, attrs
+    predicted = predicted_losses(use, losses, drawn.seed)
+    return use, use_table(use, told, predicted), predicted
 
 
 def losses_of(
@@ -157,10 +146,9 @@ def as_used(
 def strikes_of(use: xr.Dataset, generator: np.random.Generator) -> np.ndarray:
     """Positions (x, y), mm, of one strike of each draw."""
     angle = np.radians(use.stroke_angle_deg.values)
-    points = np.stack([use.y_mm.values, use.x_mm.values], axis=1)
-    direction = np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    stroke_mm = use.stroke_mm.values[:, np.newaxis] * direction
-    uses = Uses(points, use.scatter_mm.values, stroke_mm)
+    stroke_mm = use.stroke_mm.values * [np.sin(angle), np.cos(angle)]
+    points = np.stack([use.y_mm, use.x_mm], axis=1)
+    uses = Uses(points, use.scatter_mm.values, stroke_mm.T)
     return uses.strikes(generator)[:, ::-1]
 
 
@@ -177,19 +165,19 @@ def pressures_of_use(
     """
     if use is None or not use.attrs["adopted"]:
         return pressures
+
+    def of_patches(values: xr.DataArray) -> pd.Series:
+        return pressures.patch.map(values.to_series().round(_DECIMALS))
+
     spread = (use.weight * (use.pressure - use.pressure_at_centre)).sum("draw")
-    by_patch = {
-        "spread_MPa": spread,
-        "leave_one_out_MPa": (use.weight_without * use.pressure).sum("draw"),
-        "stated_MPa": use.stated_pressure,
-    }
-    series = {
-        name: pressures.patch.map(values.to_series().round(_DECIMALS))
-        for name, values in by_patch.items()
-    }
-    spread_MPa = series.pop("spread_MPa").fillna(0.0)
-    mean = (pressures.pressure_MPa + spread_MPa).clip(lower=0.0)
-    return pressures.assign(pressure_MPa=mean, force_N=mean * patch_mm**2, **series)
+    leave_one_out = (use.weight_without * use.pressure).sum("draw")
+    mean = (pressures.pressure_MPa + of_patches(spread).fillna(0.0)).clip(lower=0.0)
+    return pressures.assign(
+        pressure_MPa=mean,
+        force_N=mean * patch_mm**2,
+        leave_one_out_MPa=of_patches(leave_one_out),
+        stated_MPa=of_patches(use.stated_pressure),
+    )
 
 
 def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame:
@@ -200,34 +188,30 @@ def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame
     ``high_um``, and the ``effective_sample_size`` of the prediction. It has no rows if nothing was
     inferred.
     """
+    if not use.sizes:
+        return pd.DataFrame()
     generator = np.random.default_rng([seed, 7])
+    equivalent = losses.law.equivalent(use.pressure.values)
+    coefficient, scatter, floor = (
+        use[name].values[:, np.newaxis]
+        for name in ("wear_coefficient", "scatter", "floor")
+    )
+    expected = coefficient * equivalent
+    width = np.hypot(scatter * expected, floor)
+    weight = use.weight_without.values
     rows = []
-    patches = use.patch.values if use.sizes else []
-    if use.sizes:
-        pressure = use.pressure.transpose("draw", "patch")
-        use = use.assign(
-            pressure=pressure.copy(data=losses.law.equivalent(pressure.values))
+    for number in range(len(losses.depth_um)):
+        drawn = generator.choice(len(weight), _PREDICTIVE, p=weight[:, number])
+        deviation = generator.standard_t(4.0, _PREDICTIVE)
+        loss = expected[drawn, number] + width[drawn, number] * deviation
+        rows.append(
+            (weight[:, number] @ expected[:, number], *np.quantile(loss, LIMITS))
         )
-    for patch, measured in zip(patches, losses.depth_um, strict=False):
-        at = use.sel(patch=patch)
-        expected = (at.wear_coefficient * at.pressure).values
-        weight = at.weight_without.values
-        drawn = generator.choice(len(weight), _PREDICTIVE, p=weight)
-        width = np.hypot(at.scatter * expected, at.floor).values[drawn]
-        loss = expected[drawn] + width * generator.standard_t(4.0, _PREDICTIVE)
-        count = float(at.effective_sample_size_without)
-        low, high = np.quantile(loss, LIMITS)
-        rows.append((patch, measured, float(weight @ expected), low, high, count))
-    columns = [
-        "patch",
-        "loss_um",
-        "predicted_um",
-        "low_um",
-        "high_um",
-        "effective_sample_size",
-    ]
-    table = pd.DataFrame(rows, columns=columns).round(_DECIMALS)
-    return table.assign(effective_sample_size=table.effective_sample_size.round())
+    table = pd.DataFrame(rows, columns=["predicted_um", "low_um", "high_um"])
+    table.insert(0, "patch", use.patch.values)
+    table.insert(1, "loss_um", losses.depth_um)
+    count = use.effective_sample_size_without.values
+    return table.assign(effective_sample_size=count.round()).round(_DECIMALS)
 
 
 def share_within(predicted: pd.DataFrame) -> float:
@@ -255,47 +239,36 @@ def use_table(
     y, x = stated.load_point
     nothing = np.nan, np.nan
     rows: list[tuple] = [
-        ("load_point_x", "mm", "x_mm", x, stated.load_point_mm),
-        ("load_point_y", "mm", "y_mm", y, stated.load_point_mm),
-        ("scatter_of_strikes", "mm", "scatter_mm", np.nan, stated.scatter_mm),
-        ("stroke", "mm", "stroke_mm", np.nan, stated.stroke_mm),
-        ("spread", "mm", "spread_mm", np.nan, np.nan),
+        ("load_point_x", "mm", x, stated.load_point_mm, *_summary(use, "x_mm")),
+        ("load_point_y", "mm", y, stated.load_point_mm, *_summary(use, "y_mm")),
+        (
+            "scatter_of_strikes",
+            "mm",
+            np.nan,
+            stated.scatter_mm,
+            *_summary(use, "scatter_mm"),
+        ),
+        ("stroke", "mm", np.nan, stated.stroke_mm, *_summary(use, "stroke_mm")),
+        ("spread", "mm", *nothing, *_summary(use, "spread_mm")),
     ]
     if stated.radius_mm is not None:
-        rows.append(
-            ("radius", "mm", "radius_mm", stated.radius_mm, stated.radius_log_sd)
-        )
+        prior = stated.radius_mm, stated.radius_log_sd
+        rows.append(("radius", "mm", *prior, *_summary(use, "radius_mm")))
     if "wear_coefficient" in use:
-        rows.append(("wear_coefficient", "um/MPa", "wear_coefficient", *nothing))
-        rows.append(("scatter_of_losses", "1", "scatter", *nothing))
-    summaries = [
-        (parameter, unit, value, error, *_summary(use, name))
-        for parameter, unit, name, value, error in rows
-    ]
+        coefficient = _summary(use, "wear_coefficient")
+        rows.append(("wear_coefficient", "um/MPa", *nothing, *coefficient))
+        rows.append(("scatter_of_losses", "1", *nothing, *_summary(use, "scatter")))
     if use.sizes:
-        gain, error = (
-            use.attrs["log_score_gain"],
-            1.96 * use.attrs["log_score_gain_error"],
-        )
-        summaries.append(
-            ("log_score_gain", "1", *nothing, gain, gain - error, gain + error)
-        )
+        gain = use.attrs["log_score_gain"]
+        error = 1.96 * use.attrs["log_score_gain_error"]
+        limits = gain - error, gain + error
+        rows.append(("log_score_gain", "1", *nothing, gain, *limits))
         contact_error = use.attrs["contact_error"]
-        summaries.append(("contact_error", "1", *nothing, contact_error, *nothing))
+        rows.append(("contact_error", "1", *nothing, contact_error, *nothing))
     if predicted is not None and len(predicted):
-        summaries.append(
-            ("within_95", "1", *nothing, share_within(predicted), *nothing)
-        )
-    columns = [
-        "parameter",
-        "unit",
-        "prior",
-        "prior_error",
-        "posterior_mean",
-        "low",
-        "high",
-    ]
-    return pd.DataFrame(summaries, columns=columns).assign(
+        rows.append(("within_95", "1", *nothing, share_within(predicted), *nothing))
+    columns = "parameter unit prior prior_error posterior_mean low high"
+    return pd.DataFrame(rows, columns=columns.split()).assign(
         effective_sample_size=use.attrs["effective_sample_size"],
         answer=use.attrs["answer"],
         competitor=COMPETITORS.get(use.attrs.get("competitor", ""), ""),

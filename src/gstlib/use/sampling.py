@@ -10,14 +10,14 @@ draws strikes that are likely given the wear and the pressures between the conta
 # would seem to scatter, and its inferred radius would be too small.
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from gstlib.use.evidence import Evidence, likelihood
+from gstlib.use.evidence import Evidence, posterior
 from gstlib.use.spread import StrikePressures, Uses
-from gstlib.use.tempering import Particles, tempered
+from gstlib.use.tempering import Particles
 
 __all__ = ["Draws", "Prior", "Sampling", "sample"]
 
@@ -88,35 +88,31 @@ class Draws(NamedTuple):
     Attributes
     ----------
     particles : Particles
-    pressures_of : callable
-        Maps standard normal variables (draws, variables) to pressures (draws, patches), MPa.
-    variables : int
-    uses : Uses
-    pressure, pressure_at_centre : (draws, patches) ndarray
-        Mean pressure of the strikes, and pressure of a strike at their centre, MPa.
-    parameters : mapping of str to (draws,) ndarray
-        Additional parameters of the evidence.
-    contacts, touching : int
-        Number of solved contacts, and number of contacts that press a patch.
+        Their variables begin with the variables of the `prior`.
+    prior : Prior
+    process : StrikePressures
+        Pressures between the solved contacts.
+    touching : int
+        Number of solved contacts that press a patch.
     contact_error : float
         R.m.s. error of the predictions of the last contacts, relative to their mean pressure.
     """
 
     particles: Particles
-    pressures_of: Callable[[np.ndarray], np.ndarray]
-    variables: int
-    uses: Uses
-    pressure: np.ndarray
-    pressure_at_centre: np.ndarray
-    parameters: Mapping[str, np.ndarray]
-    contacts: int
+    prior: Prior
+    process: StrikePressures
     touching: int
     contact_error: float
+
+    @property
+    def contacts(self) -> int:
+        """Number of solved contacts."""
+        return len(self.process.strikes)
 
 
 def sample(
     prior: Prior,
-    pressures: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    pressures: Callable[..., np.ndarray],
     evidence: Evidence,
     sampling: Sampling,
     generator: np.random.Generator,
@@ -125,65 +121,50 @@ def sample(
     """Draw likely load cases from rounds of contacts, until these are predicted well.
 
     `pressures` computes pressures (strikes, patches), MPa, from single strikes and the yield of
-    their elements, mm/MPa. The yield is `springs` (1,) in the first round, and later the wear of
-    the load case of the strike. The result is None if no strike of the first round presses a patch.
+    their elements (`springs`), mm/MPa. The yield is `springs` (1,) in the first round, and later
+    the wear of the load case of the strike. The result is None if no strike of the first round
+    presses a patch.
     """
+    variables = prior.variables
 
-    def particles(
+    def likely(
         process: StrikePressures, draws: int, counted: float
     ) -> Particles | None:
-        def log_likelihood(standard: np.ndarray) -> np.ndarray:
-            pressure = process.mean_pressures(
-                prior.uses(standard[:, : prior.variables])
-            )
-            return likelihood(evidence, pressure, standard[:, prior.variables :])
+        def pressures_of(standard: np.ndarray) -> np.ndarray:
+            return process.mean_pressures(prior.uses(standard))
 
-        size = prior.variables + evidence.variables
-        return tempered(log_likelihood, size, draws, generator, counted)
+        return posterior(pressures_of, variables, evidence, draws, generator, counted)
 
-    possible = generator.standard_normal((sampling.draws, prior.variables))
+    possible = generator.standard_normal((sampling.draws, variables))
     strikes = prior.uses(possible).strikes(generator)
-    pressed, error = pressures(strikes, springs), np.nan
+    pressed, error = pressures(strikes, springs=springs), np.nan
     if not pressed.any():
         return None
     for number in range(1, sampling.rounds):
         process = StrikePressures.through(strikes, pressed)
         counted = _COUNTED[min(number, len(_COUNTED)) - 1]
-        likely = particles(process, _USES_OF_ROUND, counted)
-        if likely is None:
+        particles = likely(process, _USES_OF_ROUND, counted)
+        if particles is None:
             return None
         chosen = generator.choice(_USES_OF_ROUND, sampling.draws)
-        uses = prior.uses(likely.standard[chosen, : prior.variables])
+        uses = prior.uses(particles.standard[chosen, :variables])
         new = uses.strikes(generator)
-        solved = pressures(new, evidence.springs(process.mean_pressures(uses)))
+        worn = evidence.springs(process.mean_pressures(uses))
+        solved = pressures(new, springs=worn)
         error = _relative_error(process, new, solved)
-        strikes, pressed = (
-            np.concatenate([strikes, new]),
-            np.concatenate([pressed, solved]),
-        )
+        strikes = np.concatenate([strikes, new])
+        pressed = np.concatenate([pressed, solved])
         _log.info(
             "%d contacts are solved, the last predicted to %.2g", len(strikes), error
         )
         if counted == 1 and error <= _PREDICTED:
             break
     process = StrikePressures.through(strikes, pressed)
-    final = particles(process, sampling.particles, 1.0)
-    if final is None:
+    particles = likely(process, sampling.particles, 1.0)
+    if particles is None:
         return None
-    uses = prior.uses(final.standard[:, : prior.variables])
-    pressure = process.mean_pressures(uses)
-    return Draws(
-        final,
-        lambda standard: process.mean_pressures(prior.uses(standard)),
-        prior.variables,
-        uses,
-        pressure,
-        process.mean_pressures(uses.still),
-        evidence.parameters(pressure, final.standard[:, prior.variables :]),
-        len(strikes),
-        int(pressed.any(axis=1).sum()),
-        error,
-    )
+    touching = int(pressed.any(axis=1).sum())
+    return Draws(particles, prior, process, touching, error)
 
 
 def _relative_error(

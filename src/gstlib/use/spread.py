@@ -55,12 +55,12 @@ class Uses(NamedTuple):
         """Covariance of the load points of each load case (uses, 2, 2), mm²."""
         along = _OF_STROKE * self.stroke_mm[:, :, None] * self.stroke_mm[:, None, :]
         across = self.scatter_mm[:, None, None] ** 2 * np.eye(2)
-        return np.asarray(along + across)
+        return along + across
 
     @property
     def spread_mm(self) -> np.ndarray:
         """R.m.s. distance of the strikes from their centre (uses,), along an axis, mm."""
-        return np.asarray(np.sqrt(np.trace(self.covariance, axis1=1, axis2=2) / 2))
+        return np.sqrt(np.trace(self.covariance, axis1=1, axis2=2) / 2)
 
     def strikes(self, generator: np.random.Generator) -> np.ndarray:
         """One strike of each load case (uses, 2 or 3)."""
@@ -122,37 +122,22 @@ class StrikePressures(NamedTuple):
 
     def mean_pressures(self, uses: Uses) -> np.ndarray:
         """Mean pressures (uses, patches), MPa, over the strikes of each case; 0 far from all."""
-        middle = self.strikes[:, :2].mean(axis=0)
-        y, x = (uses.points[:, :2] - middle).T
-        node_y, node_x = (self.strikes[:, :2] - middle).T
-        wide = uses.covariance + self.lengths[0] ** 2 * np.eye(2)
-        determinant = np.linalg.det(wide)
-        # The inverse of `wide`.
-        yy = wide[:, 1, 1] / determinant
-        xx = wide[:, 0, 0] / determinant
-        yx = -wide[:, 0, 1] / determinant
-        # The exponent is a sum of products of a factor of the load case and a factor of the node.
-        of_use, of_node = np.ones_like(y), np.ones_like(node_y)
-        height = 2 * np.log(self.lengths[0]) - 0.5 * np.log(determinant)
-        squared = yy * y**2 + 2 * yx * y * x + xx * x**2
-        terms = [
-            (height - 0.5 * squared, of_node),
-            (yy * y + yx * x, node_y),
-            (xx * x + yx * y, node_x),
-            (-0.5 * yy, node_y**2),
-            (-0.5 * xx, node_x**2),
-            (-yx, node_y * node_x),
-        ]
-        if uses.points.shape[1] > 2:
-            radius = uses.points[:, 2] / self.lengths[2]
-            node_radius = self.strikes[:, 2] / self.lengths[2]
-            terms += [
-                (-0.5 * radius**2, of_node),
-                (radius, node_radius),
-                (of_use, -0.5 * node_radius**2),
-            ]
-        use_terms, node_terms = zip(*terms, strict=True)
-        kernel = np.exp(np.stack(use_terms, axis=1) @ np.stack(node_terms))
+        size = self.strikes.shape[1]
+        lengths = self.lengths[:size]
+        wide = np.tile(np.diag(lengths**2), (len(uses.points), 1, 1))
+        wide[:, :2, :2] += uses.covariance
+        inverse = np.linalg.inv(wide)
+        middle = self.strikes.mean(axis=0)
+        centre = uses.points - middle
+        node = self.strikes - middle
+        # The squared distance of each centre and node, as products of matrices.
+        pulled = np.einsum("uij,uj->ui", inverse, centre)
+        node_products = np.einsum("ni,nj->nij", node, node).reshape(-1, size**2)
+        squared = inverse.reshape(-1, size**2) @ node_products.T
+        squared -= 2 * pulled @ node.T
+        squared += np.sum(pulled * centre, axis=1, keepdims=True)
+        height = np.prod(lengths) / np.sqrt(np.linalg.det(wide))
+        kernel = height[:, None] * np.exp(-0.5 * squared)
         pressure = np.maximum(kernel @ self.factors, 0.0)
         pressure[pressure.sum(axis=1) < self.least] = 0.0
         return pressure

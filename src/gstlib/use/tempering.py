@@ -50,30 +50,27 @@ class Particles(NamedTuple):
     @property
     def weights(self) -> np.ndarray:
         """Weight of each draw (draws,) given the observations at all places."""
-        return np.asarray(scipy.special.softmax(self._log_weight))
+        return scipy.special.softmax(self._log_weight)
 
     @property
     def weights_without(self) -> np.ndarray:
         """Weights (draws, places) given the observations at all other places."""
-        return np.asarray(scipy.special.softmax(self._log_without, axis=0))
+        return scipy.special.softmax(self._log_without, axis=0)
 
     @property
     def log_score(self) -> np.ndarray:
         """Log probability (places,) of the observation at each place, given all others."""
         log_total = scipy.special.logsumexp(self._log_weight)
-        return np.asarray(
-            log_total - scipy.special.logsumexp(self._log_without, axis=0)
-        )
+        return log_total - scipy.special.logsumexp(self._log_without, axis=0)
 
     @property
     def _log_weight(self) -> np.ndarray:
-        return self.log_likelihood.sum(axis=1) - _target(
-            self.log_likelihood, self.offset
-        )
+        whole = self.log_likelihood.sum(axis=1)
+        return whole - _target(self.log_likelihood, self.offset)
 
     @property
     def _log_without(self) -> np.ndarray:
-        return np.asarray(self._log_weight[:, None] - self.log_likelihood)
+        return self._log_weight[:, None] - self.log_likelihood
 
 
 def tempered(
@@ -112,15 +109,14 @@ def tempered(
     offset = np.zeros(likelihood.shape[1])
     reached = 0.0
     while reached < counted:
-        target = _target(_in_part(likelihood, reached), offset)
+        target = _target(likelihood, offset, reached)
         reached = _step(likelihood, target, offset, reached, counted)
-        in_part = _in_part(likelihood, reached)
-        offset = _offset(in_part, target)
-        weight = scipy.special.softmax(_target(in_part, offset) - target)
+        offset = _offset(reached * likelihood, target)
+        weight = scipy.special.softmax(_target(likelihood, offset, reached) - target)
         chosen = _resampled(weight, generator)
-        density = _Density(log_likelihood, reached, offset)
+        mixture = _Mixture(log_likelihood, offset, reached)
         accepted = _ACCEPTED if reached < counted else _ACCEPTED_LAST
-        standard, likelihood = density.moved(
+        standard, likelihood = mixture.moved(
             standard[chosen], likelihood[chosen], accepted, generator
         )
     return Particles(standard, likelihood, offset)
@@ -128,7 +124,7 @@ def tempered(
 
 def effective_sample_size(weight: np.ndarray) -> np.ndarray:
     """Equivalent number of equally weighted draws; `weight` is (draws, …)."""
-    return np.asarray(1 / (weight**2).sum(axis=0))
+    return 1 / (weight**2).sum(axis=0)
 
 
 def mean_and_limits(values: np.ndarray, weight: np.ndarray) -> list[float]:
@@ -137,21 +133,20 @@ def mean_and_limits(values: np.ndarray, weight: np.ndarray) -> list[float]:
     return [float(weight @ values), *map(float, limits)]
 
 
-def _target(log_likelihood: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Logarithm (draws,) of the mixture relative to the prior."""
-    total = log_likelihood.sum(axis=1, keepdims=True)
+def _target(
+    log_likelihood: np.ndarray, offset: np.ndarray, counted: float = 1.0
+) -> np.ndarray:
+    """Logarithm (draws,) of the mixture relative to the prior.
+
+    The observations have the weight `counted`. At zero weight, nothing is impossible.
+    """
+    part = counted * log_likelihood if counted else np.zeros_like(log_likelihood)
+    total = part.sum(axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):
-        without = total - log_likelihood - offset
+        without = total - part - offset
     parts = np.concatenate([total, without], axis=1)
     parts[np.isnan(parts)] = -np.inf
-    return np.asarray(scipy.special.logsumexp(parts, axis=1))
-
-
-def _in_part(log_likelihood: np.ndarray, counted: float) -> np.ndarray:
-    """Log likelihood at partial weight; at zero weight, nothing is impossible."""
-    if counted == 0:
-        return np.zeros_like(log_likelihood)
-    return counted * log_likelihood
+    return scipy.special.logsumexp(parts, axis=1)
 
 
 def _offset(log_likelihood: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -160,7 +155,7 @@ def _offset(log_likelihood: np.ndarray, target: np.ndarray) -> np.ndarray:
     log_likelihood = log_likelihood[possible]
     whole = log_likelihood.sum(axis=1) - target[possible]
     without = scipy.special.logsumexp(whole[:, None] - log_likelihood, axis=0)
-    return np.asarray(without - scipy.special.logsumexp(whole))
+    return without - scipy.special.logsumexp(whole)
 
 
 def _step(
@@ -175,8 +170,7 @@ def _step(
     possible = np.isfinite(likelihood).all(axis=1).sum()
 
     def kept(counted: float) -> float:
-        new_target = _target(_in_part(likelihood, counted), offset)
-        weight = scipy.special.softmax(new_target - target)
+        weight = scipy.special.softmax(_target(likelihood, offset, counted) - target)
         return float(effective_sample_size(weight)) / possible - _KEPT
 
     if kept(most) >= 0:
@@ -191,12 +185,12 @@ def _resampled(weight: np.ndarray, generator: np.random.Generator) -> np.ndarray
     return np.minimum(np.searchsorted(np.cumsum(weight), places), len(weight) - 1)
 
 
-class _Density(NamedTuple):
-    """Target of the particles: the mixture, in which the observations have partial weight."""
+class _Mixture(NamedTuple):
+    """Target of the particles, in which the observations have the weight `counted`."""
 
     log_likelihood: Callable[[np.ndarray], np.ndarray]
-    counted: float
     offset: np.ndarray
+    counted: float
 
     def moved(
         self,
@@ -206,7 +200,7 @@ class _Density(NamedTuple):
         generator: np.random.Generator,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Particles after moves that keep their distribution, with `enough` accepted for each."""
-        population = standard.copy()
+        population = standard
         draws, variables = standard.shape
         density = self._log(standard, likelihood)
         accepted = 0.0
@@ -229,6 +223,4 @@ class _Density(NamedTuple):
 
     def _log(self, standard: np.ndarray, likelihood: np.ndarray) -> np.ndarray:
         prior = -0.5 * np.square(standard).sum(axis=1)
-        return np.asarray(
-            prior + _target(_in_part(likelihood, self.counted), self.offset)
-        )
+        return prior + _target(likelihood, self.offset, self.counted)
