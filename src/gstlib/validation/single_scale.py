@@ -20,18 +20,12 @@ from gstlib.coupling.embedding import placed_faces
 from gstlib.coupling.placement import ALL
 from gstlib.macroscale.composite import compose
 from gstlib.surfaces.filtering import s_filtered
-from gstlib.surfaces.footprints import (
-    PatchPosition,
-    footprint_weights,
-    places_of,
-    spline_of,
-)
+from gstlib.surfaces.footprints import PatchPosition, footprint_weights, spline_of
 from gstlib.surfaces.grid import described, make_surface, spacing_of
 from gstlib.surfaces.leveling import Plane, remove_plane
 from gstlib.validation.masks import mask_counts, mask_scores
 
 __all__ = [
-    "composite_heights",
     "drawn_surfaces",
     "patches_of_reference",
     "placed_whole",
@@ -47,44 +41,11 @@ __all__ = [
 # threshold. 1e-9 takes 5 s more CPU than 1e-4. (Started from the pressure of the draw before, a
 # draw takes three times as long as from coarser grids.)
 _TOLERANCE = 1e-9
+_COUNTS = ["hits", "predicted", "touching", "points"]
 _VARIABLES = {
     "contact": ("1", "in contact in the single-scale contact"),
     "pressure": ("MPa", "mean pressure in the single-scale contact"),
 }
-
-
-def composite_heights(
-    face: xr.Dataset,
-    composite: xr.Dataset,
-    scans: Mapping[str, xr.Dataset],
-    *,
-    s_filter_um: float | None,
-    seed: int,
-    draw: int,
-) -> xr.DataArray:
-    """The composite surface (y, x), mm, of the square at the scans' resolution.
-
-    `face` and `scans` are the inputs from which `gstlib.macroscale.composite.compose_surface` made
-    the `composite` on the macroscale grid. Detail between the scans is drawn from `seed` and
-    `draw`.
-    """
-    table = composite[["x_mm", "y_mm", "rotation_deg", "offset", "slope_y", "slope_x"]]
-    table = table.to_dataframe().reset_index()
-    planes = table[["offset", "slope_y", "slope_x"]].itertuples(index=False)
-    first, size_mm = scans[table.patch[0]].height, float(face.size_mm)
-    count = round(size_mm / spacing_of(first)[0])
-    laid = (
-        (place, Plane(*plane), s_filtered(scans[patch].height, s_filter_um).values)
-        for (patch, place), plane in zip(places_of(table).items(), planes, strict=True)
-    )
-    return compose(
-        spline_of(face.height),
-        laid,
-        float(composite.patch_mm),
-        make_surface(np.zeros((count, count)), size_mm / count),
-        composite.density,
-        np.random.default_rng([seed, 3, draw]),
-    )
 
 
 def drawn_surfaces(
@@ -96,11 +57,37 @@ def drawn_surfaces(
     s_filter_um: float | None,
     seed: int,
 ) -> Iterator[xr.DataArray]:
-    """The `composite_heights` of `draws` draws, one after the other."""
+    """The composite surface (y, x), mm, of the square at the scans' resolution, by draw.
+
+    `face` and `scans` are the inputs from which `gstlib.macroscale.composite.compose_surface` made
+    the `composite` on the macroscale grid. Detail between the scans is drawn from `seed`.
+    """
+    patches = composite.patch.values
+    size_mm = float(face.size_mm)
+    count = round(size_mm / spacing_of(scans[patches[0]].height)[0])
+    fine = make_surface(np.zeros((count, count)), size_mm / count)
     for draw in range(draws):
-        yield composite_heights(
-            face, composite, scans, s_filter_um=s_filter_um, seed=seed, draw=draw
+        yield compose(
+            spline_of(face.height),
+            (_laid(composite, scans, patch, s_filter_um) for patch in patches),
+            float(composite.patch_mm),
+            fine,
+            composite.density,
+            np.random.default_rng([seed, 3, draw]),
         )
+
+
+def _laid(
+    composite: xr.Dataset,
+    scans: Mapping[str, xr.Dataset],
+    patch: str,
+    s_filter_um: float | None,
+) -> tuple[PatchPosition, Plane, np.ndarray]:
+    """Position, plane and filtered heights of a scan, for `compose`."""
+    at = composite.sel(patch=patch)
+    plane = Plane(float(at.offset), float(at.slope_y), float(at.slope_x))
+    heights = s_filtered(scans[patch].height, s_filter_um).values
+    return PatchPosition.from_dataset(at), plane, heights
 
 
 def solve_realisations(
@@ -133,17 +120,17 @@ def solve_realisations(
     patches : xarray.Dataset
         From `patches_of_reference`, by ``draw``.
     """
-    places = places_of(
-        patches[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index()
-    )
+    places = {
+        patch: PatchPosition.from_dataset(patches.sel(patch=patch))
+        for patch in patches.patch.values
+    }
     scan = scans[next(iter(places))].height
-    whole, drawn = None, []
+    drawn = []
     for heights in surfaces:
         solved = solve_reference(heights, contact, source=source)
-        whole = solved if whole is None else whole
+        if not drawn:
+            whole = solved
         drawn.append(patches_of_reference(solved.pressure, places, scan))
-    if whole is None:
-        raise ValueError("there must be a surface")
     return whole, xr.concat(drawn, "draw")
 
 
@@ -223,21 +210,16 @@ def patches_of_reference(
     """
     v, u = (scan[axis].values - scan[axis].values.mean() for axis in "yx")
     touching, mean = [], []
-    steps = spacing_of(pressure)
+    dy, dx = spacing_of(pressure)
     for place in places.values():
-        at = [
-            (points - pressure[axis].values[0]) / step
-            for points, axis, step in zip(
-                place.points(v[:, None], u), "yx", steps, strict=True
-            )
-        ]
-        nearest = {
-            "order": 0,
-            "mode": "grid-constant",
-            "cval": 0,
-        }  # of the square's points
+        y, x = place.points(v[:, None], u)
+        rows = (y - pressure.y.values[0]) / dy
+        columns = (x - pressure.x.values[0]) / dx
         values = scipy.ndimage.map_coordinates(
-            pressure.values, np.broadcast_arrays(*at), **nearest
+            pressure.values,
+            np.broadcast_arrays(rows, columns),
+            order=0,
+            mode="grid-constant",
         )
         touching.append(values > 0)
         mean.append(values.mean(dtype=float))  # of numbers in single precision
@@ -274,38 +256,32 @@ def two_scales_table(
     """
     rows = []
     for variant, of_patches in contacts.items():
-        counts: dict[str, list[np.ndarray]] = {variant: [], f"highest_{variant}": []}
-        pressures = []
         for patch, contact in of_patches.items():
             at = reference.sel(patch=patch)
-            true = at.contact.values
+            true, pressure_MPa = at.contact.values, float(at.pressure.mean())
             touching = np.broadcast_to(contact.pressure.values > 0, true.shape)
             highest = _highest(contact.interface.laid.values, true)
-            for mask, counted in zip((touching, highest), counts.values(), strict=True):
-                counted.append(np.array(mask_counts(mask, true, np.ones_like(true))))
-            pressures.append((patch, contact.mean_pressure, float(at.pressure.mean())))
-        pressures.append((ALL, np.nan, np.nan))
-        for name, counted in counts.items():
-            pooled = [*counted, np.sum(counted, axis=0)]
-            for (patch, pressure, true_pressure), each in zip(
-                pressures, pooled, strict=True
+            everywhere = np.ones_like(true)
+            for name, mask, pressure in (
+                (variant, touching, contact.mean_pressure),
+                (f"highest_{variant}", highest, np.nan),
             ):
-                _, predicted, touching, points = each
-                scores = mask_scores(*each)
-                rows.append(
-                    {
-                        "patch": patch,
-                        "variant": name,
-                        "pressure_MPa": pressure if name == variant else np.nan,
-                        "reference_pressure_MPa": true_pressure,
-                        "contact_fraction": predicted / points,
-                        "reference_contact_fraction": touching / points,
-                        "precision": float(scores["precision"]),
-                        "recall": float(scores["recall"]),
-                        "f1": float(scores["f1"]),
-                    }
-                )
-    return pd.DataFrame(rows)
+                counts = mask_counts(mask, true, everywhere)
+                rows.append((patch, name, pressure, pressure_MPa, *counts))
+    keys = ["patch", "variant", "pressure_MPa", "reference_pressure_MPa"]
+    table = pd.DataFrame(rows, columns=[*keys, *_COUNTS])
+    parts = []
+    for name, of_variant in table.groupby("variant", sort=False):
+        pooled = pd.DataFrame([of_variant[_COUNTS].sum()])
+        parts += [of_variant, pooled.assign(patch=ALL, variant=name)]
+    table = pd.concat(parts, ignore_index=True)
+    hits, predicted, touching, points = table[_COUNTS].to_numpy().T
+    scores = mask_scores(hits, predicted, touching, points)
+    return table[keys].assign(
+        contact_fraction=predicted / points,
+        reference_contact_fraction=touching / points,
+        **{name: scores[name] for name in ("precision", "recall", "f1")},
+    )
 
 
 def _highest(height: np.ndarray, true: np.ndarray) -> np.ndarray:
