@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,17 +18,14 @@ from gstlib.coupling.orientations import (
     as_measured,
     oriented,
 )
+from gstlib.surfaces.fitting import planes_over, vertex
 from gstlib.surfaces.footprints import moved, on_patch, places_of, spline_of
 
 __all__ = ["AGREES", "CANNOT_TELL", "ELSEWHERE", "SHIFTED", "WAVE_PER_EDGE"]
 __all__ += ["Comparison", "Shift", "shows_waves"]
 
-AGREES, SHIFTED, ELSEWHERE, CANNOT_TELL = (
-    "agrees",
-    "shifted",
-    "elsewhere",
-    "cannot tell",
-)
+AGREES, SHIFTED = "agrees", "shifted"
+ELSEWHERE, CANNOT_TELL = "elsewhere", "cannot tell"
 # A triangular mesh of edge a resolves waves down to √3 a, twice the distance between its rows.
 WAVE_PER_EDGE = math.sqrt(3)
 
@@ -53,6 +50,9 @@ _FEW_SHIFTS = np.array([(0, 0), (-3, 0), (3, 0), (0, -3), (0, 3)]) / 24
 _ERRORS = 2.0
 # Fewer patches have no scatter that distinguishes a common shift from chance.
 _FEWEST_PATCHES = 4
+
+# The patches of a table, shifts to try, and the products and squares at these shifts.
+_Table = tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]
 
 
 def shows_waves(surface: xr.DataArray, patch_mm: float) -> bool:
@@ -101,30 +101,27 @@ class Comparison:
         self.patch_mm = patch_mm
         self.spline = spline_of(surface)
         coarse = [resize_local_mean(each.values, _SHAPE) for each in heights]
-        self.looks = _flat(_in_each_look(np.array(coarse)))
+        self.looks = _looks(np.array(coarse))
         self.is_few = len(patches) < _FEWEST_PATCHES
-        self.scan = np.sum(self.looks[:, 0] ** 2, axis=-1)
+        self.scan = np.sum(self.looks[:, :1] ** 2, axis=-1, keepdims=True)
         shifts = _SHIFTS * patch_mm
         self.products, self.mesh = self.products_at(patches, shifts)
-        maps = self.correlation(self.products[:, 0], self.mesh)
+        maps = self.correlation(self.products[:, :1], self.mesh)
         maps = maps.reshape(-1, _ALONG.size, _ALONG.size)
         self.shared = _shared_shift(maps, patch_mm * _ALONG)
         middle = self.shared.shift if self.shared.is_sure else np.zeros(2)
         off = np.hypot(*(shifts - middle).T)
         self.at = int(off.argmin())
-        self.under = self._under(moved(patches, shifts[self.at], surface, patch_mm))
-        products_there = self.products[..., self.at]
-        mesh_there = self.mesh[:, [self.at]]
-        self.fits = self.correlation(products_there, mesh_there)
+        self.under = self._under(patches, shifts[self.at])
+        there = self.products[..., [self.at]], self.mesh[..., [self.at]]
+        self.fits = self.correlation(*there)[..., 0]
         self.gain, self.variance = self._errors()
         # As given, each patch may be misplaced.
-        misfits = self.misfit(self.products[:, 0], self.mesh)
         near = off <= max(off[self.at], _ERRORS * placement_um * 1e-3)
-        self.as_given = misfits[:, near].min(axis=-1)
-        there = self.misfit(products_there, mesh_there)
-        self.leads = self.as_given[:, np.newaxis] - there[:, 1:]
-        flat = np.zeros(len(patches))
-        self.anywhere = self.misfit(flat, flat)
+        misfits = self.misfit(self.products[:, :1], self.mesh)
+        self.as_given = misfits[..., near].min(axis=(1, 2))
+        self.leads = self.as_given[:, np.newaxis] - self.misfit(*there)[:, 1:, 0]
+        self.anywhere = self.misfit(0.0, 0.0).ravel()
         self.lead_anywhere = self.as_given - self.anywhere
 
     @property
@@ -135,29 +132,26 @@ class Comparison:
     def products_at(
         self, patches: pd.DataFrame, shifts: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Products of scan and mesh (patches, looks, k), and squares of the mesh (patches, k).
+        """Products of scan and mesh (patches, looks, k), and squares of the mesh (patches, 1, k).
 
         Both are means over the points, mm², at shifts (k, 2) of all patches along y and x, mm.
         """
-        products = np.empty((*self.looks.shape[:2], len(shifts)))
-        squares = np.empty((len(products), len(shifts)))
-        for number, shift in enumerate(shifts):
-            under = self._under(moved(patches, shift, self.surface, self.patch_mm))
-            products[..., number] = np.einsum("pln,pn->pl", self.looks, under)
-            squares[:, number] = np.sum(under**2, axis=-1)
-        return np.concatenate([products, -products], axis=1), squares
+        products, squares = [], []
+        for shift in shifts:
+            under = self._under(patches, shift)
+            products.append(np.einsum("pln,pn->pl", self.looks, under))
+            squares.append(np.sum(under**2, axis=-1, keepdims=True))
+        return np.stack(products, axis=-1), np.stack(squares, axis=-1)
 
     def correlation(self, products: np.ndarray, mesh: np.ndarray) -> np.ndarray:
-        """Correlation from (patches, ...) products and squares of the mesh; 0 for flat surfaces."""
-        size = np.sqrt(_beside(self.scan, products) * mesh)
+        """Correlation from products and squares of the mesh; 0 for flat surfaces."""
+        size = np.sqrt(self.scan * mesh)
         return products / np.where(size > 0, size, np.inf)
 
-    def misfit(self, products: np.ndarray, mesh: np.ndarray) -> np.ndarray:
-        """Misfit from (patches, ...) products and squares of the mesh."""
-        scan = _beside(self.scan, products)
-        variance = _beside(self.variance, products)
-        squared_error = scan / self.gain**2 - 2 * products / self.gain + mesh
-        return squared_error / (2 * variance)
+    def misfit(self, products: Any, mesh: Any) -> np.ndarray:
+        """Misfit from products and squares of the mesh."""
+        squared_error = self.scan / self.gain**2 - 2 * products / self.gain + mesh
+        return squared_error / (2 * self.variance)
 
     def limit(self, tests: int) -> float:
         """The lead that the best of several wrong ways has in one correct study of a hundred.
@@ -172,8 +166,7 @@ class Comparison:
     @cached_property
     def across(self) -> np.ndarray:
         """Misfit (patches, patches) of each scan at the position of each patch."""
-        products, squares = self._products_across()
-        misfits = self.misfit(products, squares)
+        misfits = self.misfit(*self._products_across())[:, 0]
         np.fill_diagonal(misfits, self.as_given)
         return misfits
 
@@ -195,27 +188,25 @@ class Comparison:
             status[self.alternatives > self.limit(number * each)] = ELSEWHERE
         return status
 
-    def _under(self, patches: pd.DataFrame) -> np.ndarray:
-        """Heights (patches, points) of the square under each patch."""
-        places = places_of(patches).values()
+    def _under(self, patches: pd.DataFrame, shift: np.ndarray) -> np.ndarray:
+        """Heights (patches, points) of the square under each patch, after a shift (y, x), mm."""
+        places = places_of(moved(patches, shift, self.surface, self.patch_mm)).values()
         under = [
             on_patch(self.spline, place, _SHAPE, self.patch_mm) for place in places
         ]
         return _flat(np.array(under))
 
     def _products_across(self) -> tuple[np.ndarray, np.ndarray]:
-        """Products (patches, patches) of each scan with the mesh under each, and its squares."""
-        return self.looks[:, 0] @ self.under.T, np.sum(self.under**2, axis=-1)
+        """Products (patches, 1, patches) of each scan and the mesh under each, and its squares."""
+        return self.looks[:, :1] @ self.under.T, np.sum(self.under**2, axis=-1)
 
     @cached_property
-    def tables(
-        self,
-    ) -> dict[str, tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]]:
-        """The corrected patches, common shifts to try, and `products_at` for each of `TABLES`."""
+    def tables(self) -> dict[str, _Table]:
+        """The table with the corrected patches for each of `TABLES`."""
         patches = self.patches
         at = [self.at] if self.is_few else slice(None)
-        shifts = self.patch_mm * _SHIFTS[at]
-        tables = {"": (patches, shifts, self.products[..., at], self.mesh[:, at])}
+        products = self.products[..., at], self.mesh[..., at]
+        tables = {"": (patches, self.patch_mm * _SHIFTS[at], *products)}
         shifts = self.patch_mm * _FEW_SHIFTS[: 1 if self.is_few else None]
         for mistake in [*TABLES][1:]:
             x, y = as_measured(patches.x_mm, patches.y_mm, self.size_mm, mistake)
@@ -223,14 +214,13 @@ class Comparison:
             tables[mistake] = right, shifts, *self.products_at(right, shifts)
         return tables
 
-    def _exchanged(self) -> tuple[pd.DataFrame, np.ndarray, np.ndarray, np.ndarray]:
-        """Like one of the `tables`, with each scan at the patch that fits it best."""
-        fits = self.correlation(*self._products_across())
+    def _exchanged(self) -> _Table:
+        """The table with each scan at the patch that fits it best."""
+        fits = self.correlation(*self._products_across())[:, 0]
         _, place = scipy.optimize.linear_sum_assignment(-fits)
         columns = ["x_mm", "y_mm", "rotation_deg"]
-        patches = self.patches.assign(
-            **self.patches.iloc[place][columns].to_dict("list")
-        )
+        positions = self.patches.iloc[place][columns].to_dict("list")
+        patches = self.patches.assign(**positions)
         shifts = self.patch_mm * _SHIFTS[[self.at]]
         return patches, shifts, *self.products_at(patches, shifts)
 
@@ -244,45 +234,35 @@ class Comparison:
         """
         best, under = self.fits, self.under
         _, *others = self.tables.values()
-        for patches, shifts, products, mesh in (*others, self._exchanged()):
-            fits = self.correlation(products, mesh[:, np.newaxis])
+        for patches, shifts, *products in (*others, self._exchanged()):
+            fits = self.correlation(*products)
             at = fits.max(axis=1).sum(axis=0).argmax()
             if fits[..., at].max(axis=1).sum() > best.max(axis=1).sum():
                 best = fits[..., at]
-                there = moved(patches, shifts[at], self.surface, self.patch_mm)
-                under = self._under(there)
-        look = best.argmax(axis=1)
-        is_inverted, orientation = np.divmod(look, len(ORIENTATIONS))
-        sign = np.where(is_inverted, -1, 1)[:, np.newaxis]
-        laid = sign * self.looks[np.arange(len(best)), orientation]
+                under = self._under(patches, shifts[at])
+        laid = self.looks[np.arange(len(best)), best.argmax(axis=1)]
         mesh = np.maximum(np.sum(under**2, axis=-1), _LEAST_VARIANCE)
         gain = float(np.median(np.sum(laid * under, axis=-1) / mesh)) or 1.0
-        turned = _in_each_look(under.reshape(-1, *_SHAPE)).reshape(self.looks.shape)
-        looks = np.concatenate([turned, -turned], axis=1)
+        looks = _looks(_POINTS * under.reshape(-1, *_SHAPE))
         waves = looks[:, 1:] - under[:, np.newaxis]
         squares = np.sum(waves**2, axis=-1)
         error = laid / gain - under
         along = np.einsum("pn,pwn->pw", error, waves) ** 2
         own = np.mean(along / np.where(squares > 0, squares, np.inf), axis=1)
         variance = (own + np.median(own) / _MEDIAN_OF_WAVES) / 2
-        return gain, np.maximum(variance, _LEAST_VARIANCE)
+        return gain, np.maximum(variance, _LEAST_VARIANCE)[:, np.newaxis, np.newaxis]
 
 
-def _beside(each: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """A value per patch, with the dimensions of (patches, ...) values."""
-    return each.reshape(-1, *(1,) * (values.ndim - 1))
-
-
-def _in_each_look(heights: np.ndarray) -> np.ndarray:
-    """Heights (patches, points, points) in each orientation, (patches, orientations, ...)."""
-    return np.array([[oriented(one, name) for name in ORIENTATIONS] for one in heights])
+def _looks(heights: np.ndarray) -> np.ndarray:
+    """Heights (patches, points, points) in each of the `LOOKS`, flat (patches, looks, points)."""
+    turned = [[oriented(one, name) for name in ORIENTATIONS] for one in heights]
+    flat = _flat(np.array(turned))
+    return np.concatenate([flat, -flat], axis=1)
 
 
 def _flat(heights: np.ndarray) -> np.ndarray:
     """Heights (..., points, points) without planes, as vectors whose length is their r.m.s."""
-    y, x = np.indices(_SHAPE)
-    powers = np.stack([np.ones_like(x), y, x], axis=-1)
-    planes, _ = np.linalg.qr(powers.reshape(-1, 3))
+    planes, _ = np.linalg.qr(planes_over(*np.indices(_SHAPE)).reshape(-1, 3))
     flat = heights.reshape(*heights.shape[:-2], -1) / _POINTS
     return flat - flat @ planes @ planes.T
 
@@ -313,9 +293,6 @@ def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
     if min(row, column) == 0 or max(row, column) == len(steps) - 1:
         return np.full(2, np.nan)
     step = steps[1] - steps[0]
-    shift = []
-    for at, along in ((row, values[:, column]), (column, values[row])):
-        before, top, after = along[at - 1 : at + 2]
-        bend = before - 2 * top + after
-        shift.append(steps[at] + step * (before - after) / (2 * bend or 1))
-    return np.array(shift)
+    y = steps[row] + vertex(values[row - 1 : row + 2, column], step)
+    x = steps[column] + vertex(values[row, column - 1 : column + 2], step)
+    return np.array([y, x])

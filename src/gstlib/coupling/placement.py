@@ -184,8 +184,8 @@ def _ways(compared: Comparison) -> dict[tuple[str, str], tuple[np.ndarray, float
     """Smallest misfits (patches,) and mean correlation of each look and mistake."""
     ways = {}
     for mistake, (_, _, products, mesh) in compared.tables.items():
-        misfits = compared.misfit(products, mesh[:, np.newaxis])
-        fits = compared.correlation(products, mesh[:, np.newaxis]).mean(axis=0)
+        misfits = compared.misfit(products, mesh)
+        fits = compared.correlation(products, mesh).mean(axis=0)
         shifts = misfits.sum(axis=0).argmin(axis=1)
         for look, at in enumerate(shifts):
             ways[LOOKS[look], mistake] = misfits[:, look, at], fits[look, at]
@@ -195,7 +195,7 @@ def _ways(compared: Comparison) -> dict[tuple[str, str], tuple[np.ndarray, float
 def _contradicts(compared: Comparison) -> bool:
     """Whether the mesh is fine and rough enough to contradict all scans together."""
     ratio = math.sqrt(
-        np.median(compared.mesh[:, compared.at]) / np.median(compared.scan)
+        np.median(compared.mesh[..., compared.at]) / np.median(compared.scan)
     )
     return shows_waves(compared.surface, compared.patch_mm) and ratio > _SMOOTH
 
