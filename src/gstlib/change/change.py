@@ -54,8 +54,6 @@ _ODD_HEIGHTS = 1.25
 # more than 0.5 % of the patch, and by more than the smaller area. Reason: Noise marks as much loss
 # as gain.
 _CHANGED = 0.005
-# Other software registers T1 to T0 to whole points, so a smaller shift counts as none.
-_CO_LOCATED = 0.5
 # Units and meanings of the maps of a change.
 _FIELDS = {
     "t1": ("mm", "height at T1 on the grid of T0"),
@@ -149,16 +147,7 @@ def estimate_detection_limit(
     # The errors of instruments have longer tails than normal errors.
     squares = pooled**2 / np.maximum(level + lateral * steepness, _TINY)
     limit = max(noise.LEVEL_OF_DETECTION, math.sqrt(np.quantile(squares, 0.95)))
-    detection = Detection(level, lateral, float(max(alike)), limit)
-    _log.info(
-        "%d repeats have a standard deviation of %.3g µm on level ground and a lateral error of "
-        "%.3g µm. Errors are alike over %.3g µm²",
-        len(changes),
-        math.sqrt(detection.level_mm2) * 1e3,
-        math.sqrt(detection.lateral_mm2) * 1e3,
-        detection.alike_mm2 * 1e6,
-    )
-    return detection
+    return Detection(level, lateral, float(max(alike)), limit)
 
 
 def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
@@ -193,14 +182,12 @@ def measured_change(
     ``filled``, ``outlier``. Other parameters are as in `register` and `height_change`, whose
     results are returned. The whole change is unknown if T1 was not registered.
     """
-    registration = register(
-        before.height, after.height, maximum_shift_mm=maximum_shift_mm
-    )
+    t0, t1 = before.height, after.height
+    registration = register(t0, t1, maximum_shift_mm=maximum_shift_mm)
     replaced0, replaced1 = (
         (epoch.filled.astype(bool) | epoch.outlier.astype(bool)).values
         for epoch in (before, after)
     )
-    t0, t1 = before.height, after.height
     on_t0, replaced = apply_registration(t1, replaced1, registration, like=t0)
     measured = ~(replaced0 | replaced) & registration.is_reliable
     errors_mm = registration.shift_y_error_mm, registration.shift_x_error_mm
@@ -265,9 +252,9 @@ def _place_of_t1(
     registration: Registration, t0: xr.DataArray, t1: xr.DataArray
 ) -> dict[str, float]:
     """The centre of T1 relative to T0, and the size of T1, µm, which may differ from T0."""
-    shifts = {"y": registration.shift_y_mm, "x": registration.shift_x_mm}
     place = {}
-    for (axis, shift_mm), spacing in zip(shifts.items(), spacing_of(t1), strict=True):
+    for axis, spacing in zip("yx", spacing_of(t1), strict=True):
+        shift_mm = getattr(registration, f"shift_{axis}_mm")
         centre_mm = float(t1[axis].mean() - t0[axis].mean()) + shift_mm
         place[f"t1_{axis}_um"] = 1e3 * centre_mm
         place[f"t1_size_{axis}_um"] = 1e3 * spacing * t1.sizes[axis]
@@ -288,14 +275,6 @@ def _report(
             "did not wear, one scan has another height calibration, and measured wear is wrong",
             patch,
             registration.dale_depth_ratio,
-        )
-    shift = registration.shift_y_mm, registration.shift_x_mm
-    off = np.abs(np.divide(shift, spacing_of(before.height))).max()
-    if off < _CO_LOCATED:
-        _log.info(
-            "patch %s: T1 was already co-located with T0, within %.2g points",
-            patch,
-            off,
         )
     if not change.attrs["known_fraction"]:
         _log.warning(
@@ -326,7 +305,7 @@ def _warn_of_scatter(patch: str, change: xr.Dataset, detection: Detection) -> No
 def height_change(
     t0: xr.DataArray,
     t1_on_t0: xr.DataArray,
-    measured: np.ndarray | None = None,
+    measured: np.ndarray | bool = True,
     *,
     minimum_cluster_points: int = 1,
     detection: Detection | None = None,
@@ -338,8 +317,8 @@ def height_change(
     ----------
     t0, t1_on_t0 : (y, x) xarray.DataArray
         Heights before and after use on one grid, mm; after use NaN outside the overlap.
-    measured : (y, x) ndarray of bool, optional
-        Whether both heights were measured; True everywhere by default.
+    measured : (y, x) ndarray of bool, or bool
+        Whether both heights were measured.
     minimum_cluster_points : int
         Fewest adjacent points (corners count) that are a loss or a gain. If the errors of
         neighbouring points correlate, clusters must be larger or deeper.
@@ -364,9 +343,7 @@ def height_change(
     """
     before, after = t0.values, t1_on_t0.values
     difference = after - before
-    inside = np.isfinite(difference)
-    if measured is not None:
-        inside &= measured
+    inside = np.isfinite(difference) & measured
     if inside.sum() < LEAST_POINTS:
         inside[:] = False
     datum, limit = np.full((2, *t0.shape), np.nan)

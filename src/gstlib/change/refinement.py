@@ -64,14 +64,11 @@ def refine(
 def _moved(one: np.ndarray, other: np.ndarray, details: Details) -> float:
     """Distance (elements) between the middles of the overlap at two poses."""
     shape, aspect = details.moving.shape, details.aspect
-    middle = []
-    for at, count0, count1 in zip(one[:2], details.reference.shape, shape, strict=True):
-        first, end = max(0.0, at), min(count0, at + count1)
-        middle.append(np.array((first + end - 1) / 2))
-    y, x = middle
-    row, column = on_moving(one, y, x, shape, aspect)
-    other_row, other_column = on_moving(other, y, x, shape, aspect)
-    return float(np.hypot(other_row - row, other_column - column))
+    first = np.maximum(0.0, one[:2])
+    end = np.minimum(details.reference.shape, one[:2] + shape)
+    y, x = (first + end - 1) / 2
+    places = (np.array(on_moving(pose, y, x, shape, aspect)) for pose in (one, other))
+    return float(np.hypot(*np.subtract(*places)))
 
 
 class _Level(NamedTuple):
@@ -122,9 +119,7 @@ class _Level(NamedTuple):
             design = np.stack([np.ones_like(dy), dy, dx, slope_y, slope_x, turn])
             if plane is None:
                 # The robust fit starts from a plane by reweighted least squares.
-                plane = least_squares(design[:3], residual)
-                for _ in range(_STEPS_PER_LEVEL):
-                    plane = _robust_fit(design[:3], residual, plane)
+                plane = _robust_plane(design[:3], residual, _STEPS_PER_LEVEL)
             step = _robust_fit(design, residual, plane)
             plane = step[:3]
             pose += step[3:] / (1, 1, half)
@@ -154,9 +149,7 @@ class _Level(NamedTuple):
         ny, nx = inside.shape
         design = np.stack([np.ones(y.size), y / ny, x / nx])
         residual = (moved - self.reference)[inside]
-        plane = least_squares(design, residual)
-        for _ in range(_ERROR_STEPS):
-            plane = _robust_fit(design, residual, plane)
+        plane = _robust_plane(design, residual, _ERROR_STEPS)
         left = residual - np.einsum("i,ij->j", plane, design)
         weight = _biweights(left - np.median(left))
         shared = np.einsum("ik,jk->ij", first * weight, second)
@@ -168,6 +161,14 @@ class _Level(NamedTuple):
         pulls = [np.bincount(block, pull * slope) for slope in mean]
         shifts = np.linalg.solve(shared, pulls)
         return np.sqrt(np.sum(shifts**2, axis=1))
+
+
+def _robust_plane(design: np.ndarray, values: np.ndarray, steps: int) -> np.ndarray:
+    """The plane of reweighted least squares."""
+    plane = least_squares(design, values)
+    for _ in range(steps):
+        plane = _robust_fit(design, values, plane)
+    return plane
 
 
 def _robust_fit(

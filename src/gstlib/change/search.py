@@ -187,25 +187,19 @@ class Details(NamedTuple):
         other = turn_back(pose[2], self.aspect) @ moved[:, inside]
         if one.shape[1] < LEAST_POINTS:
             return 0.0, np.ones(2)
-        one, other = (
-            slopes - slopes.mean(axis=1, keepdims=True) for slopes in (one, other)
-        )
-        products = [np.einsum("ik,jk->ij", slopes, slopes) for slopes in (one, other)]
-        traces = [np.trace(product) for product in products]
-        for product, trace in zip(products, traces, strict=True):
-            _, directions = np.linalg.eigh(product)
+        both = np.concatenate([one, other])
+        both -= both.mean(axis=1, keepdims=True)
+        products = np.einsum("ik,jk->ij", both, both)
+        traces = []
+        for own in (products[:2, :2], products[2:, 2:]):
+            traces.append(np.trace(own))
+            _, directions = np.linalg.eigh(own)
             flattest = directions[:, 0]
-            if not flattest @ product @ flattest > ROUNDING**2 * trace:
+            if not flattest @ own @ flattest > ROUNDING**2 * traces[-1]:
                 return 0.0, flattest  # the rest along this direction is rounding
-        own = (
-            sum(
-                product / trace for product, trace in zip(products, traces, strict=True)
-            )
-            / 2
-        )
-        shared = np.einsum("ik,jk->ij", one, other)
-        shared /= math.sqrt(math.prod(traces))
-        correlations, directions = scipy.linalg.eigh((shared + shared.T) / 2, own)
+        own = products[:2, :2] / traces[0] + products[2:, 2:] / traces[1]
+        shared = products[:2, 2:] / math.sqrt(math.prod(traces))
+        correlations, directions = scipy.linalg.eigh(shared + shared.T, own)
         return float(correlations[0]), directions[:, 0]
 
     def _peak(self, a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
