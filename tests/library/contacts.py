@@ -1,4 +1,6 @@
-"""Contacts for tests: solved in one line, or with a state that the test says."""
+"""Contacts for tests: solved in one line, or with a state that the test says; and tables."""
+
+import io
 
 import numpy as np
 import pandas as pd
@@ -94,3 +96,8 @@ def contact_of(height, pressure, gap=None, displacement=0.0, slopes=(0.0, 0.0)):
         mean_pressure=mean,
         contact_fraction=float(touching.mean()),
     )
+
+
+def written(text):
+    """A table as it is written in CSV; an empty cell is not known."""
+    return pd.read_csv(io.StringIO(text), dtype={"patch": str}, skipinitialspace=True)

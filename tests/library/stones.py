@@ -1,4 +1,4 @@
-"""A rough stone of which scans are found again: its mesh, and scans of it."""
+"""Stones of which scans are found again: a rough one with its mesh, and waves known everywhere."""
 
 import numpy as np
 import trimesh
@@ -46,3 +46,29 @@ def taken(heights, centre, turn, side, step, mirrored=False):
 def sampled(heights, y, x, **options):
     """Heights of the stone at (y, x), mm."""
     return map_coordinates(heights, [y / FINE - 0.5, x / FINE - 0.5], **options)
+
+
+def waves(seed, shortest, longest, rms_mm, *, across_only=False):
+    """Heights (mm) of random waves at (y, x), mm; those of striae run along x alone."""
+    rng, count = np.random.default_rng(seed), 120
+    length = shortest * (longest / shortest) ** rng.random(count)
+    way, phase = rng.uniform(0, 2 * np.pi, (2, count))
+    amplitude = length**0.8 * rng.normal(size=count)
+    amplitude *= rms_mm / np.sqrt(np.sum(amplitude**2) / 2)
+    along = 0 * way if across_only else np.sin(way)
+
+    def heights(y, x):
+        y, x = (each[..., None] for each in np.broadcast_arrays(y, x))
+        distance = along * y + np.cos(way) * x
+        return np.sin(2 * np.pi / length * distance + phase) @ amplitude
+
+    return heights
+
+
+def seen(heights, spacing, shift=(0.0, 0.0), turn_deg=0.0, shape=(96, 112)):
+    """Heights on the points of a scan whose middle lies at `shift` (mm), turned x towards y."""
+    v, u = (
+        step * (np.arange(count) - (count - 1) / 2)
+        for step, count in zip(spacing, shape, strict=True)
+    )
+    return heights(*PatchPosition(*shift, turn_deg).points(v[:, None], u))

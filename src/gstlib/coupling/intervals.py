@@ -216,51 +216,49 @@ def pressure_intervals(
     60.0
     """
     composite = macroscale.composite
-    generator = np.random.default_rng(seed)
     modulus = study_modulus(material)
+    generator = np.random.default_rng(seed)
     moduli = modulus * draw_contact_moduli(material, errors, generator=generator)
+    count = len(moduli)
     forces_N = force_N * np.exp(
-        errors.force_log_sd
-        * np.random.default_rng([seed, 3]).standard_normal(len(moduli))
+        errors.force_log_sd * np.random.default_rng([seed, 3]).standard_normal(count)
     )
     mesh = coarser(macroscale.face.height, _COARSER)
     mesh_errors = draw_mesh_errors(
-        macroscale.face, mesh, len(moduli), np.random.default_rng([seed, 2])
+        macroscale.face, mesh, count, np.random.default_rng([seed, 2])
     )
-    generators = [np.random.default_rng([seed, 1, draw]) for draw in range(len(moduli))]
-    places = [
-        _misplaced(pressures, mesh, errors, patch_mm, each) for each in generators
-    ]
+    stone = _Stone(macroscale, mesh, errors, patch_mm)
+    generators = [np.random.default_rng([seed, 1, draw]) for draw in range(count)]
+    places = [stone.misplaced(pressures, each) for each in generators]
+    uses = _likely_uses(macroscale.use, count, np.random.default_rng([seed, 5]))
 
     def case(draw: int) -> Case:
-        height = mesh + mesh_errors[draw]
-        if composite is not None:
-            # The generator continues, so each draw has another detail.
-            height = _laid_on(
-                height, composite, places[draw], patch_mm, generators[draw]
-            )
+        # The generator continues, so each draw has another detail.
+        height = stone.with_scans(
+            mesh + mesh_errors[draw], places[draw], generators[draw]
+        )
         pose = np.random.default_rng([seed, 4, draw])
+        point, radius_mm = None, macroscale.radius_mm
         if load_point is None:
-            point, radius_mm, height = (
-                None,
-                macroscale.radius_mm,
-                remove_plane(height)[0],
-            )
-        elif (use := uses[draw]) is not None:
-            # The wear depends on F R / E* only, and may not give a radius.
-            stiffer = float(moduli[draw] / modulus * force_N / forces_N[draw])
-            point, radius_mm = (float(use.y_mm), float(use.x_mm)), macroscale.radius_mm
-            if not np.isnan(use.radius_mm):
-                radius_mm = float(use.radius_mm) * stiffer
-        else:
+            height = remove_plane(height)[0]
+        elif (use := uses[draw]) is None:
             # Drawn first, so that the point is the same with and without an active tool.
-            point, radius_mm = _stated_use(macroscale, mesh, load_point, errors, pose)
-        over = _posed_over(macroscale, mesh, radius_mm, errors, pose)
+            point = draw_point(mesh, load_point, errors.load_point_mm, pose)
+            if radius_mm is not None:
+                radius_mm *= float(
+                    np.exp(errors.radius_log_sd * pose.standard_normal())
+                )
+        else:
+            point = float(use.y_mm), float(use.x_mm)
+            # The wear depends on F R / E* only, and may not give a radius.
+            if not np.isnan(use.radius_mm):
+                stiffer = moduli[draw] / modulus * force_N / forces_N[draw]
+                radius_mm = float(use.radius_mm * stiffer)
+        over = stone.tool(radius_mm, pose)
         load = Load.of_force(float(forces_N[draw]), height, point)
         return Case(Interface(height, over), load, float(moduli[draw]))
 
-    uses = _likely_uses(macroscale.use, len(moduli), np.random.default_rng([seed, 5]))
-    cases = map(case, range(len(moduli)))
+    cases = map(case, range(count))
     contacts = press_each(cases, tolerance=_TOLERANCE, source="macroscale")
     drawn = [
         _over_strikes(patch_pressures(contact.pressure, at, size_mm=patch_mm), use)
@@ -268,8 +266,13 @@ def pressure_intervals(
         if contact is not None
     ]
     low = high = np.full(len(pressures), np.nan)
-    if len(drawn) < len(moduli):
-        _warn_of_unrest(len(moduli) - len(drawn), len(moduli))
+    if len(drawn) < count:
+        _log.warning(
+            "in %d of %d draws the stone does not rest, so the pressure intervals omit these "
+            "draws. Check load.at_mm and the standard errors in uncertainty",
+            count - len(drawn),
+            count,
+        )
     if drawn:
         low, high = np.percentile(drawn, _PERCENTILES, axis=0)
     table = pressures[["patch", "pressure_MPa"]].assign(low_MPa=low, high_MPa=high)
@@ -282,40 +285,50 @@ def pressure_intervals(
     )
 
 
-def _warn_of_unrest(missing: int, draws: int) -> None:
-    _log.warning(
-        "in %d of %d draws the stone does not rest, so the pressure intervals omit these draws. "
-        "Check load.at_mm and the standard errors in uncertainty",
-        missing,
-        draws,
-    )
+class _Stone(NamedTuple):
+    """The surfaces that are drawn, on the coarser grid of the `mesh`, and their errors."""
 
+    macroscale: Macroscale
+    mesh: xr.DataArray
+    errors: Errors
+    patch_mm: float
 
-def _misplaced(
-    patches: pd.DataFrame,
-    mesh: xr.DataArray,
-    errors: Errors,
-    patch_mm: float,
-    generator: np.random.Generator,
-) -> pd.DataFrame:
-    """The patches with perturbed positions."""
-    # Drawn along x first.
-    x, y = errors.placement_um * 1e-3 * generator.standard_normal((2, len(patches)))
-    return moved(patches, (y, x), mesh, patch_mm)
+    def misplaced(
+        self, patches: pd.DataFrame, generator: np.random.Generator
+    ) -> pd.DataFrame:
+        """The patches with perturbed positions."""
+        shifts = generator.standard_normal((2, len(patches)))
+        x, y = self.errors.placement_um * 1e-3 * shifts  # drawn along x first
+        return moved(patches, (y, x), self.mesh, self.patch_mm)
 
+    def with_scans(
+        self,
+        height: xr.DataArray,
+        patches: pd.DataFrame,
+        generator: np.random.Generator,
+    ) -> xr.DataArray:
+        """A surface with the scans, if there are any, and other detail between them."""
+        composite = self.macroscale.composite
+        if composite is None:
+            return height
+        spline, places = spline_of(height), places_of(patches).values()
+        planes = [plane_under(spline, place, self.patch_mm) for place in places]
+        laid = zip(places, planes, composite.scan.values, strict=True)
+        return compose_grid(height, laid, self.patch_mm, composite.density, generator)
 
-def _laid_on(
-    height: xr.DataArray,
-    composite: xr.Dataset,
-    patches: pd.DataFrame,
-    patch_mm: float,
-    generator: np.random.Generator,
-) -> xr.DataArray:
-    """The scans on a surface, with other detail between them."""
-    spline, places = spline_of(height), places_of(patches).values()
-    planes = [plane_under(spline, place, patch_mm) for place in places]
-    laid = zip(places, planes, composite.scan.values, strict=True)
-    return compose_grid(height, laid, patch_mm, composite.density, generator)
+    def tool(
+        self, radius_mm: float | None, generator: np.random.Generator
+    ) -> xr.DataArray:
+        """The active tool, with a perturbed position if it is a mesh."""
+        face, counterface = self.macroscale.face, self.macroscale.counterface
+        if counterface is not None:
+            y, x = self.errors.pose_um * 1e-3 * generator.standard_normal(2)
+            position, size_mm = PatchPosition(y, x), float(face.size_mm)
+            return face_in_pose(counterface, self.mesh, position, size_mm=size_mm)
+        over = coarser(face.counterface, _COARSER)
+        if radius_mm is None or self.macroscale.radius_mm is None:
+            return over
+        return as_round_as(over, self.macroscale.radius_mm, radius_mm)
 
 
 def _likely_uses(
@@ -335,41 +348,3 @@ def _over_strikes(pressures: pd.DataFrame, use: xr.Dataset | None) -> np.ndarray
     added = (use.pressure - use.pressure_at_centre).to_series()
     over = pressures.pressure_MPa + pressures.patch.map(added).fillna(0.0)
     return over.clip(lower=0.0).to_numpy()
-
-
-def _stated_use(
-    macroscale: Macroscale,
-    mesh: xr.DataArray,
-    load_point: tuple[float, float],
-    errors: Errors,
-    generator: np.random.Generator,
-) -> tuple[tuple[float, float], float | None]:
-    """A load point (y, x), mm, and a radius: their priors with errors."""
-    point, radius_mm = (
-        draw_point(mesh, load_point, errors.load_point_mm, generator),
-        None,
-    )
-    if macroscale.radius_mm is not None:
-        error = errors.radius_log_sd * generator.standard_normal()
-        radius_mm = macroscale.radius_mm * float(np.exp(error))
-    return point, radius_mm
-
-
-def _posed_over(
-    macroscale: Macroscale,
-    mesh: xr.DataArray,
-    radius_mm: float | None,
-    errors: Errors,
-    generator: np.random.Generator,
-) -> xr.DataArray:
-    """The active tool over the grid of the draws, with a perturbed position if it is a mesh."""
-    size_mm = float(macroscale.face.size_mm)
-    if macroscale.counterface is None:
-        over = coarser(macroscale.face.counterface, _COARSER)
-        if radius_mm is None or macroscale.radius_mm is None:
-            return over
-        return as_round_as(over, macroscale.radius_mm, radius_mm)
-    y, x = errors.pose_um * 1e-3 * generator.standard_normal(2)
-    return face_in_pose(
-        macroscale.counterface, mesh, PatchPosition(y, x), size_mm=size_mm
-    )

@@ -1,7 +1,8 @@
 """The settings of a study, with a class for each section of its config.
 
-Keys have type, bounds, default and meaning. The string below a key is its description, which messages and config/README.md show. Keys that
-exclude each other are in `gstlib.settings.contradictions`.
+Keys have type, bounds, default and meaning. The string below a key is its description, which
+messages and config/README.md show. Keys that exclude each other are in
+`gstlib.settings.contradictions`.
 """
 
 from typing import Annotated, Any, Literal, Self, TypeAlias, TypeVar

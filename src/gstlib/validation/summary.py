@@ -190,7 +190,9 @@ def patch_statistics(
     of_registration = ["patch", "loss_fraction", "mean_wear_depth_um", "above_noise"]
     measured = registration.loc[registration.known_fraction > 0, of_registration]
     where = pressures[["patch", "x_mm", "y_mm", "in_study"]].assign(
-        pressure_MPa=stated(pressures), touched=(stated(pressures) > 0).astype(float)
+        pressure_MPa=stated(pressures),
+        touched=(stated(pressures) > 0).astype(float),
+        unseen_MPa=unseen(pressures),
     )
     predicted = patches.reindex(
         columns=["patch", "contact_fraction", "predicted_loss_um"]
@@ -379,32 +381,27 @@ def score_wear(
     >>> tables["summary"].set_index("x").value.round(2).to_dict()
     {'pressure_MPa': 0.94, 'touched': nan}
     """
-    measured = registration[registration.known_fraction > 0].set_index("patch")
-    at = pressures.assign(unseen_MPa=unseen(pressures)).set_index("patch")
-    at = at.join(measured.above_noise, how="inner")
+    measured = patch_statistics(pd.DataFrame(), registration, pressures)
     scores = []
     if prediction.depths:
         fitted_to = prediction.fitted_to
         others = other_patches(pressures, registration, fitted_to, contacts, changes)
-        for patch in at.index:
+        for row in measured.itertuples():
             score = score_patch(
-                patch,
-                contacts[patch],
-                changes[patch],
-                prediction.depths[patch],
+                row.patch,
+                contacts[row.patch],
+                changes[row.patch],
+                prediction.depths[row.patch],
                 others,
-                pressure_MPa=float(at.unseen_MPa[patch]),
-                above_noise=bool(at.above_noise[patch]),
+                pressure_MPa=row.unseen_MPa,
+                above_noise=row.above_noise,
             )
             scores.append(score)
-    nulls = by_chance(scores)
-    in_statistics = (at.in_study.astype(bool) & at.above_noise.astype(bool)).to_dict()
-    tables = score_tables(scores, in_statistics)
-    statistics = patch_statistics(tables["patches"], registration, pressures)
+    tables = score_tables(scores, measured.set_index("patch").in_statistics)
     tables["summary"] = summarise(
-        statistics,
+        patch_statistics(tables["patches"], registration, pressures),
         tables["wear"],
-        nulls,
+        by_chance(scores),
         prediction.interlayer,
         seed=seed,
         resamples=resamples,

@@ -132,14 +132,10 @@ def test_from_prepared_scans_to_the_change(remeasure):
     error = (result["change"].values - truth)[is_known]
     assert np.median(error) == pytest.approx(0, abs=0.05e-3)
     assert np.median(np.abs(error)) < 0.3e-3
-
-
-def test_nothing_is_known_of_another_stone(remeasure):
-    (t0, *_), (other, *_) = remeasure(1), remeasure(2)
-    _, result = measured_change(prepared(t0), prepared(other), **SEARCH)
-    assert np.isnan(result["change"]).all()
-    assert np.isnan(wear_summary(result)["loss_fraction"])
-    assert result.attrs["known_fraction"] == 0
+    # nothing is known of another stone
+    _, other = measured_change(scans[0], prepared(remeasure(2)[0]), **SEARCH)
+    assert np.isnan(wear_summary(other)["loss_fraction"])
+    assert other.attrs["known_fraction"] == 0
 
 
 @pytest.mark.parametrize("corner", [(25, 35), (0, 0)])

@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from stones import seen, waves
 
 from gstlib.change.registration import Registration, apply_registration, register
 from gstlib.change.search import Details
@@ -52,42 +53,18 @@ def test_a_marked_point_marks_those_interpolated_from_it():
     assert np.argwhere(carried).tolist() == [[12, 6], [12, 7]]
 
 
-# Surfaces that can be sampled anywhere, without interpolation
-
-
-def waves(seed, *, across_only=False):
-    """Heights (mm) of random waves at (y, x), mm; those of striae run along x alone."""
-    rng = np.random.default_rng(seed)
-    count = 120
-    length = 0.012 * (0.1 / 0.012) ** rng.random(count)
-    way, phase = rng.uniform(0, 2 * np.pi, (2, count))
-    amplitude = length**0.8 * rng.normal(size=count)
-    amplitude *= 3e-3 / np.sqrt(np.sum(amplitude**2) / 2)
-    along = 0 * way if across_only else np.sin(way)
-
-    def heights(y, x):
-        distance = along * y[..., None] + np.cos(way) * x[..., None]
-        return np.sin(2 * np.pi / length * distance + phase) @ amplitude
-
-    return heights
+def rough(seed, **options):
+    return waves(seed, 0.012, 0.1, 3e-3, **options)
 
 
 def scan(heights, spacing, shift=(0.0, 0.0), turn_deg=0.0, shape=(96, 112)):
-    """A scan of `heights` whose middle lies at `shift` (mm), turned x towards y."""
-    y, x = np.indices(shape, dtype=float)
-    y = spacing[0] * (y - y.mean())
-    x = spacing[1] * (x - x.mean())
-    turn = np.radians(turn_deg)
-    cosine, sine = np.cos(turn), np.sin(turn)
-    rows = cosine * y + sine * x + shift[0]
-    columns = cosine * x - sine * y + shift[1]
     rng = np.random.default_rng(len(str(shift)))
     noise = 1e-5 * rng.standard_normal(shape)
-    return make_surface(heights(rows, columns) + noise, spacing)
+    return make_surface(seen(heights, spacing, shift, turn_deg, shape) + noise, spacing)
 
 
 def test_a_turn_is_one_in_mm_on_points_that_are_not_square():
-    spacing, stone = (2e-3, 1e-3), waves(1)
+    spacing, stone = (2e-3, 1e-3), rough(1)
     t0 = scan(stone, spacing)
     t1 = scan(stone, spacing, (0.01, -0.006), 1.5)
     registration = register(t0, t1, maximum_shift_mm=0.05)
@@ -103,12 +80,12 @@ def test_a_turn_is_one_in_mm_on_points_that_are_not_square():
     ("relief", "lean_deg"), [(0.05, 30.0), (0.0, 0.0), (0.0, 30.0)]
 )
 def test_striae_are_registered_along_both_axes_or_not_at_all(relief, lean_deg):
-    striae, rough = waves(2, across_only=True), waves(3)
+    striae, stone = rough(2, across_only=True), rough(3)
     lean = np.radians(lean_deg)
 
     def ground(y, x):
         across = np.cos(lean) * x + np.sin(lean) * y
-        return striae(y, across) + relief * rough(y, x)
+        return striae(y, across) + relief * stone(y, x)
 
     spacing, shift = 2 * (SPACING,), (0.040, 0.010)
     t0 = scan(ground, spacing, shape=(128, 128))
@@ -124,10 +101,10 @@ def test_striae_are_registered_along_both_axes_or_not_at_all(relief, lean_deg):
 
 def test_slopes_are_turned_with_the_surface():
     """By two degrees, the steep slopes across striae would hide the flat ones along them."""
-    striae, rough = waves(2, across_only=True), waves(3)
+    striae, stone = rough(2, across_only=True), rough(3)
 
     def ground(y, x):
-        return striae(y, x) + 0.05 * rough(y, x)
+        return striae(y, x) + 0.05 * stone(y, x)
 
     scans = [scan(ground, (2e-3, 1e-3), turn_deg=turn) for turn in (0.0, 2.0)]
     heights = [each.values for each in scans]
@@ -138,7 +115,7 @@ def test_slopes_are_turned_with_the_surface():
 
 def test_standard_errors_are_those_of_the_shift():
     """Over scans whose noise differs; along y the stone is smoother, and the shift less sure."""
-    stone, shift = waves(4), (0.004, -0.003)
+    stone, shift = rough(4), (0.004, -0.003)
 
     def stretched(y, x):
         return stone(0.3 * y, x)

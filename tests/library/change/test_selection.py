@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from contacts import written
 
 from gstlib.change.change import height_change
 from gstlib.change.selection import (
@@ -71,26 +72,37 @@ def test_epochs_exchanged_on_most_patches_are_a_fault_and_on_few_a_warning(
 
 
 def test_patches_are_selected_by_pressure_overlap_and_correlation():
-    pressures = pd.DataFrame({"patch": list("123456")})
-    pressures["pressure_MPa"] = [0.0, 0.5, 8.0, 22.0, 70.0, 70.0]
-    registration = pd.DataFrame({"patch": list("13456")})
-    registration["overlap"] = [0.52, 0.52, 0.95, 0.9, 0.9]
-    registration["detail_correlation"] = [0.99, 0.3, 0.99, 0.1, 0.9]
-    registration["slope_correlation"] = [0.9, 0.9, 0.9, 0.1, 0.1]
-    registration["found"] = [True, True, True, False, False]
-    table = select_patches(pressures, registration, RULES)
-    assert list(table.in_study) == [False, False, False, True, False, False]
-    reasons = [
-        "no macroscale contact; T0/T1 overlap",
-        "pressure 0.5",
-        "correlation 0.30",
-    ]
-    reasons += ["", "T1 was not found on T0", "striae match"]
-    assert all(map(str.__contains__, table.reason, reasons))
-    # not by the pressure that the patch's own wear tells, where another is known
-    others = pressures.assign(leave_one_out_MPa=[np.nan, 2.0, np.nan, 0.0, 0.5, 70.0])
-    without_t1 = registration[:0]
-    in_study = select_patches(others, without_t1, RULES).in_study
-    assert list(in_study) == [False, True, True, False, False, True]
-    in_study = select_patches(pressures, without_t1, RULES).in_study
-    assert list(in_study) == [False, False, True, True, True, True]
+    table = written(
+        """
+        patch, pressure_MPa, overlap, detail_correlation, slope_correlation, found, reason
+        1,     0,            0.52,    0.99,               0.9,               True,  no macroscale
+        1,     0,            0.52,    0.99,               0.9,               True,  ; T0/T1 overlap
+        3,     8,            0.52,    0.3,                0.9,               True,  correlation 0.30
+        4,     22,           0.95,    0.99,               0.9,               True,
+        5,     70,           0.9,     0.1,                0.1,               False, T1 was not found
+        6,     70,           0.9,     0.9,                0.1,               False, striae match
+        """
+    )
+    each = table.drop_duplicates("patch")
+    selected = select_patches(each, each, RULES).set_index("patch").loc[table.patch]
+    assert list(selected.in_study) == 3 * [False] + [True] + 2 * [False]
+    assert all(map(str.__contains__, selected.reason, table.reason.fillna("")))
+
+
+def test_without_t1_the_pressure_by_the_wear_of_the_others_decides():
+    pressures = written(
+        """
+        patch, pressure_MPa, leave_one_out_MPa, by_others, alone
+        1,     0,            ,                  False,     False
+        2,     0.5,          2,                 True,      False
+        3,     8,            ,                  True,      True
+        4,     22,           0,                 False,     True
+        5,     70,           0.5,               False,     True
+        """
+    )
+    nothing = pd.DataFrame({"patch": []})
+    in_study = select_patches(pressures, nothing, RULES).in_study
+    assert list(in_study) == list(pressures.by_others)
+    alone = pressures.drop(columns="leave_one_out_MPa")
+    in_study = select_patches(alone, nothing, RULES).in_study
+    assert list(in_study) == list(pressures.alone)

@@ -24,27 +24,6 @@ def pressure():
 
 
 @pytest.mark.parametrize(
-    ("size", "shift", "rotation"),
-    [(0.4, 0.13, 0.0), (0.7, -0.3, 33.0), (2.0, 0.9, -77.0)],
-)
-def test_footprints_that_tile_share_out_all_of_the_force(
-    pressure, size, shift, rotation
-):
-    count = int(np.ceil(5 / size)) + 2
-    along = size * np.arange(-count, count + 1) + shift
-    y, x = np.meshgrid(along, along)
-    y, x = PatchPosition(2.5, 2.4, rotation).points(y, x)
-    near = np.hypot(x - 2.4, y - 2.5) < 3.6 + size
-    patches = pd.DataFrame({"x_mm": x[near], "y_mm": y[near]})
-    patches = patches.assign(patch=patches.index, rotation_deg=rotation)
-    table = patch_pressures(pressure, patches, size_mm=size)
-    assert table.force_N.sum() == pytest.approx(
-        float(pressure.sum()) * np.prod(SPACING)
-    )
-    np.testing.assert_allclose(table.pressure_MPa, table.force_N / size**2)
-
-
-@pytest.mark.parametrize(
     ("shift_mm", "size_mm", "turn"),
     [((-0.4, 0.1), (1.4, 0.7), -35.0), ((0, 0), (3.0, 3.0), 3.0)],
 )

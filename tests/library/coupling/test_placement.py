@@ -6,6 +6,7 @@ import pytest
 import scipy
 from contacts import laid
 from scipy.ndimage import gaussian_filter
+from stones import waves
 
 from gstlib.coupling.comparison import (
     AGREES,
@@ -25,29 +26,18 @@ SQUARE, SIZE = 5.0, 0.85
 NINE = [(y, x) for y in (1.2, 2.5, 3.8) for x in (1.2, 2.5, 3.8)]
 
 
-class Waves:
-    """A surface of waves longer than 0.6 mm, known at every point."""
+def stone_of(seed):
+    """Waves longer than those that the mesh does not show."""
+    return waves(seed, 0.6, 2.5, 12e-3)
 
-    def __init__(self, seed, count=60):
-        rng = np.random.default_rng(seed)
-        wavelength, direction = (
-            rng.uniform(0.6, 2.5, count),
-            rng.uniform(0, 2 * np.pi, count),
-        )
-        self.y, self.x = 2 * np.pi / wavelength * [np.sin(direction), np.cos(direction)]
-        self.phase = rng.uniform(0, 2 * np.pi, count)
-        self.height = wavelength**1.8 * 1e-3
 
-    def __call__(self, y, x):
-        y, x = (each[..., None] for each in np.broadcast_arrays(y, x))
-        return np.cos(y * self.y + x * self.x + self.phase) @ self.height
+def square_of(stone):
+    places = axis_coordinates(100, SQUARE / 100)
+    return make_surface(stone(places[:, None], places), SQUARE / 100)
 
-    def square(self):
-        places = axis_coordinates(100, SQUARE / 100)
-        return make_surface(self(places[:, None], places), SQUARE / 100)
 
-    def patch(self, y, x, rotation_deg=0.0):
-        return laid(self, PatchPosition(y, x, rotation_deg), SIZE, 64)[0]
+def patch_of(stone, y, x, rotation_deg=0.0):
+    return laid(stone, PatchPosition(y, x, rotation_deg), SIZE, 64)[0]
 
 
 def place(square, heights, rotation_deg=0.0, columns=None, **mould):
@@ -69,7 +59,7 @@ def nine(stone, noise_um=0.0, rotation_deg=0.0):
     """Scans with an error of their own, so that what is told is not told for certain."""
     rng, scans = np.random.default_rng(0), []
     for y, x in NINE:
-        scan = stone.patch(y, x, rotation_deg)
+        scan = patch_of(stone, y, x, rotation_deg)
         error = gaussian_filter(rng.normal(size=scan.shape), 6)
         scans.append(scan + 0.02 * noise_um * error)
     return scans
@@ -84,12 +74,12 @@ def fault_of(*arguments, **options):
 
 
 def test_a_shift_that_all_share_is_found_whatever_planes_and_scales_are(caplog):
-    stone, rotation = Waves(3), -7.0
-    heights = [stone.patch(y + 0.06, x - 0.09, rotation) for y, x in NINE]
+    stone, rotation = stone_of(3), -7.0
+    heights = [patch_of(stone, y + 0.06, x - 0.09, rotation) for y, x in NINE]
     heights = [
         2.0 * (height + 0.01 * height.x - 0.02 * height.y + 3) for height in heights
     ]
-    square = stone.square()
+    square = square_of(stone)
     table = place(square + 0.01 * square.y, heights, rotation_deg=rotation)
     row = table.loc[ALL]
     assert (row.status, row.orientation) == (SHIFTED, "as given")
@@ -116,8 +106,8 @@ def test_a_shared_shift_is_as_certain_as_the_mean_of_the_patches():
 
 
 def test_patches_of_another_stone_or_of_wrong_places_are_noticed(caplog):
-    stone = Waves(6)
-    square, wrong = stone.square(), nine(Waves(1006))
+    stone = stone_of(6)
+    square, wrong = square_of(stone), nine(stone_of(1006))
     assert (place(square, nine(stone)).status == AGREES).all()
     assert caplog.text == ""
     assert "Check x_mm and y_mm" in fault_of(square, wrong).remedy
@@ -142,12 +132,12 @@ def test_patches_of_another_stone_or_of_wrong_places_are_noticed(caplog):
 def test_one_patch_in_another_orientation_is_named_with_what_to_set(
     orientation, remedy
 ):
-    stone = Waves(7)
+    stone = stone_of(7)
     heights = nine(stone, 0.5, rotation_deg=10.0)
     heights[3].values = oriented(heights[3].values, orientation)
-    fault = fault_of(stone.square(), heights, rotation_deg=10.0)
+    fault = fault_of(square_of(stone), heights, rotation_deg=10.0)
     assert (fault.patches, fault.remedy) == (("4",), remedy)
-    table = place(stone.square(), heights, rotation_deg=10.0, accept=[f"{FAULT}:4"])
+    table = place(square_of(stone), heights, rotation_deg=10.0, accept=[f"{FAULT}:4"])
     assert list(table.index[table.status == ELSEWHERE]) == ["4"]
     assert table.status[ALL] == AGREES
     # what the remedy says takes the fault away
@@ -156,15 +146,15 @@ def test_one_patch_in_another_orientation_is_named_with_what_to_set(
         heights[3].values = np.flip(heights[3].values, "yx".index(right.flip))
     rotations = np.where(table.index[:-1] == "4", 10.0 + turn, 10.0)
     assert (
-        place(stone.square(), heights, rotation_deg=rotations).status == AGREES
+        place(square_of(stone), heights, rotation_deg=rotations).status == AGREES
     ).all()
 
 
 def test_exchanged_scans_are_named():
-    stone = Waves(6)
+    stone = stone_of(6)
     heights = nine(stone, 0.5)
     heights[0], heights[4], heights[8] = heights[4], heights[8], heights[0]
-    fault = fault_of(stone.square(), heights)
+    fault = fault_of(square_of(stone), heights)
     assert fault.patches == ("1", "5", "9")
     assert (
         "1 at the position of 5, 5 at the position of 9, 9 at the position of 1"
@@ -174,11 +164,11 @@ def test_exchanged_scans_are_named():
 
 def test_one_right_study_of_a_hundred_has_a_patch_that_is_called_wrong():
     """Nine patches have sixteen ways each to be better somewhere; fifteen of them are looks."""
-    stone = Waves(6)
+    stone = stone_of(6)
     y, x = np.transpose(NINE)
     patches = pd.DataFrame({"patch": range(9), "x_mm": x, "y_mm": y})
     compared = Comparison(
-        stone.square(),
+        square_of(stone),
         patches.assign(rotation_deg=0.0),
         nine(stone, 0.5),
         patch_mm=SIZE,
@@ -194,9 +184,11 @@ def test_one_right_study_of_a_hundred_has_a_patch_that_is_called_wrong():
 
 def test_a_patch_that_is_not_shown_is_not_said_to_agree():
     """Where the stone is as smooth as the scans are wrong."""
-    stone = Waves(6)
-    heights, square = nine(stone, 0.5), stone.square()
-    heights[4] = 0.02 * stone.patch(*NINE[4]) + (heights[4] - stone.patch(*NINE[4]))
+    stone = stone_of(6)
+    heights, square = nine(stone, 0.5), square_of(stone)
+    heights[4] = 0.02 * patch_of(stone, *NINE[4]) + (
+        heights[4] - patch_of(stone, *NINE[4])
+    )
     far = np.maximum(abs(square.y - 2.5), abs(square.x - 2.5)) > 0.6
     table = place(square.where(far, 0.02 * square), heights)
     assert list(table.index[table.status == CANNOT_TELL]) == ["5"]
@@ -211,11 +203,11 @@ def test_a_patch_that_is_not_shown_is_not_said_to_agree():
     ],
 )
 def test_a_mirrored_table_is_a_fault_and_named(table, remedy):
-    stone = Waves(11)
+    stone = stone_of(11)
     truth = [(1.0, 0.7), (1.2, 2.4), (2.3, 3.9), (3.1, 1.4), (3.9, 3.1), (4.2, 2.0)]
-    heights = [stone.patch(y, x) for y, x in truth]
+    heights = [patch_of(stone, y, x) for y, x in truth]
     x, y = np.transpose([table(x, y) for y, x in truth])
-    fault = fault_of(stone.square(), heights, columns={"x_mm": x, "y_mm": y})
+    fault = fault_of(square_of(stone), heights, columns={"x_mm": x, "y_mm": y})
     assert fault.remedy.startswith(remedy)
 
 
@@ -232,8 +224,8 @@ def test_a_mirrored_table_is_a_fault_and_named(table, remedy):
     ],
 )
 def test_scans_laid_wrongly_are_noticed_and_the_remedy_named(wrong, mould, remedy):
-    stone = Waves(7)
+    stone = stone_of(7)
     heights = [height.copy(data=wrong(height.values)) for height in nine(stone)]
-    assert fault_of(stone.square(), heights, **mould).remedy == remedy
+    assert fault_of(square_of(stone), heights, **mould).remedy == remedy
     # one patch is enough
-    assert fault_of(stone.square(), heights[:1], **mould).remedy == remedy
+    assert fault_of(square_of(stone), heights[:1], **mould).remedy == remedy

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import scipy
 import xarray as xr
-from contacts import around
+from contacts import around, written
 
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.ensemble import patch_means
@@ -314,20 +314,16 @@ def test_the_study_is_pressed_as_the_wear_says_where_that_is_taken(face, use):
 
 
 def test_patches_that_lost_nothing_count_and_excluded_ones_do_not(patches):
-    registration = pd.DataFrame(
-        {
-            "patch": ["3", "1", "2"],
-            "mean_wear_depth_um": [0.3, 0.0, 0.2],
-            "excluded": [False, False, True],
-            "above_noise": [True, False, True],
-            "found": True,
-            "rotation_deg": 0.0,
-            "t1_x_um": [3.0, 1.0, 2.0],
-            "t1_y_um": 0.0,
-            "t1_size_x_um": 850.0,
-            "t1_size_y_um": 850.0,
-        }
+    registration = written(
+        """
+        patch, mean_wear_depth_um, excluded, above_noise, t1_x_um
+        3,     0.3,                False,    True,        3
+        1,     0,                  False,    False,       1
+        2,     0.2,                True,     True,        2
+        """
     )
+    registration[["found", "rotation_deg", "t1_y_um"]] = True, 0.0, 0.0
+    registration[["t1_size_x_um", "t1_size_y_um"]] = 850.0
     measured, losses = losses_of(patches, registration)
     assert list(measured.patch) == ["1", "3"]
     assert list(measured.t1_x_um) == [1.0, 3.0]  # a loss is of the area that T1 covers

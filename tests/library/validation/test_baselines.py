@@ -1,22 +1,23 @@
 """The baselines do what they say, with the losses of other patches and none of the patch's own."""
 
 import numpy as np
-import pandas as pd
 import pytest
+from contacts import written
 
 from gstlib.validation.baselines import BASELINES, ORACLE, Others, baseline_depths
 
 RNG = np.random.default_rng(1)
 HEIGHTS = {patch: 1e-3 * RNG.standard_normal(5000) for patch in "abcd"}
 HEIGHT = HEIGHTS["a"]
-TABLE = pd.DataFrame(
-    {
-        "pressure_MPa": [10.0, 20.0, 30.0, 40.0],
-        "loss_mm": [1e-5, 3e-5, 2e-5, 7e-5],
-        "loss_fraction": [0.02, 0.05, 0.03, 0.04],
-    },
-    index=list("abcd"),
-)
+TABLE = written(
+    """
+    patch, pressure_MPa, loss_mm, loss_fraction
+    a,     10,           1e-5,    0.02
+    b,     20,           3e-5,    0.05
+    c,     30,           2e-5,    0.03
+    d,     40,           7e-5,    0.04
+    """
+).set_index("patch")
 
 
 def depths_of_a(table=TABLE, pressure_MPa=10.0, worn_fraction=0.1):

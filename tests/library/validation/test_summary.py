@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from contacts import written
 
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.inference import Draws
@@ -162,24 +163,24 @@ def test_the_papers_claim_is_exact(fractions, value, p_value):
 
 
 def test_statistics_are_of_the_use_as_stated_also_without_a_prediction():
-    patches = pd.DataFrame(
-        {"patch": ["a", "b"], "contact_fraction": 0.1, "predicted_loss_um": 0.2}
+    """A use that was read from the wear says nothing of its cause."""
+    pressures = written(
+        """
+        patch, x_mm, y_mm, in_study, pressure_MPa, stated_MPa, leave_one_out_MPa
+        a,     1,    2,    True,     0,            3,          7
+        b,     1,    2,    True,     5,            0,          7
+        c,     1,    2,    True,     1,            0,          7
+        """
     )
-    registration = pd.DataFrame(
-        {
-            "patch": ["b", "a", "c"],
-            "loss_fraction": [0.1, 0.2, math.nan],
-            "mean_wear_depth_um": [0.3, 0.4, math.nan],
-            "known_fraction": [1, 1, 0],
-            "above_noise": [False, True, False],
-        }
+    registration = written(
+        """
+        patch, loss_fraction, mean_wear_depth_um, known_fraction, above_noise
+        b,     0.1,           0.3,                1,              False
+        a,     0.2,           0.4,                1,              True
+        c,     ,              ,                   0,              False
+        """
     )
-    pressures = pd.DataFrame(
-        {"patch": ["a", "b", "c"], "x_mm": 1.0, "y_mm": 2.0, "in_study": True}
-    )
-    pressures["pressure_MPa"] = [0.0, 5.0, 1.0]
-    # a use that was read from the wear says nothing of its cause
-    pressures = pressures.assign(stated_MPa=[3.0, 0.0, 0.0], leave_one_out_MPa=7.0)
+    patches = pressures[["patch"]].assign(contact_fraction=0.1, predicted_loss_um=0.2)
     table = patch_statistics(patches, registration, pressures).set_index("patch")
     assert table.touched.to_dict() == {"a": 1.0, "b": 0.0}  # of c nothing is known
     assert table.pressure_MPa.tolist() == [3.0, 0.0]
