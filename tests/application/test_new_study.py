@@ -133,7 +133,7 @@ def test_scans_that_do_not_show_what_their_names_say_are_asked(lab):
     text, _, rows = new(lab)
     expected = [f"TODO {by_word(0, 1)}", f"TODO {by_word(1, 1)}", by_word(2, 1)]
     assert [t1 for _, _, t1 in scans_of(rows)] == expected
-    assert f"{by_word(0, 1)} shows the surface of {by_word(1, 0)}" in text
+    assert f"{by_word(0, 1)} does not show the surface of {by_word(0, 0)}" in text
 
 
 def test_the_stage_gives_the_distances_of_patches(lab):

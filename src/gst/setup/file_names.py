@@ -1,14 +1,14 @@
 """Names of scans as laboratories write them: the patch, before or after use, a repeat.
 
-A name has *chunks*, parted by blanks, signs, folders and capitals. Some are marks: words (before,
-vorher), epochs (T0, stage 2), amounts of use (2000 strokes, 2 h), dates, repeats. Scans whose names
-are alike without their marks are of one place. A name with two readings becomes a question.
+*Marks* are taken out of a name: words (before, vorher), epochs (T0, stage 2), amounts of use
+(2000 strokes, 2 h), dates, repeats. Scans whose names are alike without their marks are of one
+place. A name with two readings becomes a question.
 """
 
-import itertools
+import math
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import NamedTuple
@@ -28,18 +28,7 @@ _AFTER = (
     "depois usato usado"
 )
 _WORDS = dict.fromkeys(_BEFORE.split(), 0.0) | dict.fromkeys(_AFTER.split(), 1.0)
-_EPOCHS = {
-    "epoch",
-    "stage",
-    "state",
-    "phase",
-    "time",
-    "zeit",
-    "zustand",
-    "etat",
-    "fase",
-}
-# Each amount of use has its kind, and how many of the kind's unit it is.
+# Kinds of amounts of use, and how many of the kind's unit a word stands for.
 _AMOUNTS = {
     word: (kind, unit)
     for kind, unit, words in (
@@ -56,9 +45,18 @@ _AMOUNTS = {
     )
     for word in words.split()
 }
-_REPEAT = re.compile(
-    r"(?:rep|repeat|repeated|repetition|replicate|rescan|again|bis|dup|duplicate|wdh|wiederholung"
-    r"|ripetizione|repeticion|repeticao)(\d*)"
+# "H1" names a place rather than an hour.
+_LEADING = "|".join(word for word in _AMOUNTS if len(word) > 2)
+_MARK = re.compile(
+    rf"""(?<![^\W_]) (?:
+      (?P<word> {"|".join(_WORDS)})
+    | (?: t | (?: epoch|stage|state|phase|time|zeit|zustand|etat|fase) [\W_]*) (?P<epoch> \d+)
+    | (?P<amount> \d+) [\W_]* (?P<unit> {"|".join(_AMOUNTS)})
+    | (?P<leading> {_LEADING}) [\W_]* (?P<counted> \d+)
+    | (?: rep|repeat|repeated|repetition|replicate|rescan|again|bis|dup|duplicate|wdh|wiederholung
+        |ripetizione|repeticion|repeticao) (?P<repeat> \d*)
+    ) (?![^\W_])""",
+    re.IGNORECASE | re.VERBOSE,
 )
 # A date, and behind it perhaps a time of day. The order is that of the dates with the year first:
 # of the others, the day or the month may be the first number.
@@ -94,26 +92,39 @@ class _Name:
     """A name, taken apart."""
 
     name: str
-    chunks: list[str] = field(default_factory=list)  # without marks, as written
+    place: list[str] = field(default_factory=list)  # what is left without marks
     marks: dict[str, float] = field(default_factory=dict)  # rank by kind of mark
-    written: dict[str, str] = field(
-        default_factory=dict
-    )  # the text of each mark, likewise
+    texts: list[str] = field(default_factory=list)  # of the marks
     repeat: int | None = None  # 0 if it has no number
     day: str = ""  # the date, as digits that sort
-    is_twofold: bool = False  # two marks of one kind
-    rank: float = 0.0  # among all files, lower before higher
+    state: tuple[float, ...] = ()  # ranks of the kinds of marks that vary
+    rank: int = 0  # among all files, lower before higher
 
     @property
     def key(self) -> tuple[str, ...]:
-        """The chunks that name the place, without capitals and zeros before numbers."""
+        """The place without capitals and zeros before numbers."""
         return tuple(
-            re.sub(r"\d+", lambda n: str(int(n[0])), c.casefold()) for c in self.chunks
+            re.sub(r"\d+", lambda n: str(int(n[0])), part.casefold())
+            for part in self.place
         )
 
-    def mark(self, kind: str, rank: float, text: str) -> None:
-        self.is_twofold |= self.marks.get(kind, rank) != rank
-        self.marks[kind], self.written[kind] = rank, text
+    def mark(self, match: re.Match) -> str:
+        """Note a mark, and return what stands in its place."""
+        if match["repeat"] is not None:
+            self.repeat = int(match["repeat"] or 0)
+            return " "
+        if match["word"]:
+            kind, rank = "word", _WORDS[match["word"].casefold()]
+        elif match["epoch"]:
+            kind, rank = "epoch", float(match["epoch"])
+        else:
+            kind, unit = _AMOUNTS[(match["unit"] or match["leading"]).casefold()]
+            rank = unit * float(match["amount"] or match["counted"])
+        while kind in self.marks:
+            kind = f"another {kind}"
+        self.marks[kind] = rank
+        self.texts.append(match[0])
+        return " "
 
 
 def read_names(names: Iterable[str], pattern: str | None = None) -> Names:
@@ -132,22 +143,17 @@ def read_names(names: Iterable[str], pattern: str | None = None) -> Names:
     [Row(patch='1', t0='S1a.sur', t1='S1b.sur', repeat='')]
     """
     names = sorted(names)
-    files = (
-        _by_pattern(names, pattern)
-        if pattern
-        else [_taken_apart(name) for name in names]
-    )
-    epochs, questions = _rank(files)
-    earliest = min(file.rank for file in files)
+    files = _by_pattern(names, pattern) if pattern else [*map(_taken_apart, names)]
     places: dict[tuple[str, ...], list[_Name]] = {}
     for file in files:
         places.setdefault(file.key, []).append(file)
+    epochs, questions = _rank(files, places.values())
+    earliest = min(file.rank for file in files)
     rows, left = [], []
     patches = _patch_names([place[0] for place in places.values()])
     for patch, place in zip(patches, places.values(), strict=True):
         scans, rest = _scans_of(place, earliest)
-        t0, t1, _ = scans
-        questions += _doubts(t0, t1, rest, places)
+        questions += _doubts(scans, rest, places)
         rows.append(Row(patch, *(file.name if file else "" for file in scans)))
         left += [file.name for file in rest]
     rows.sort(key=lambda row: natural(row.patch))
@@ -163,20 +169,16 @@ def _by_pattern(names: Sequence[str], pattern: str) -> list[_Name]:
     for name in names:
         match = re.fullmatch(form, str(PurePosixPath(name).with_suffix("")))
         if match is None or len(match.groupdict()) < 2:
-            raise InputError(
-                name,
-                f"does not have the form {pattern}",
-                "Correct --names, or rename it.",
-            )
-        files.append((name, match["patch"], match["epoch"]))
+            problem = f"does not have the form {pattern}"
+            raise InputError(name, problem, "Correct --names, or rename it.")
+        files.append(_Name(name, [match["patch"]], texts=[match["epoch"]]))
     epochs = sorted(
-        {epoch for *_, epoch in files},
+        {file.texts[0] for file in files},
         key=lambda epoch: (_WORDS.get(epoch.casefold(), 0.0), natural(epoch)),
     )
-    return [
-        _Name(name, [patch], {"epoch": float(epochs.index(epoch))}, {"epoch": epoch})
-        for name, patch, epoch in files
-    ]
+    for file in files:
+        file.marks["epoch"] = float(epochs.index(file.texts[0]))
+    return files
 
 
 def _taken_apart(name: str) -> _Name:
@@ -190,128 +192,68 @@ def _taken_apart(name: str) -> _Name:
         file.day = "".join(date.group("y", "m", "d")) if date["y"] else ""
         plain = f"{plain[: date.start()]} {plain[date.end() :]}"
     parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", plain)
-    chunks = re.findall(r"[^\W_]+", parted)
-    while chunks:
-        if _is_mark(file, "".join(chunks[:2]).casefold(), is_joined=True):
-            del chunks[:2]
-        elif _is_mark(file, chunks[0].casefold()):
-            del chunks[0]
-        else:
-            file.chunks.append(chunks.pop(0))
+    file.place = re.findall(r"[^\W_]+", _MARK.sub(file.mark, parted))
     return file
 
 
-def _is_mark(file: _Name, chunk: str, *, is_joined: bool = False) -> bool:
-    """Whether a chunk, or two of them joined, is a mark, which is then noted.
-
-    Joined are only a number and its unit, in whatever order.
-    """
-    amount = re.fullmatch(r"(\d+)([a-z]+)|([a-z]+)(\d+)", chunk)
-    if amount:
-        number, word = sorted(
-            filter(None, amount.groups())
-        )  # digits come before letters
-        if word in _AMOUNTS:
-            kind, unit = _AMOUNTS[word]
-            file.mark(kind, unit * float(number), chunk)
-            return True
-        if word in _EPOCHS or (word == "t" and not is_joined and chunk[0] == "t"):
-            file.mark("epoch", float(number), chunk)
-            return True
-    if is_joined:
-        return False
-    if chunk in _WORDS:
-        file.mark("word", _WORDS[chunk], chunk)
-        return True
-    repeat = _REPEAT.fullmatch(chunk)
-    if repeat:
-        file.repeat = int(repeat[1] or 0)
-    return repeat is not None
-
-
-def _rank(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
+def _rank(
+    files: Sequence[_Name], places: Collection[Sequence[_Name]]
+) -> tuple[tuple[str, str], list[str]]:
     """Give each file its rank. Returns the marks of earlier and later ones, and questions."""
-    questions = [
-        f"{file.name} has two marks of use that disagree"
-        for file in files
-        if file.is_twofold
-    ]
     # a repeat does not need an epoch
     scans = [file for file in files if file.repeat is None] or files
-    kinds = sorted({kind for file in files for kind in file.marks})
-    vary = [kind for kind in kinds if len({file.marks.get(kind) for file in scans}) > 1]
-    if not vary:
-        epochs, more = _rank_alike(files)
-        return epochs, questions + more
-    ranked = [_complete(kind, files, scans) for kind in vary]
-    complete = [ranks for ranks in ranked if ranks]
-    if complete:
-        for file, rank in zip(files, complete[0], strict=True):
-            file.rank = rank
-    if len(complete) < len(vary):
-        questions.append("some names contain the time of the scan, and others do not")
-    elif any(not _agree(complete[0], other) for other in complete[1:]):
-        shown = ", ".join(
-            sorted({f.written[k] for f in files for k in vary if k in f.marks})
+    kinds = sorted({kind for scan in scans for kind in scan.marks})
+    ranks = {kind: {scan.marks.get(kind) for scan in scans} for kind in kinds}
+    varying = [kind for kind in kinds if len(ranks[kind]) > 1]
+    if not varying:
+        return _rank_by_days(scans[0], places)
+    absent, earliest = {}, {}
+    for kind in varying:
+        present = [rank for rank in ranks[kind] if rank is not None]
+        # scans without the mark have the other epoch, and a repeat has the earliest
+        absent[kind] = -1.0 if min(present) > 0 else math.inf
+        earliest[kind] = min(
+            absent[kind] if None in ranks[kind] else math.inf, *present
         )
+    texts: dict[tuple[float, ...], str] = {}
+    for file in files:
+        marks = (absent if file.repeat is None else earliest) | file.marks
+        state = tuple(marks[kind] for kind in varying)
+        texts.setdefault(state, ", ".join(file.texts) or "without it")
+        file.state = state
+    states = sorted(texts)
+    for file in files:
+        file.rank = states.index(file.state)
+    shown = [f'"{texts[state]}"' for state in states]
+    questions = []
+    if len(states) > 2:
+        listed = ", ".join(shown)
         questions.append(
-            f"the names have several marks that do not agree in order ({shown})"
+            f"there are {len(states)} states ({listed}), and a study compares two"
         )
-    told = {
-        file.rank: file.written.get(vary[0], "without it") for file in reversed(files)
-    }
-    if len(told) > 2:
-        states = ", ".join(told[rank] for rank in sorted(told))
-        questions.append(
-            f"there are {len(told)} states ({states}), and a study compares two"
-        )
-    return (f'"{told[min(told)]}"', f'"{told[max(told)]}"'), questions
+    elif any(one > other for one, other in zip(*states, strict=True)):
+        questions.append(f"the marks do not agree in order ({' and '.join(shown)})")
+    return (shown[0], shown[-1]), questions
 
 
-def _rank_alike(files: Sequence[_Name]) -> tuple[tuple[str, str], list[str]]:
+def _rank_by_days(
+    first: _Name, places: Collection[Sequence[_Name]]
+) -> tuple[tuple[str, str], list[str]]:
     """`_rank` of names with no marks that differ: all of one epoch, or distinguished by dates."""
-    first = files[0]
-    kinds = sorted(first.marks)
-    for kind in kinds:
-        if first.marks[kind] == 0:
-            return (f'"{first.written[kind]}"', ""), []
-    if kinds:
-        text = f"all names contain '{first.written[kinds[0]]}', so no scan before use is named"
-        return ("", ""), [f"{text}: please enter t0"]
-    days: dict[tuple[str, ...], list[str]] = {}
-    for file in files:
-        days.setdefault(file.key, []).append(file.day)
-    if any(len(own) != 2 or len({*own} - {""}) != 2 for own in days.values()):
-        text = (
-            "the names do not show which scan was made before use and which after use"
-        )
-        return ("", ""), [text]
-    for file in files:
-        file.rank = float(file.day == max(days[file.key]))
+    if first.marks:
+        text = ", ".join(first.texts)
+        if not any(first.marks.values()):
+            return (f'"{text}"', ""), []
+        problem = f"all names contain '{text}', so no scan before use is named"
+        return ("", ""), [f"{problem}: please enter t0"]
+    for place in places:
+        days = sorted(file.day for file in place)
+        if len(days) != 2 or not "" < days[0] < days[1]:
+            text = "the names do not show which scan was made before use and which after use"
+            return ("", ""), [text]
+        for file in place:
+            file.rank = days.index(file.day)
     return ("the earlier date", "the later one"), []
-
-
-def _complete(
-    kind: str, files: Sequence[_Name], scans: Sequence[_Name]
-) -> list[float] | None:
-    """The ranks of all files by a kind of mark; None if those without it could be either."""
-    ranks = [file.marks[kind] for file in files if kind in file.marks]
-    is_open = any(kind not in file.marks for file in scans)
-    if is_open and len({*ranks}) > 1:
-        return None
-    # scans without the mark have the other epoch, and a repeat has the earliest
-    earliest = min(ranks)
-    other = earliest - 1 if earliest > 0 else max(ranks) + 1
-    return [
-        file.marks.get(kind, other if is_open or file.repeat is None else earliest)
-        for file in files
-    ]
-
-
-def _agree(one: Sequence[float], other: Sequence[float]) -> bool:
-    """Whether two ranks of the same files have the same order, and the same ties."""
-    pairs = sorted({*zip(one, other, strict=True)})
-    return all(a < c and b < d for (a, b), (c, d) in itertools.pairwise(pairs))
 
 
 def _scans_of(
@@ -329,21 +271,17 @@ def _scans_of(
 
 
 def _doubts(
-    t0: _Name | None,
-    t1: _Name | None,
+    scans: Sequence[_Name | None],
     rest: Sequence[_Name],
     keys: Iterable[tuple[str, ...]],
 ) -> Iterator[str]:
     """Questions of one place: whether all of its scans are there, no others, and in order."""
+    t0, t1, _ = scans
     if t1 and not t0:
         yield f"{t1.name} was scanned after use, and no scan before use is named like it"
     for file in rest:
-        for scan in filter(None, (t0, t1)):
-            # a further repeat is of no use, and no other place
-            is_second = file.repeat is not None and scan is not t0
-            if file.rank == scan.rank and not is_second:
-                text = f"{file.name} is named like {scan.name}"
-                yield f"{text}, and only one of the two is in the table"
+        if file.repeat is None:  # a further repeat is of no use, and no other place
+            yield f"{file.name} is named like other scans, and is not in the table"
     if t0 and not t1 and any({*key} < {*t0.key} for key in keys):
         yield f"{t0.name} may be a patch of its own, or a repeat of another scan"
     if t0 and t1 and t0.day > t1.day > "":
@@ -358,9 +296,7 @@ def _patch_names(files: Sequence[_Name]) -> list[str]:
     for file in files:
         parts = [
             written
-            for n, (chunk, written) in enumerate(
-                zip(file.key, file.chunks, strict=True)
-            )
+            for n, (chunk, written) in enumerate(zip(file.key, file.place, strict=True))
             if any(chunk != key[n] if are_as_long else chunk not in key for key in keys)
         ]
         patches.append(re.sub(r"[^A-Za-z0-9-]", "", "-".join(parts)))

@@ -28,9 +28,9 @@ __all__ = [
     "corners_of",
     "described",
     "located",
-    "on_square",
     "seen_in",
     "snapped",
+    "square_around",
 ]
 
 # The stage's zero is anywhere, and files do not contain the direction of its axes.
@@ -54,14 +54,8 @@ class Matches(NamedTuple):
         """The scans that are found."""
         return {name: match for name, match in self.scans.items() if match.is_found}
 
-    @property
-    def error_um(self) -> float:
-        """Root mean square of the errors of those that are found."""
-        squares = [match.error_mm**2 for match in self.placed.values()]
-        return 1e3 * math.sqrt(np.mean(squares))
 
-
-def stage_readings(stages: Sequence[tuple[float, float]]) -> np.ndarray:
+def _stage_readings(stages: Sequence[tuple[float, float]]) -> np.ndarray:
     """Offsets (k, n, 2) along y and x of scans from their middle, as the stage may mean them."""
     offsets = np.asarray(stages)[:, ::-1]
     return np.array([(offsets - offsets.mean(axis=0)) * signs for signs in _DIRECTIONS])
@@ -75,7 +69,7 @@ def located(
     stages: Sequence[tuple[float, float]] | None,
 ) -> Matches:
     """Find scans (y, x) on a stone (mm), with an overview or with places (x, y) from the stage."""
-    readings = None if stages is None else stage_readings(stages)
+    readings = None if stages is None else _stage_readings(stages)
     if overview is not None:
         lying = find_on_stone(mesh, [overview], np.zeros((1, 1, 2)))
     elif readings is not None:
@@ -108,26 +102,27 @@ def _laid_alike(matches: dict[str, Match]) -> dict[str, Match]:
     }
 
 
-def on_square(
+def square_around(
     matches: Matches, *, side_mm: float, least_mm: float
-) -> tuple[Frame, float, dict[str, PatchPosition]]:
-    """A square around the scans that are found: its frame, its side, and their places on it.
+) -> tuple[Frame, float]:
+    """A square around the scans that are found: its frame and its side.
 
     Its side is `least_mm`, or more if the scans, with a side of `side_mm`, need it.
     """
     assert matches.frame is not None
-    at = np.array([match.place[:2] for match in matches.placed.values()])
-    span = float(np.ptp(at, axis=0).max()) + math.sqrt(2) * side_mm
+    centres = np.array([match.place[:2] for match in matches.placed.values()])
+    span = float(np.ptp(centres, axis=0).max()) + math.sqrt(2) * side_mm
     size_mm = max(least_mm, math.ceil(2 * span) / 2)  # in halves of a millimetre
-    middle = (at.min(axis=0) + at.max(axis=0)) / 2
-    y, x = middle - size_mm / 2
-    x_axis, y_axis, _ = matches.frame.axes
-    origin = np.asarray(matches.frame.origin) + x * x_axis + y * y_axis
-    places = {}
-    for name, match in matches.placed.items():
-        y_mm, x_mm, turn = match.place
-        places[name] = PatchPosition(y_mm - y, x_mm - x, turn)
-    return replace(matches.frame, origin=origin), size_mm, places
+    middle = (centres.min(axis=0) + centres.max(axis=0)) / 2
+    corner = middle - size_mm / 2
+    return replace(matches.frame, origin=_on_stone(matches.frame, *corner)), size_mm
+
+
+def _on_stone(frame: Frame, y_mm: float, x_mm: float) -> np.ndarray:
+    """A point of a frame's plane in the coordinates of the mesh."""
+    x_axis, y_axis, _ = frame.axes
+    point: np.ndarray = np.asarray(frame.origin) + x_mm * x_axis + y_mm * y_axis
+    return point
 
 
 def snapped(
@@ -156,27 +151,22 @@ def snapped(
 
 
 def seen_in(frame: Frame, matches: Matches) -> dict[str, PatchPosition]:
-    """Positions of the scans that are found, on another square."""
+    """Positions of the scans that are found, on a square."""
     assert matches.frame is not None
-    x_axis, y_axis, _ = matches.frame.axes
-    along = frame.axes[:2] @ x_axis
+    along = frame.axes[:2] @ matches.frame.axes[0]
     turn = math.degrees(math.atan2(along[1], along[0]))
     places = {}
     for name, match in matches.placed.items():
         y, x, own = match.place
-        ((u, v, _),) = frame.to_frame(
-            np.array([matches.frame.origin + x * x_axis + y * y_axis])
-        )
+        ((u, v, _),) = frame.to_frame(_on_stone(matches.frame, y, x)[np.newaxis])
         places[name] = PatchPosition(float(v), float(u), wrapped(own + turn))
     return places
 
 
 def corners_of(frame: Frame, size_mm: float) -> list[list[float]]:
     """The reference corner of a square and the ends of its x and y, for the config."""
-    x_axis, y_axis, _ = frame.axes
-    origin = np.asarray(frame.origin)
-    corners = origin, origin + size_mm * x_axis, origin + size_mm * y_axis
-    return [np.round(corner, 4).tolist() for corner in corners]
+    ends = (0, 0), (0, size_mm), (size_mm, 0)
+    return [np.round(_on_stone(frame, *end), 4).tolist() for end in ends]
 
 
 def described(match: Match) -> str:

@@ -20,12 +20,12 @@ from gst.setup.place_matching import (
     corners_of,
     described,
     located,
-    on_square,
     seen_in,
     snapped,
+    square_around,
 )
 from gst.setup.place_state import DECIMALS, mesh_of, rows_of, unless_to_do, version_of
-from gst.setup.scan_folder import OVERVIEW, scans_in
+from gst.setup.scan_folder import OVERVIEW, Scan, scans_in
 from gstlib.errors import ConfigError, GstError, InputError, accepting, concerning
 from gstlib.io.scans import read_scan
 from gstlib.io.stage import stage_of
@@ -34,7 +34,7 @@ from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import coarser, spacing_of
 
-__all__ = ["find_places", "has_stage", "picture_of"]
+__all__ = ["find_places", "has_stage", "picture_of", "stages_of"]
 
 # Points along the side of a picture, and the light on it, as `viewer.js` has it at first.
 _PICTURE_POINTS = 160
@@ -44,13 +44,13 @@ _AZIMUTH, _ALTITUDE = 315, 45
 _MOSTLY_HOLES = 0.9
 
 
-def find_places(path: Path) -> dict[str, Any]:
+def find_places(path: Path, overview: Path | None = None) -> dict[str, Any]:
     """Positions of the scans on the stone by their heights, to be shown; nothing is written.
 
-    On an overview map in the scans' folder, or tied together by the stage; otherwise near the
-    places that the table has. The result has the ``square`` and the ``places`` that were found
-    (``patch, x_mm, y_mm, rotation_deg``); a sentence on each patch (``fits``) and on ``all``; and
-    the ``answers`` that follow from the orientation of the scans.
+    On an overview map, by default the largest in the scans' folder, or tied together by the stage;
+    otherwise near the places that the table has. The result has the ``square`` and the ``places``
+    that were found (``patch, x_mm, y_mm, rotation_deg``); a sentence on each patch (``fits``) and
+    on ``all``; and the ``answers`` that follow from the orientation of the scans.
     """
     config = read_unfinished(path)
     rows, _ = rows_of(config)
@@ -58,44 +58,40 @@ def find_places(path: Path) -> dict[str, Any]:
     heights = {patch: scan.heights for patch, scan in scans.items()}
     mesh, size_mm = mesh_of(path), config["square"]["size_mm"]
     laid = unless_to_do(config["square"]["points_mm"])
-    overview = _overview_of(config, [*rows.t0, *rows.t1, *rows["repeat"]])
-    by_heights = located(
-        mesh, heights, overview=overview, stages=_stages([*scans.values()])
+    used = [*rows.t0, *rows.t1, *rows["repeat"]]
+    matches = located(
+        mesh,
+        heights,
+        overview=_overview_of(config, used, overview),
+        stages=stages_of([*scans.values()]),
     )
-    matches, problem = by_heights.scans, ""
-    if by_heights.placed:
-        side_mm = config["scans"]["size_mm"]
-        frame, around_mm, places = on_square(
-            by_heights, side_mm=side_mm, least_mm=size_mm
-        )
+    each, problem = matches.scans, ""
+    if matches.placed:
         if laid is None:
-            laid, size_mm = corners_of(frame, around_mm), around_mm
-        else:
-            places = seen_in(frame_from_points(laid), by_heights)
+            frame, size_mm = square_around(
+                matches, side_mm=config["scans"]["size_mm"], least_mm=size_mm
+            )
+            laid = corners_of(frame, size_mm)
+        places = seen_in(frame_from_points(laid), matches)
     else:
         hand = rows.dropna(subset=["x_mm", "y_mm"])
         if laid is None or hand.empty:
-            raise ConfigError(
-                path,
-                _nothing_found(by_heights),
-                "Place the square, and drag the scans to it.",
-            )
+            remedy = "Place the square, and drag the scans to it."
+            raise ConfigError(path, _nothing_found(matches), remedy)
         frame = frame_from_points(laid)
         try:
-            matches = snapped(mesh, frame, size_mm, heights, places_of(hand))
+            each = snapped(mesh, frame, size_mm, heights, places_of(hand))
         except ValueError as error:
-            matches, problem = {}, f"the mesh is too coarse: {error}"
-        places = {
-            patch: match.place for patch, match in matches.items() if match.is_found
-        }
-    answers, turn = _of_matches(config, matches, places)
+            problem = f"the mesh is too coarse: {error}"
+        places = {name: match.place for name, match in each.items() if match.is_found}
+    answers, turn = _of_matches(config, each, places)
     return {
         "square": {"points_mm": laid, "size_mm": size_mm},
         "places": [
             {"patch": patch} | _shown(place, turn) for patch, place in places.items()
         ],
-        "fits": {patch: described(match) for patch, match in matches.items()},
-        "all": problem or _how_many(len(places), len(rows), matches),
+        "fits": {patch: described(match) for patch, match in each.items()},
+        "all": problem or _how_many(len(places), len(rows), each),
         "answers": answers,
     }
 
@@ -145,8 +141,8 @@ def _of_matches(
     errors_mm = [matches[patch].error_mm for patch in places]
     error_um = math.ceil(1e3 * math.sqrt(np.mean(np.square(errors_mm))))
     values: dict[str, Any] = {"uncertainty.placement_um": error_um}
-    if match.inverted:
-        values["scans.mould.invert"] = not mould["invert"]
+    if match.inverted or is_to_do(mould["invert"]):
+        values["scans.mould.invert"] = match.inverted != (mould["invert"] is True)
     if not match.mirrored:
         return values, 0.0
     # a map that is reversed along y is that reversed along x, and turned by 180 degrees
@@ -160,31 +156,46 @@ def _of_matches(
     return values, turn
 
 
-def _overview_of(config: Mapping, used: Sequence[str]) -> xr.DataArray | None:
-    """The heights of the largest map in the scans' folder that is no patch's and holds several."""
+def _overview_of(
+    config: Mapping, used: Sequence[str], overview: Path | None
+) -> xr.DataArray | None:
+    """The heights of an overview: the given map, or the largest in the scans' folder.
+
+    The largest counts if no patch uses it and it holds several patches.
+    """
     scans = config["scans"]
-    best = max(_maps(config, used), key=_side_of, default=None)
-    if best is None or _side_of(best) <= OVERVIEW * scans["size_mm"]:
-        return None
+    grid = {name: scans[name] for name in ("unit", "spacing_um")}
+    if overview is not None:
+        best = read_scan(overview, **grid)
+    else:
+        maps = _maps(Path(config["inputs"]["scan_folder"]), used, grid)
+        side_mm, best = max(maps, key=lambda each: each[0], default=(0.0, None))
+        if best is None or side_mm <= OVERVIEW * scans["size_mm"]:
+            return None
     best = coarser(best, max(1, min(best.shape) // _MATCHED_POINTS))
-    invert, flip = bool(scans["mould"]["invert"]), scans["mould"]["flip"]
-    return prepare_scan(
-        best, mould_invert=invert, mould_flip=flip, maximum_unmeasured=_MOSTLY_HOLES
-    ).height
+    return _prepared(best, scans["mould"])
 
 
-def _maps(config: Mapping, used: Sequence[str]) -> Iterator[xr.DataArray]:
+def _maps(
+    folder: Path, used: Sequence[str], grid: Mapping
+) -> Iterator[tuple[float, xr.DataArray]]:
     """The maps that can be read and are no patch's, one at a time: each may be large."""
-    root, paths, _ = scans_in([Path(config["inputs"]["scan_folder"])])
-    unit, spacing_um = config["scans"]["unit"], config["scans"]["spacing_um"]
+    root, paths, _ = scans_in([folder])
     for path in paths:
         if path.relative_to(root).as_posix() not in used:
             with contextlib.suppress(GstError):
-                yield read_scan(path, unit=unit, spacing_um=spacing_um)
+                scan = read_scan(path, **grid)
+                yield min(sides_of(scan)), scan
 
 
-def _side_of(scan: xr.DataArray) -> float:
-    return min(sides_of(scan))
+def _prepared(surface: xr.DataArray, mould: Mapping) -> xr.DataArray:
+    """The heights of the stone. A mould that is still to be confirmed counts as none."""
+    return prepare_scan(
+        surface,
+        mould_invert=mould["invert"] is True,
+        mould_flip=mould["flip"],
+        maximum_unmeasured=_MOSTLY_HOLES,
+    ).height
 
 
 class _Scan(NamedTuple):
@@ -203,10 +214,10 @@ def picture_of(path: Path, number: int) -> bytes:
 def has_stage(path: Path) -> bool:
     """Whether every scan has a place from the stage, each another."""
     rows, has_scans = rows_of(read_unfinished(path))
-    return has_scans and _stages(_scans_of(path, [*rows.index])) is not None
+    return has_scans and stages_of(_scans_of(path, [*rows.index])) is not None
 
 
-def _stages(scans: Sequence[_Scan]) -> list[tuple[float, float]] | None:
+def stages_of(scans: Sequence["_Scan | Scan"]) -> list[tuple[float, float]] | None:
     """The stage's places; None unless it has one for each of several scans, each another."""
     stages = [scan.stage_mm for scan in scans if scan.stage_mm is not None]
     return stages if 1 < len({*stages}) == len(scans) else None
@@ -222,6 +233,9 @@ def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
         )
     folder, settings = Path(scan_folder).resolve(), config["scans"]
     grid = settings["size_mm"], settings["unit"], settings["spacing_um"]
+    if any(map(is_to_do, grid)):
+        problem = "does not state unit, spacing and side of the scans"
+        raise ConfigError(path, problem, "Answer the open questions.")
     scans = []
     for number in numbers:
         if number not in rows.index or not rows.t0[number]:
@@ -231,13 +245,9 @@ def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
             raise InputError(file, f"lies outside {folder}", "Correct the patch table.")
         row = rows.loc[number]
         mould = mould_of(settings["mould"], row.flip)
-        if left := [value for value in (*grid, mould["invert"]) if is_to_do(value)]:
-            raise ConfigError(
-                path, f"still has {left} in scans", "Answer the open questions."
-            )
-        mirrored = bool(mould["invert"]), mould["flip"]
+        orientation = mould["invert"], mould["flip"]
         with accepting(config["accept"]), concerning([row.patch]):
-            scans.append(_scan(file, grid, mirrored, crop_of(row), version_of(file)))
+            scans.append(_scan(file, grid, orientation, crop_of(row), version_of(file)))
     return scans
 
 
@@ -245,7 +255,7 @@ def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
 def _scan(
     file: Path,
     settings: tuple[float, str | None, float | None],
-    mould: tuple[bool, str | None],
+    orientation: tuple[bool | str, str | None],
     crop: tuple[float, float] | None,
     _version: object,
 ) -> _Scan:
@@ -253,17 +263,15 @@ def _scan(
     from matplotlib.image import imsave
 
     size_mm, unit, spacing_um = settings
-    invert, flip = mould
+    invert, flip = orientation
     raw = read_scan(file, unit=unit, spacing_um=spacing_um)
     piece = cut_patch(raw, crop=crop, size_mm=size_mm, mould_flip=flip)
     piece = coarser(piece, max(1, math.ceil(min(piece.shape) / _PICTURE_POINTS)))
-    prepared = prepare_scan(
-        piece, mould_invert=invert, mould_flip=flip, maximum_unmeasured=_MOSTLY_HOLES
-    )
+    heights = _prepared(piece, {"invert": invert, "flip": flip})
     step_y, step_x = spacing_of(piece)
     light = LightSource(azdeg=_AZIMUTH, altdeg=_ALTITUDE)
     # a picture begins with its top row
-    shade = light.hillshade(np.flipud(prepared.height.values), dx=step_x, dy=step_y)
+    shade = light.hillshade(np.flipud(heights.values), dx=step_x, dy=step_y)
     content = io.BytesIO()
     imsave(content, shade, cmap="gray", vmin=0, vmax=1, format="png")
-    return _Scan(content.getvalue(), stage_of(raw), prepared.height)
+    return _Scan(content.getvalue(), stage_of(raw), heights)

@@ -4,13 +4,11 @@ Names decide (`gst.setup.file_names`), and heights confirm. Where the two disagr
 two readings, a cell of the patch table begins with `TODO` and the likely value follows.
 """
 
-import functools
 import logging
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,26 +28,16 @@ from gstlib.io.text import SCAN_UNITS
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.grid import coarser, spacing_of
 
-__all__ = [
-    "OTHER_SPACING",
-    "OVERVIEW",
-    "Pairs",
-    "Scan",
-    "pair_scans",
-    "read_scans",
-    "scans_in",
-]
+__all__ = ["OVERVIEW", "Pairs", "Scan", "pair_scans", "read_scans", "scans_in"]
 
 # Points along a scan that is compared with others, and points that make a loss.
 _COARSE, _SPOT = 128, 2
 # Fields (mm) that a scan of a patch or an overview can have: they determine the unit of text.
 _FIELDS = 0.05, 30.0
-# Scans with which one that does not fit its own is compared: each takes a tenth of a second or two.
-_MOST_OTHERS = 40
-_NOT_FOUND = "; not found by heights"
-OTHER_SPACING, _NO_SPACING = (
-    "; not compared: another spacing",
-    "; not compared: which spacing?",
+_OTHER_SPACING = "; not compared: another spacing"
+_SCAN_ALIKE = (
+    "scans before and after use differ in spacing and cannot be compared: scan both with the same "
+    "objective, or resample one in your instrument's software"
 )
 # Spacings that differ by less (a share) are one.
 _SAME_SPACING = 1e-3
@@ -61,7 +49,6 @@ OVERVIEW = 1.8
 class Scan:
     """The content of a file."""
 
-    path: Path
     name: str  # its path in the folder of all scans, with ``/``
     # Its unit if the file does not state it, or `TODO` if it cannot be inferred; None if it does.
     unit: str | None
@@ -119,7 +106,6 @@ def _read(root: Path, path: Path) -> Scan:
     except InputError as error:
         surface, unit = _in_likely_unit(path, error)
     return Scan(
-        path=path,
         name=path.relative_to(root).as_posix(),
         unit=unit,
         size_mm=sides_of(surface),
@@ -175,74 +161,87 @@ class Pairs(NamedTuple):
     # text that begins with `TODO`.
     invert: bool | str
     mould: str  # the evidence for it, or that there is none
+    before: dict[str, Scan]  # the scan of each patch before use, if it has one
     left: list[str]  # names of scans that are in no row
     overviews: list[Scan]  # maps of several places
 
 
-class _Compared(NamedTuple):
-    """Whether a scan is found on another, and the shares of it that fell and rose."""
+class _Pair:
+    """Two scans that are named as of one place, and the change of their heights."""
 
-    is_found: bool
-    loss: float = 0.0
-    gain: float = 0.0
+    def __init__(self, before: Scan, after: Scan):
+        self.dates = before.acquired, after.acquired
+        self.is_found = self.fell = self.rose = False
+        spacings = max(before.spacing_mm), max(after.spacing_mm)
+        self.obstacle = ""  # to a comparison of their heights
+        if (before.unit == TODO) != (after.unit == TODO):
+            self.obstacle = "; not compared: which spacing?"
+        elif max(spacings) > (1 + _SAME_SPACING) * min(spacings):
+            self.obstacle = _OTHER_SPACING
+        else:
+            self._compare(before, after)
 
-
-class _Comparisons:
-    """Which scans show one place: each two are compared once."""
-
-    def __init__(self, scans: Iterable[Scan]):
-        self.scans = {scan.name: scan for scan in scans}
-        self.match = functools.cache(self._compare)
-        self._shift_mm: float = complete({})["registration"]["maximum_shift_mm"]
-
-    def _compare(self, before: str, after: str) -> _Compared:
-        scans = self.scans[before], self.scans[after]
-        steps = [spacing_of(scan.coarse)[1] for scan in scans]
+    def _compare(self, before: Scan, after: Scan) -> None:
+        steps = [spacing_of(scan.coarse)[1] for scan in (before, after)]
         # a larger map may have been made coarser, by powers of two
         pair = [
             scan.prepared(round(max(steps) / step))
-            for scan, step in zip(scans, steps, strict=True)
+            for scan, step in zip((before, after), steps, strict=True)
         ]
+        shift_mm: float = complete({})["registration"]["maximum_shift_mm"]
         try:
             registration, change = measured_change(
-                *pair, maximum_shift_mm=self._shift_mm, minimum_cluster_points=_SPOT
+                *pair, maximum_shift_mm=shift_mm, minimum_cluster_points=_SPOT
             )
-        except InputError:  # another spacing, or other heights
-            return _Compared(False)
-        if not registration.is_reliable:
-            return _Compared(False)
-        changed = wear_summary(change)
-        return _Compared(True, changed["loss_fraction"], changed["gain_fraction"])
-
-    def can(self, before: str, after: str) -> bool:
-        """Whether the heights of two scans can be compared: on one spacing alone."""
-        steps = [max(self.scans[name].spacing_mm) for name in (before, after)]
-        return max(steps) <= (1 + _SAME_SPACING) * min(steps)
+        except InputError:  # other heights
+            return
+        self.is_found = bool(registration.is_reliable)
+        if self.is_found:
+            shares = wear_summary(change)
+            loss, gain = shares["loss_fraction"], shares["gain_fraction"]
+            self.fell = bool(is_more(loss, gain))
+            self.rose = bool(is_more(gain, loss))
 
 
 def pair_scans(scans: Sequence[Scan], pattern: str | None = None) -> Pairs:
     """Which scans belong together, and which was made first, by names that heights confirm."""
     overviews = _overviews(scans)
-    compared = _Comparisons(scan for scan in scans if scan not in overviews)
-    names = read_names(compared.scans, pattern)
-    confirmed = [_confirmed(row, names.rows, compared) for row in names.rows]
-    order = _Order.counted(
-        [(row.t0, row.t1) for row in names.rows if row.t0 and row.t1], compared
+    by_name = {scan.name: scan for scan in scans if scan not in overviews}
+    names = read_names(by_name, pattern)
+    pairs, repeats = (
+        {
+            row.patch: _Pair(by_name[row.t0], by_name[getattr(row, column)])
+            for row in names.rows
+            if row.t0 and getattr(row, column)
+        }
+        for column in ("t1", "repeat")
     )
-    earlier, questions = order.of_epochs(names.epochs)
-    questions = [*names.questions, *questions]
-    rows = [
-        row._replace(t0=row.t0 or TODO, t1=_doubtful(row.t1)) if questions else row
-        for row, _, _ in confirmed
-    ]
+    order = _Order([*pairs.values()])
+    questions = [*names.questions, *order.questions()]
+    rows, evidence, doubts = [], [], []
+    for row in names.rows:
+        pair, repeat = pairs.get(row.patch), repeats.get(row.patch)
+        column, why = _confirmed(row, pair, repeat, is_alone=not order.found)
+        evidence.append("by name" if column else f"by name{why}")
+        if column:
+            row = row._replace(**{column: _doubtful(getattr(row, column))})
+            doubts.append(why)
+        if questions:
+            row = row._replace(t0=row.t0 or TODO, t1=_doubtful(row.t1))
+        rows.append(row)
+    if any(pair.obstacle == _OTHER_SPACING for pair in pairs.values()):
+        doubts.append(_SCAN_ALIKE)
+    invert, mould = order.moulds(is_told=any(names.epochs))
     return Pairs(
-        rows,
-        [f"by name{evidence}" for _, evidence, _ in confirmed],
-        earlier,
-        [*questions, *(doubt for _, _, doubt in confirmed if doubt)],
-        *order.of_moulds(is_told=any(names.epochs)),
-        names.left,
-        overviews,
+        rows=rows,
+        evidence=evidence,
+        earlier=order.earlier(names.epochs),
+        questions=questions + doubts,
+        invert=invert,
+        mould=mould,
+        before={row.patch: by_name[row.t0] for row in names.rows if row.t0},
+        left=names.left,
+        overviews=overviews,
     )
 
 
@@ -259,93 +258,66 @@ def _overviews(scans: Sequence[Scan]) -> list[Scan]:
 
 
 def _confirmed(
-    row: Row, rows: Sequence[Row], compared: _Comparisons
-) -> tuple[Row, str, str]:
-    """A row with its doubtful cells, the evidence of its heights, and a question."""
-    _, t0, t1, again = row
-    if again and not compared.match(t0, again).is_found:
-        text = f"{again} is named as a repeat of {t0}, but does not show its surface"
-        return row._replace(repeat=_doubtful(again)), "", text
-    if not (t0 and t1):
-        return row, " and heights" * bool(again), ""
-    if (
-        len({compared.scans[name].unit == TODO for name in (t0, t1)}) > 1
-    ):  # both may be alike
-        return row, _NO_SPACING, ""
-    if not compared.can(t0, t1):
-        return row, OTHER_SPACING, ""
-    if compared.match(t0, t1).is_found:
-        return row, " and heights", ""
-    others = (other.t0 for other in rows if other.t0 not in ("", t0))
-    other = next(
-        (o for o in islice(others, _MOST_OTHERS) if compared.match(o, t1).is_found), ""
-    )
-    if not other:
-        return row, _NOT_FOUND, ""
-    text = f"{t1} shows the surface of {other}, but is named like {t0}"
-    return row._replace(t1=_doubtful(t1)), "", text
+    row: Row, pair: _Pair | None, repeat: _Pair | None, *, is_alone: bool
+) -> tuple[str, str]:
+    """The doubtful column of a row with the reason, or none with the evidence of its heights.
 
-
-class _Order(NamedTuple):
-    """Numbers of pairs that support or contradict the order of t0 and t1."""
-
-    pairs: int
-    compared: int  # pairs whose heights can be compared
-    matched: int  # pairs of scans that are found on each other by their heights
-    fell: int  # pairs whose heights clearly fell from t0 to t1
-    rose: int
-    dated: int  # pairs whose files have two dates
-    backwards: int  # of these, with the later one at t0
-
-    @classmethod
-    def counted(
-        cls, pairs: Sequence[tuple[str, str]], compared: _Comparisons
-    ) -> "_Order":
-        matches = [each for pair in pairs if (each := compared.match(*pair)).is_found]
-        when = [[compared.scans[name].acquired for name in pair] for pair in pairs]
-        dated = [pair for pair in when if all(pair) and pair[0] != pair[1]]
-        return cls(
-            pairs=len(pairs),
-            compared=sum(compared.can(*pair) for pair in pairs),
-            matched=len(matches),
-            fell=sum(bool(is_more(each.loss, each.gain)) for each in matches),
-            rose=sum(bool(is_more(each.gain, each.loss)) for each in matches),
-            dated=len(dated),
-            backwards=sum(before > after for before, after in dated),
+    If no scan of the study `is_found`, other heights are no reason to doubt a single name.
+    """
+    if repeat and not repeat.is_found:
+        text = f"{row.repeat} is named as a repeat of {row.t0}, but does not show its surface"
+        return "repeat", text
+    if pair and not (pair.is_found or pair.obstacle or is_alone):
+        return (
+            "t1",
+            f"{row.t1} does not show the surface of {row.t0}, but is named like it",
         )
+    if pair and not pair.is_found:
+        return "", pair.obstacle or "; not found by heights"
+    return "", " and heights" * bool(pair or repeat)
+
+
+class _Order:
+    """Which scans of pairs are the earlier, and whether moulds were scanned."""
+
+    def __init__(self, pairs: Sequence[_Pair]):
+        self.pairs = pairs
+        self.found = sum(pair.is_found for pair in pairs)
+        self.fell = sum(pair.fell for pair in pairs)
+        self.rose = sum(pair.rose for pair in pairs)
+        dates = [pair.dates for pair in pairs if all(pair.dates)]
+        self.forwards = sum(before < after for before, after in dates)
+        self.backwards = sum(before > after for before, after in dates)
 
     @property
-    def agrees_with_dates(self) -> bool:
-        return self.dated > 0 and self.backwards == 0
+    def is_dated(self) -> bool:
+        """Whether the dates in the files agree with the order."""
+        return self.forwards > 0 and self.backwards == 0
 
-    def of_epochs(self, epochs: tuple[str, str]) -> tuple[str, list[str]]:
-        """The sentence on which scans are earlier and why, and questions."""
-        why = ["by name"] * any(epochs)
-        why += ["by the dates in the files"] * self.agrees_with_dates
-        why += [f"{self.fell} of {self.pairs} lost height"] * bool(self.fell)
-        questions = []
-        if not self.matched and self.compared > 1:
-            questions.append(
-                "no scan after use was found by its heights on the scan before use"
-            )
+    def questions(self) -> Iterator[str]:
+        if not self.found and sum(not pair.obstacle for pair in self.pairs) > 1:
+            yield "no scan after use was found by its heights on the scan before use"
         if self.backwards:
-            pairs = f"{self.backwards} of {self.pairs} pairs"
-            questions.append(f"in {pairs}, t0 has a later date in its file than t1")
-        return f"{epochs[0] or 't0'} is the earlier: {', '.join(why)}" * bool(
-            why
-        ), questions
+            pairs = f"{self.backwards} of {len(self.pairs)} pairs"
+            yield f"in {pairs}, t0 has a later date in its file than t1"
 
-    def of_moulds(self, *, is_told: bool) -> tuple[bool | str, str]:
+    def earlier(self, epochs: tuple[str, str]) -> str:
+        """The sentence on which scans are earlier and why."""
+        why = ["by name"] * any(epochs)
+        why += ["by the dates in the files"] * self.is_dated
+        why += [f"{self.fell} of {len(self.pairs)} lost height"] * bool(self.fell)
+        return f"{epochs[0] or 't0'} is the earlier: {', '.join(why)}" if why else ""
+
+    def moulds(self, *, is_told: bool) -> tuple[bool | str, str]:
         """Whether moulds were scanned, and why: there, heights rise where the stone lost some."""
-        if self.rose > self.fell:
-            text = f"heights rose with use in {self.rose} of {self.pairs} pairs"
-            if is_told and self.agrees_with_dates:
-                return True, f"moulds were scanned: {text}, and names and dates agree"
-            return TODO, f"{text}: moulds were scanned, or t0 and t1 are exchanged"
-        if self.fell > self.rose:
-            pairs = f"{self.fell} of {self.pairs} pairs"
-            return (
-                False,
-                f"the stone itself was scanned: heights fell with use in {pairs}",
-            )
-        return TODO, "the stone itself, or moulds of it? The files do not show it"
+        way, number = max(
+            ("rose", self.rose), ("fell", self.fell), key=lambda one: one[1]
+        )
+        text = f"heights {way} with use in {number} of {len(self.pairs)} pairs"
+        if self.rose == self.fell:
+            return TODO, "the stone itself, or moulds of it? The files do not show it"
+        if way == "fell":
+            return False, f"the stone itself was scanned: {text}"
+        if is_told and self.is_dated:
+            return True, f"moulds were scanned: {text}, and names and dates agree"
+        return TODO, f"{text}: moulds were scanned, or t0 and t1 are exchanged"
