@@ -75,11 +75,7 @@ def test_an_edited_config_differs_only_in_the_value(
     ("text", "values", "edited"),
     [
         ("load:\nnext: 1", {"load.force_N": 200.0}, "load: {force_N: 200.0}\nnext: 1"),
-        (
-            "a:\n  - 1  # one\n  - 2  # two\n",
-            {"a": [1, 3]},
-            "a:\n  - 1  # one\n  - 3  # two\n",
-        ),
+        ("a:\n  - 1  # one\n  - 2  # two\n", {"a": [1, 3]}, "a: [1, 3]  # two\n"),
         (
             "a:  # l\n- 1\n- 2  # two\n\nb: 1\n",
             {"a": "TODO"},

@@ -1,24 +1,25 @@
 """A config or a table with other values, in which all else stays as it was, byte for byte.
 
-PyYAML and `csv` read the text, and it is changed only at the values that they found. The round trip
-of ruamel.yaml is no substitute: it alters blanks, indents and nulls elsewhere, even in most of the
-shipped configs, and it does not show where the value of an empty key belongs.
+PyYAML and `csv` read the text, and it is changed only at the values that they found. A list and a
+row of a table are written anew as a whole. The round trip of ruamel.yaml is no substitute: it
+alters blanks, indents and nulls elsewhere, even in most of the shipped configs, and it does not
+show where the value of an empty key belongs.
 """
 
 import codecs
-import copy
 import csv
 import io
+import itertools
 import json
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import yaml
 
 from gst.config.strict_yaml import as_yaml, parse_yaml
-from gst.config.user_tables import alike, records_of
+from gst.config.user_tables import Record, alike, records_of
 from gstlib.errors import ConfigError
 from gstlib.io.files import write_whole
 
@@ -26,10 +27,9 @@ __all__ = ["Cells", "save_text", "text_of", "with_cells", "with_values"]
 
 # Of a row's cells, by column, those that change; None if the row goes.
 Cells: TypeAlias = Callable[[Mapping[str, str]], Mapping[str, object] | None]
-# Start and end of a part of a text, and the new part.
-_Splice: TypeAlias = tuple[int, int, str]
 
 _CONFIG, _TABLE = "the config", "the patch table"
+_ABSENT = object()
 _DECIMAL = re.compile(r"[-+]?\d*[.,]\d+")
 
 
@@ -93,84 +93,71 @@ def with_values(text: str, values: Mapping[str, Any]) -> str:
     load: {force_N: 9.0}
     g: {h: [1.5]}
     """
-    former = parse_yaml(text, _CONFIG)
-    config = copy.deepcopy(former)
-    for key, value in values.items():
-        _set(config, key, value)
-    splices = _changes(text, yaml.compose(text), former, config)
+    config = parse_yaml(text, _CONFIG)
     edited = text
-    # from the end, so that the places before it stay valid
-    in_order = sorted(splices, key=lambda splice: splice[:2])
-    for start, end, new in reversed(in_order):
-        edited = f"{edited[:start]}{new}{edited[end:]}"
+    for key, value in values.items():
+        if not _is_same(_set(config, key.split("."), value), value):
+            root = yaml.compose(edited)
+            edited = _with_value(edited, root, key.split("."), value)
     if edited != text and not _is_same(parse_yaml(edited, _CONFIG), config):
         problem = f"cannot take {', '.join(values)} without a change elsewhere"
         raise ConfigError(_CONFIG, problem, "Edit it by hand.")
     return edited
 
 
-def _set(config: dict, key: str, value: Any) -> None:
-    """Set a value at a key with dots; sections that are absent or null are made."""
-    *sections, name = key.split(".")
+def _set(config: dict, names: Sequence[str], value: Any) -> Any:
+    """Set a value, make sections that are absent or null, and return the former value."""
+    *sections, last = names
     for section in sections:
         if config.get(section) is None:
             config[section] = {}
         config = config[section]
         if not isinstance(config, dict):
             problem = f"lies in {section}, which is {config!r:.40} and not a section"
-            raise ConfigError(key, problem, f"Correct {section} in the config.")
-    config[name] = value
+            remedy = f"Correct {section} in the config."
+            raise ConfigError(".".join(names), problem, remedy)
+    former = config.get(last, _ABSENT)
+    config[last] = value
+    return former
 
 
 def _is_same(one: Any, other: Any) -> bool:
     """Whether two values are equal and of one kind: 1, 1.0 and true differ."""
-    return json.dumps(one) == json.dumps(other)
+    return json.dumps(one, default=repr) == json.dumps(other, default=repr)
 
 
-def _changes(
-    text: str, node: yaml.Node, former: Any, new: Any, colon: int = 0
-) -> Iterator[_Splice]:
-    """The changes of a text that give a node another value; it stands behind `colon`."""
-    if _is_same(former, new):
-        return
-    if (
-        isinstance(node, yaml.MappingNode)
-        and isinstance(new, dict)
-        and former.keys() <= new.keys()
-    ):
-        for key, part in node.value:
-            behind = text.find(":", key.end_mark.index) + 1
-            yield from _changes(text, part, former[key.value], new[key.value], behind)
-        if more := {name: value for name, value in new.items() if name not in former}:
-            yield _addition(text, node, more)
-    elif (
-        isinstance(node, yaml.SequenceNode)
-        and isinstance(new, list)
-        and len(former) == len(new)
-    ):
-        for part, one, other in zip(node.value, former, new, strict=True):
-            dash = len(text[: part.start_mark.index].rstrip())
-            yield from _changes(text, part, one, other, dash)
-    elif _is_block(node):
-        # in the line of its key, before a comment
-        yield colon, colon, f" {_flow(new)}"
-        yield len(text[: node.start_mark.index].rstrip()), _end(text, node), ""
-    else:
-        start, end = node.start_mark.index, _end(text, node)
-        yield start, end, f"{' ' * (start == end)}{_flow(new)}"
-
-
-def _addition(text: str, section: yaml.MappingNode, more: Mapping[str, Any]) -> _Splice:
-    """The change that gives a section further keys at its end."""
-    if not _is_block(section):
-        pairs, at = ", ".join(_pairs(more)), section.end_mark.index - 1
-        if section.value:
-            pairs, at = f", {pairs}", _end(text, section.value[-1][1])
-        return at, at, pairs
+def _with_value(
+    text: str, section: yaml.MappingNode, names: Sequence[str], value: Any
+) -> str:
+    """The text with a value at a key within a section, which is replaced or added."""
+    for key, node in section.value:
+        if key.value == names[0]:
+            if names[1:] and isinstance(node, yaml.MappingNode) and node.value:
+                return _with_value(text, node, names[1:], value)
+            return _replaced(text, key, node, _flow(_nested(names[1:], value)))
+    pair = _flow(_nested(names, value))[1:-1]
     end = _end(text, section)
-    at = end + len([*text[end:].splitlines(), ""][0])
-    start = _line_end(text) + " " * section.value[0][0].start_mark.column
-    return at, at, "".join(f"{start}{pair}" for pair in _pairs(more))
+    if section.flow_style:
+        last = _end(text, section.value[-1][1]) if section.value else end - 1
+        return f"{text[:last]}{', ' * bool(section.value)}{pair}{text[last:]}"
+    end += len([*text[end:].splitlines(), ""][0])
+    indent = " " * section.value[0][0].start_mark.column
+    return f"{text[:end]}{_line_end(text)}{indent}{pair}{text[end:]}"
+
+
+def _replaced(text: str, key: yaml.Node, node: yaml.Node, new: str) -> str:
+    start, end = node.start_mark.index, _end(text, node)
+    if not _is_block(node):
+        return f"{text[:start]}{' ' * (start == end)}{new}{text[end:]}"
+    # in the line of its key, before a comment
+    colon = text.index(":", key.end_mark.index) + 1
+    return f"{text[:colon]} {new}{text[colon:start].rstrip()}{text[end:]}"
+
+
+def _nested(names: Sequence[str], value: Any) -> Any:
+    for name in reversed(names):
+        value = {name: value}
+    return value
 
 
 def _line_end(text: str) -> str:
@@ -188,10 +175,6 @@ def _end(text: str, node: yaml.Node) -> int:
         node = last[1] if isinstance(node, yaml.MappingNode) else last
     start, end = node.start_mark.index, node.end_mark.index
     return start + len(text[start:end].rstrip())
-
-
-def _pairs(values: Mapping[str, Any]) -> list[str]:
-    return [_flow({name: value})[1:-1] for name, value in values.items()]
 
 
 def _flow(value: Any) -> str:
@@ -215,53 +198,60 @@ def with_cells(
     >>> print(with_cells("# places\\npatch;x\\n1; 2,5\\n", lambda row: {"note": row["x"]}), end="")
     # places
     patch;x;note
-    1; 2,5;2,5
+    1;2,5;2,5
     """
     try:
         records, mark = records_of(text.removeprefix("\ufeff"))
     except csv.Error as error:
-        raise ConfigError(
-            _TABLE, f"cannot be read ({error})", "Correct its quotes."
-        ) from None
+        problem = f"cannot be read ({error})"
+        raise ConfigError(_TABLE, problem, "Correct its quotes.") from None
     rows = [record.cells for record in records if record.is_row]
     if not rows:
         return text
     names = _names(rows[0], renamed or {})
-    empty = dict.fromkeys(names, "")
-    former = [empty | dict(zip(names, row, strict=False)) for row in rows[1:]]
-    changed = [cells(row) for row in former]
-    named = dict.fromkeys(name for row in [*changed, *more] for name in row or ())
+    changes = [
+        cells(dict(itertools.zip_longest(names, row[: len(names)], fillvalue="")))
+        for row in rows[1:]
+    ]
+    named = dict.fromkeys(name for row in [*changes, *more] for name in row or ())
     added = [name for name in named if name not in names]
-    # spreadsheets write empty cells behind the last column, which a new one takes
-    width = max(n for row in rows for n, cell in enumerate(row, 1) if cell)
-    columns = [*names[:width], *[""] * (width - len(names)), *added]
+    width = max(map(len, rows))
+    if added:
+        # spreadsheets write empty cells behind the last column, which a new one takes
+        width = max(n for row in rows for n, cell in enumerate(row, 1) if cell)
+    columns = [*names, *[""] * width][:width] + added
     decimals = {cell for row in rows for cell in row if _DECIMAL.fullmatch(cell)}
     has_commas = mark != "," and "," in "".join(decimals)
 
-    def line_with(line: str, row: Mapping[str, str], new: Mapping[str, object]) -> str:
-        changes = {}
-        for name, value in (dict.fromkeys(added, "") | dict(new)).items():
-            cell = str(value)
-            if name in row and _plain(row[name]) == _plain(cell):
-                continue
-            if has_commas and _DECIMAL.fullmatch(cell):
-                cell = cell.replace(".", ",")
-            changes[columns.index(name)] = cell
-        return _with_parts(line, changes, mark)
+    def line_with(record: Record, new: Mapping[str, object]) -> str:
+        former = [*record.cells, *[""] * width][:width]
+        row = former + [""] * len(added)
+        for name, value in new.items():
+            cell, at = str(value), columns.index(name)
+            if _plain(cell) != _plain(row[at]):
+                is_local = has_commas and _DECIMAL.fullmatch(cell)
+                row[at] = cell.replace(".", ",") if is_local else cell
+        if row == former:
+            return record.text
+        return _line(row, record.text, mark)
 
     edited = "\ufeff" * text.startswith("\ufeff")
-    heading = {name: name for name in added}
-    pairs = zip([{}, *former], [heading, *changed], strict=True)
+    new_cells = iter([{name: name for name in added}, *changes])
     for record in records:
-        if not record.is_row:
-            edited += record.text
-            continue
-        row, new = next(pairs)
+        new = next(new_cells) if record.is_row else {}
         if new is not None:
-            edited += line_with(record.text, row, new)
-    blank = dict.fromkeys(columns, "")
-    lines = [line_with("", {}, blank | dict(new)) for new in more]
+            edited += line_with(record, new) if record.is_row else record.text
+    lines = [line_with(Record("", [], 0), row) for row in more]
     return _with_lines(edited, lines, _line_end(text))
+
+
+def _line(row: Sequence[str], former: str, mark: str) -> str:
+    """The text of a row, with the line end and the quotes of its former text."""
+    quotes = csv.QUOTE_ALL if former.startswith('"') else csv.QUOTE_MINIMAL
+    end = former[len(former.rstrip("\r\n")) :]
+    line = io.StringIO()
+    csv.writer(line, delimiter=mark, quoting=quotes, lineterminator=end).writerow(row)
+    return line.getvalue()
 
 
 def _with_lines(text: str, lines: Sequence[str], line_end: str) -> str:
@@ -288,21 +278,3 @@ def _plain(cell: str) -> str:
     """A cell; a number with decimals without its last zeros, and with a point."""
     is_decimal = _DECIMAL.fullmatch(cell)
     return cell.replace(",", ".").rstrip("0").rstrip(".") if is_decimal else cell
-
-
-def _with_parts(line: str, cells: Mapping[int, str], mark: str) -> str:
-    """A row's text with other cells, by their number; blanks and quotes of all others stay."""
-    if not cells:
-        return line
-    body = line.rstrip("\r\n")
-    parts = re.findall(rf'(?:\A|{mark})("(?:[^"]|"")*"|[^{mark}]*)', body)
-    parts += [""] * (max(cells) + 1 - len(parts))
-    for number, cell in cells.items():
-        written = io.StringIO()
-        csv.writer(
-            written,
-            delimiter=mark,
-            quoting=csv.QUOTE_NONNUMERIC if body.startswith('"') else csv.QUOTE_MINIMAL,
-        ).writerow([cell, 0])
-        parts[number] = written.getvalue().removesuffix(f"{mark}0\r\n")
-    return mark.join(parts) + line[len(body) :]
