@@ -14,8 +14,6 @@ from gst.config.patches import overlaps
 from gstlib.conditions import load_force
 from gstlib.errors import FaultError
 
-__all__ = ["counterface_mesh", "file_problems", "improbable", "thinner_than_a_point"]
-
 # Corners are clicked or typed: the square's sides may be off by this share.
 _SIDE_TOLERANCE = 0.1
 # ASSUME: Largest mean pressure. A stone does not carry a mean pressure above 1000 MPa. Reason:

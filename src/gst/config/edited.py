@@ -6,7 +6,6 @@ alters blanks, indents and nulls elsewhere, even in most of the shipped configs,
 show where the value of an empty key belongs.
 """
 
-import codecs
 import csv
 import io
 import itertools
@@ -19,11 +18,9 @@ from typing import Any, TypeAlias
 import yaml
 
 from gst.config.strict_yaml import as_yaml, parse_yaml
-from gst.config.user_tables import Record, alike, records_of
+from gst.config.user_tables import Record, alike, encoding_of, records_of
 from gstlib.errors import ConfigError
 from gstlib.io.files import write_whole
-
-__all__ = ["Cells", "save_text", "text_of", "with_cells", "with_values"]
 
 # Of a row's cells, by column, those that change; None if the row goes.
 Cells: TypeAlias = Callable[[Mapping[str, str]], Mapping[str, object] | None]
@@ -40,7 +37,7 @@ def text_of(path: Path) -> str:
     """
     try:
         content = path.read_bytes()
-        text = content.decode(_encoding(content))
+        text = content.decode(encoding_of(content))
     except OSError as error:
         problem, remedy = f"cannot be opened ({error.strerror})", "Correct its path."
         raise ConfigError(path, problem, remedy) from None
@@ -55,25 +52,13 @@ def text_of(path: Path) -> str:
 
 def save_text(path: Path, text: str) -> None:
     """Write a text that `text_of` read, and that was edited, in the encoding of its file."""
-    encoding = _encoding(path.read_bytes())
+    encoding = encoding_of(path.read_bytes())
     try:
         content = text.encode(encoding)
     except UnicodeEncodeError as error:
         problem = f"is in {encoding}, which cannot have {text[error.start]!r}"
         raise ConfigError(path, problem, "Save it in UTF-8.") from None
     write_whole(path, content)
-
-
-def _encoding(content: bytes) -> str:
-    """UTF-16 by its mark, UTF-8, or code page 1252: as `gst.config.user_tables` reads a table."""
-    marks = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
-    if content[:2] in marks:
-        return marks[content[:2]]
-    try:
-        content.decode()
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8"
 
 
 def with_values(text: str, values: Mapping[str, Any]) -> str:

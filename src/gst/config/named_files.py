@@ -10,8 +10,6 @@ import pandas as pd
 from gst.config.patches import at_epoch, scan_files
 from gstlib.errors import ConfigError
 
-__all__ = ["check_files", "input_in_results", "path_problem"]
-
 
 def check_files(config: Mapping, patches: pd.DataFrame, source: str) -> None:
     """Raise a `ConfigError` that lists measured files that are missing, or of unusable names.

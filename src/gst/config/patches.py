@@ -23,20 +23,6 @@ from gst.config.tables import columns_of
 from gst.config.user_tables import Problem, read_rows, rows_of
 from gstlib.surfaces.footprints import PatchPosition, outline, places_of
 
-__all__ = [
-    "COUNTERFACE",
-    "EPOCHS",
-    "REPEAT",
-    "ScanFile",
-    "at_epoch",
-    "cell_of",
-    "find_scans",
-    "no_patches",
-    "overlaps",
-    "read_patches",
-    "scan_files",
-]
-
 COUNTERFACE = "counterface"  # in place of a patch's name
 # Epochs of a patch's scans, by their columns of the table. The repeat is a second scan without use.
 REPEAT = "repeat"

@@ -12,8 +12,6 @@ from gstlib.conditions import load_force
 from gstlib.errors import ConfigError
 from gstlib.macroscale.gesture import scatter_poses, stroke_poses
 
-__all__ = ["batches_of", "poses_of", "reach_of", "read_poses"]
-
 # A job takes as long to start as a hundred poses to press.
 _IN_BATCH = 200
 

@@ -33,19 +33,6 @@ from gstlib.settings import Settings, json_schema
 from gstlib.settings.contradictions import near
 from gstlib.use.evidence import FEWEST_PATCHES
 
-__all__ = [
-    "asked_of_files",
-    "complete",
-    "config_problems",
-    "read_config",
-    "read_config_file",
-    "read_study",
-    "read_unfinished",
-    "refuse_config",
-    "refuse_study",
-    "value_problems",
-]
-
 # No length, force or seed is larger; sums and squares of such numbers stay finite.
 _LARGEST_NUMBER = 1e15
 # Control characters but for tabs and ends of lines, and halves of characters.

@@ -21,8 +21,6 @@ import yaml
 from gstlib.errors import ConfigError
 from gstlib.io.files import check_size
 
-__all__ = ["as_yaml", "parse_yaml", "read_yaml"]
-
 # Bytes of a file, twenty times those of the longest shipped config.
 _LARGEST = 100_000
 # Levels of lists and sections in each other, three times those of any key. PyYAML's time grows with

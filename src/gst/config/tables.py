@@ -10,8 +10,6 @@ from gst import ROOT
 from gstlib.io import tables
 from gstlib.io.tables import SIGNIFICANT_DIGITS
 
-__all__ = ["TABLES", "Column", "Table", "columns_of", "write_table"]
-
 _SCHEMA = ROOT / "workflow/schemas/tables.yaml"
 
 

@@ -7,8 +7,6 @@ left.
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-__all__ = ["TODO", "is_to_do", "left_in", "sentence"]
-
 TODO = "TODO"
 
 

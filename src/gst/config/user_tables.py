@@ -8,6 +8,7 @@ Each row has as many cells as there are columns. ``#`` begins a comment line.
 stands for an empty cell.
 """
 
+import codecs
 import csv
 import functools
 import io
@@ -15,7 +16,6 @@ import itertools
 import math
 import re
 import unicodedata
-import zipfile
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,28 +31,14 @@ from gstlib.errors import ConfigError, InputError
 from gstlib.io.containers import plain_zip
 from gstlib.io.files import LARGEST_TABLE, check_size
 from gstlib.io.instruments import plain_text
-from gstlib.io.text_rows import FORMULA_ERROR, decoded, separator_of
-
-__all__ = [
-    "Problem",
-    "Record",
-    "UserTable",
-    "alike",
-    "cells_to_do",
-    "read_rows",
-    "records_of",
-    "rows_of",
-]
+from gstlib.io.text_rows import FORMULA_ERROR, separator_of
 
 # What every program reads as this number; Python's float takes 1_5, nan and digits of all scripts.
 _NUMBER = re.compile(r"[-+]?([0-9]++\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 # A square of 5 mm holds some forty patches side by side; a gesture has some hundred poses.
 _MOST_ROWS = 10_000
-# Columns of a workbook, letters in a cell as spreadsheets bound them, and those in all cells.
-_MOST_COLUMNS, _LONGEST_CELL, _MOST_LETTERS = 100, 32_767, 5 * LARGEST_TABLE
-# Tags of XML in a sheet, and in what describes it: a cell has four, and a style takes openpyxl
-# longer.
-_MOST_TAGS, _MOST_OTHER_TAGS = 1_000_000, 100_000
+# Columns of a workbook, and letters in all its cells.
+_MOST_COLUMNS, _MOST_LETTERS = 100, 5 * LARGEST_TABLE
 _LAST_ROW = 1 << 20  # of a spreadsheet
 # Problems in a message; who has corrected them is shown the next ones.
 _MOST_LISTED = 50
@@ -121,24 +107,24 @@ def read_rows(
     validator = Draft202012Validator(schema)
     rows: dict[int, dict[str, Any]] = {}
     problems: list[Problem] = []
-    points: list[Problem] = []
-    has_commas = False
+    numbers = []
     for line, cells in lines:
         row = rows[line] = {}
         for column, cell in zip(columns, cells, strict=False):
+            if column in numeric:
+                numbers.append((line, column, cell))
             if cell and column in rules:
                 row[column] = _number(cell, mark) if column in numeric else cell
-            if column in numeric and mark in (";", "\t"):
-                has_commas |= "," in cell
-                if "." in cell and _NUMBER.fullmatch(cell):
-                    points.append(
-                        (line, f"{column} is {cell!r}, and others have decimal commas")
-                    )
         problems += [(line, _explain(error)) for error in validator.iter_errors(row)]
         if len(cells) < len(columns) or any(cells[len(columns) :]):
             problems.append((line, f"{len(cells)} cells in {len(columns)} columns"))
-    if has_commas:  # beside these, a point may separate thousands
-        problems += points
+    if mark in (";", "\t") and any("," in cell for *_, cell in numbers):
+        # beside these, a point may separate thousands
+        problems += [
+            (line, f"{column} is {cell!r}, and others have decimal commas")
+            for line, column, cell in numbers
+            if "." in cell and _NUMBER.fullmatch(cell)
+        ]
     return UserTable(path, columns, rows_of(name, rows), problems)
 
 
@@ -173,21 +159,16 @@ def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
         header, _, lines = _read_lines(Path(path))
     except InputError:  # which is said where the table is read
         return
-    # the columns with the same cells to fill in, by their lines and their first value
-    columns: dict[tuple[str, tuple[int, ...]], list[str]] = {}
+    rules = _schema(name)["properties"]
     for n, column in enumerate(header):
         cells = {
             line: row[n] for line, row in lines if n < len(row) and is_to_do(row[n])
         }
         if cells:
+            where = f"line{'s' * (len(cells) > 1)} {_listed([*cells])}"
+            meaning = rules.get(column, {}).get("description", "")
             first, *_ = cells.values()
-            columns.setdefault((first, tuple(cells)), []).append(column)
-    rules = _schema(name)["properties"]
-    for (value, lines_left), names in columns.items():
-        where = f"line{'s' * (len(lines_left) > 1)} {_listed(lines_left)}"
-        meanings = [rules.get(column, {}).get("description", "") for column in names]
-        what = f"{path}, {' and '.join(names)} in {where},"
-        yield sentence(what, value, " ".join(meanings))
+            yield sentence(f"{path}, {column} in {where},", first, meaning)
 
 
 def _listed(numbers: Sequence[int]) -> str:
@@ -229,7 +210,9 @@ def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]
         if path.suffix.lower() == ".xlsx":
             lines = _sheet(path)
         else:
-            records, mark = records_of(_text(path.read_bytes()))
+            content = path.read_bytes()
+            text = content.decode(encoding_of(content)).removeprefix("\ufeff")
+            records, mark = records_of(text)
             lines = [(record.line, record.cells) for record in records]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         remedy = "Correct its path in the config, or save it as CSV in UTF-8."
@@ -263,11 +246,16 @@ def alike(column: str) -> str:
     return unicodedata.normalize("NFKC", column).strip(" \ufeff\u200b").casefold()
 
 
-def _text(content: bytes) -> str:
+def encoding_of(content: bytes) -> str:
+    """UTF-16 by its mark, UTF-8, or code page 1252."""
+    marks = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+    if content[:2] in marks:
+        return marks[content[:2]]
     try:
-        return decoded(content)
+        content.decode()
     except UnicodeDecodeError:
-        return content.decode("cp1252")
+        return "cp1252"
+    return "utf-8"
 
 
 def records_of(text: str) -> tuple[list[Record], str]:
@@ -298,17 +286,29 @@ def records_of(text: str) -> tuple[list[Record], str]:
 
 
 def _sheet(path: Path) -> list[tuple[int, list[str]]]:
-    """The cells of a workbook's first sheet by row, as text."""
+    """The cells of a workbook's first sheet by row, as text.
+
+    Rows without cells are left out, and so are empty cells behind those of the widest row.
+    """
+    import openpyxl
+
     try:
-        lines = _cells_by_row(plain_zip(path))
+        book = openpyxl.load_workbook(
+            plain_zip(path), read_only=True, data_only=True, keep_links=False
+        )
+        sheet = book.worksheets[0]
+        sheet.reset_dimensions()  # which may be stated wrongly
+        rows = sheet.iter_rows(max_row=_LAST_ROW, values_only=True)
+        lines = [*_filled(enumerate(rows, 1))]
+        book.close()
     except MemoryError:
         raise
     except Exception as error:  # openpyxl raises whatever its parsers raise
-        reason = plain_text(f"{type(error).__name__}: {error}")
+        reason = f"{type(error).__name__}: {error}"
         if isinstance(error, InputError):
             reason = error.problem
         problem = (
-            f"cannot be read as a workbook ({reason}): it is damaged, or too large"
+            f"cannot be read as a workbook ({plain_text(reason)}), or is too large"
         )
         remedy = "Delete rows and columns without values, or save it as CSV in UTF-8."
         raise ConfigError(path, problem, remedy) from error
@@ -316,35 +316,20 @@ def _sheet(path: Path) -> list[tuple[int, list[str]]]:
     return [(n, cells + [""] * (width - len(cells))) for n, cells in lines]
 
 
-def _cells_by_row(content: io.BytesIO) -> list[tuple[int, list[str]]]:
-    """The cells of rows that have any, without the empty ones behind them, by the row's number."""
-    import openpyxl
-
-    with zipfile.ZipFile(content) as archive:
-        for name in archive.namelist():
-            most = _MOST_TAGS if "worksheets/" in name else _MOST_OTHER_TAGS
-            if (count := archive.read(name).count(b"<")) > most:
-                raise ValueError(f"{name} has {count} tags of XML")
-    book = openpyxl.load_workbook(
-        content, read_only=True, data_only=True, keep_links=False
-    )
-    sheet = book.worksheets[0]
-    sheet.reset_dimensions()  # which may be stated wrongly
-    lines, letters = [], 0
-    for number, row in enumerate(
-        sheet.iter_rows(max_row=_LAST_ROW, values_only=True), 1
-    ):
-        near = ["" if cell is None else str(cell) for cell in row[:_MOST_COLUMNS]]
-        cells = [cell[:_LONGEST_CELL].strip() for cell in near]
-        letters += len(row) + sum(map(len, cells))
+def _filled(
+    rows: Iterable[tuple[int, Sequence[Any]]],
+) -> Iterator[tuple[int, list[str]]]:
+    """Rows that have cells, as text. Raises a `ValueError` if these would fill the memory."""
+    letters = 0
+    for number, row in rows:
         if any(cell is not None for cell in row[_MOST_COLUMNS:]):
             raise ValueError(f"row {number} has cells beyond column {_MOST_COLUMNS}")
+        cells = ["" if cell is None else str(cell) for cell in row[:_MOST_COLUMNS]]
+        letters += len(row) + sum(map(len, cells))
         if letters > _MOST_LETTERS:
             raise ValueError(f"its cells are too long, or too many, at row {number}")
         if any(cells):
-            lines.append((number, cells))
-    book.close()
-    return lines
+            yield number, [cell.strip() for cell in cells]
 
 
 def _is_comment(line: str) -> bool:

@@ -112,10 +112,7 @@ def _refuse_earlier(results: Path) -> None:
     if not any((results / f"logs/{step}.json").is_file() for step in STEPS):
         return
     problem = "contains the results of an earlier version, whose steps and tables had other names"
-    remedy = (
-        "Give `results` another name in the config, or run `gst clean` first. "
-        "workflow/rename_tables.py copies the old tables under the present names."
-    )
+    remedy = "Give `results` another name in the config, or run `gst clean` first."
     print(f"ERROR: {InputError(results, problem, remedy)}", file=sys.stderr)
     sys.exit(2)
 

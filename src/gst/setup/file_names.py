@@ -16,8 +16,6 @@ from typing import NamedTuple
 from gst.config.patches import natural
 from gstlib.errors import InputError
 
-__all__ = ["Names", "Row", "read_names"]
-
 # English, German, French, Italian, Spanish and Portuguese, without accents.
 _BEFORE = (
     "before beforeuse pre preuse unused unworn fresh initial new original vorher vor unbenutzt neu "

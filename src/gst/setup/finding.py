@@ -23,7 +23,6 @@ from gstlib.surfaces.grid import axis_coordinates, make_surface
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["OnStone", "find_on_map", "find_on_stone", "view_of"]
 
 # A face of the mesh is seen if its normal is turned by less than some 70° from the view.
 _SEEN = 0.3

@@ -32,7 +32,6 @@ from gstlib.io.meshes import UNITS, is_mesh, read_mesh, steps_of, units_of_size
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["new_study"]
 
 _OK, _DOUBT, _TO_DO = "ok", "look", "to do"
 # Sides of a patch that differ by less are equal: as `gstlib.io.scans.cut_scan` has it.

@@ -57,8 +57,6 @@ from gst.setup.place_state import (
 from gstlib.errors import GstError, InputError
 from gstlib.io.files import check_regular
 
-__all__ = ["PlaceServer", "serve"]
-
 # The files of the page, by the room in which they lie.
 _FILES = dict.fromkeys(
     ("place.css", "place.html", "place.js", "square.js"), "gst.setup"

@@ -21,8 +21,6 @@ from gst.config.edited import text_of, with_cells
 from gst.setup.place_state import digest_of
 from gstlib.errors import NOTE, FaultError, GstError, InputError, InputsError
 
-__all__ = ["causes_of"]
-
 _LEVELS = {logging.ERROR: "accepted", logging.WARNING: "warning", NOTE: "note"}
 
 

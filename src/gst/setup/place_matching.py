@@ -23,15 +23,6 @@ from gstlib.surfaces.frames import Frame
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = [
-    "Matches",
-    "corners_of",
-    "described",
-    "located",
-    "seen_in",
-    "snapped",
-    "square_around",
-]
 
 # The stage's zero is anywhere, and files do not contain the direction of its axes.
 _DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1))

@@ -34,8 +34,6 @@ from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import coarser, spacing_of
 
-__all__ = ["find_places", "has_stage", "picture_of", "stages_of"]
-
 # Points along the side of a picture, and the light on it, as `viewer.js` has it at first.
 _PICTURE_POINTS = 160
 _MATCHED_POINTS = 256  # along the side of an overview

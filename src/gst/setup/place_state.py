@@ -33,26 +33,6 @@ from gstlib.use.evidence import FEWEST_PATCHES
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = [
-    "DECIMALS",
-    "SENT_ANSWERS",
-    "SENT_FILE",
-    "SENT_PLACES",
-    "check_files",
-    "digest_of",
-    "mesh_of",
-    "rows_of",
-    "unless_to_do",
-]
-__all__ += [
-    "save_answers",
-    "save_cure",
-    "save_file",
-    "save_places",
-    "state_of",
-    "stone_of",
-    "version_of",
-]
 
 # Keys that the page may write. `inputs.mesh`, for one, is missing, because the page shows files.
 _ANSWERS = (

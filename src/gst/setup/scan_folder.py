@@ -28,8 +28,6 @@ from gstlib.io.text import SCAN_UNITS
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.grid import coarser, spacing_of
 
-__all__ = ["OVERVIEW", "Pairs", "Scan", "pair_scans", "read_scans", "scans_in"]
-
 # Points along a scan that is compared with others, and points that make a loss.
 _COARSE, _SPOT = 128, 2
 # Fields (mm) that a scan of a patch or an overview can have: they determine the unit of text.
