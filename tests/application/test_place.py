@@ -6,7 +6,6 @@ import io
 import json
 import logging
 import os
-import platform
 import re
 import signal
 import stat
@@ -15,8 +14,7 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +30,7 @@ from gst.check.fixing import Cure
 from gst.check.matching import Match
 from gst.setup.place import PlaceServer
 from gst.setup.place_check import _Causes
-from gst.setup.place_matching import Matches, _laid_alike, seen_in
+from gst.setup.place_matching import Matches, seen_in
 from gst.setup.place_scans import picture_of
 from gst.setup.place_state import digest_of, stone_of
 from gstlib.errors import FaultError, InputError
@@ -84,22 +82,15 @@ def study(tmp_path, monkeypatch):
     return folder
 
 
-@contextmanager
-def served():
+@pytest.fixture
+def server(study):
     with PlaceServer(Path("study.yaml")) as server:
-        thread = threading.Thread(
-            target=server.serve_forever, kwargs={"poll_interval": 0.01}
-        )
+        serve = partial(server.serve_forever, poll_interval=0.01)
+        thread = threading.Thread(target=serve)
         thread.start()
         yield server
         server.shutdown()
         thread.join()
-
-
-@pytest.fixture
-def server(study):
-    with served() as server:
-        yield server
 
 
 def ask(server, path, sent=None, token=None, **headers):
@@ -195,7 +186,7 @@ def test_what_is_refused(server, study, case):
     assert files_in(study) == before
 
 
-def test_a_folder_of_the_results_is_listed(server):
+def test_files_and_folders_of_the_results_are_shown(server):
     content = ask(server, "results/tables/")[1].decode()
     assert re.findall('href="(.*?)"', content) == ["../", "a%20b.csv"]
     assert ask(server, "results/tables/a%20b.csv") == (200, b"1")
@@ -205,9 +196,7 @@ def test_a_folder_of_the_results_is_listed(server):
 def test_scans_and_results_outside_their_folders_are_refused(server, study):
     (study / "scans/c.plu").symlink_to(study.parent / "secret")
     (study / "patches.tsv").write_text(TABLE.replace("b.plu", "c.plu"))
-    status, content = ask(server, "scan/1")
-    assert status == 422
-    assert "lies outside" in content["error"]
+    assert ask(server, "scan/1")[0] == 422
     configure("results: results", "results: ..")
     assert ask(server, "results/secret")[0] == 403
 
@@ -232,10 +221,9 @@ def test_places_are_written_and_the_rest_stays(server, study):
 def test_the_face_keeps_its_ratio_to_the_square(server):
     state = ask(server, "state")[1]
     assert state["face_mm"] == 15.0
-    for size in (10.0, 2.0):
-        saved(server, "places", places(*state["patches"], size=size))
-        assert written()["square"]["size_mm"] == size
-        assert written()["macroscale"]["face_mm"] == 3 * size
+    saved(server, "places", places(*state["patches"], size=10.0))
+    assert written()["square"]["size_mm"] == 10.0
+    assert written()["macroscale"]["face_mm"] == 30.0
 
 
 def test_answers_are_written_and_comments_stay(server, study):
@@ -244,14 +232,13 @@ def test_answers_are_written_and_comments_stay(server, study):
         {"counterface.radius_mm": 274},
         {"load.at_mm": [1.5, 2]},
     ):
-        digest = digest_of(server.config)
-        answer = saved(server, "answers", sent)
-        assert answer["kept"] is None
-        assert answer["digest"] == digest_of(server.config) != digest
+        assert saved(server, "answers", sent)["kept"] is None
         assert sent.items() <= ask(server, "state")[1]["answers"].items()
     text = (study / "study.yaml").read_text()
     assert "load: {force_N: 30, at_mm: [1.5, 2]}  # the paper's" in text
-    assert yaml.safe_load(text)["counterface"] == {"radius_mm": 274}
+    # a copy is kept before a value goes
+    kept = saved(server, "answers", {"load.force_N": None})["kept"]
+    assert (study / kept).read_text() == text
 
 
 def test_places_of_a_tool_without_scans_make_a_table(server, study):
@@ -298,9 +285,7 @@ def test_a_page_of_former_files_changes_nothing(server, study, edited):
     EDITS[edited]()
     before = files_in(study)
     for path, sent in SAVES.items():
-        status, content = save(server, path, sent, digest)
-        assert status == 409
-        assert "reload" in content["error"]
+        assert save(server, path, sent, digest)[0] == 409
         assert ask(server, path, sent)[0] == 409  # a page that knows no digest
     assert files_in(study) == before
     assert not any(Path(".snakemake").glob("place_*"))
@@ -421,38 +406,22 @@ def test_nothing_changes_while_the_files_are_read(server, study, name, monkeypat
     assert not any(Path(".snakemake").glob("place_*"))
 
 
-def test_a_copy_is_kept_before_a_value_of_the_config_goes(server, study):
-    kept = saved(server, "answers", {"load.force_N": None})["kept"]
-    assert (study / kept).read_text() == CONFIG
-
-
-def test_a_folder_has_one_server(server, study):
-    with pytest.raises(InputError, match=f"process {os.getpid()}"):
+def test_a_folder_has_one_server(server):
+    with pytest.raises(InputError):
         PlaceServer(Path("study.yaml"))
     saved(server, "answers", {"load.force_N": 100})
 
 
-@pytest.mark.parametrize(
-    "kind", ["another host", "a link", "a pipe", "a linked folder"]
-)
-def test_a_lock_that_cannot_be_taken_is_refused(study, kind):
-    lock, other = Path(".snakemake/place.lock"), study.parent / "other"
-    if kind == "a linked folder":
-        other.mkdir()
-        lock.parent.symlink_to(other)
-    else:
-        lock.parent.mkdir()
-        other.touch()
-    if kind == "another host":
-        lock.write_text("elsewhere 17\n")
-    if kind == "a pipe":
-        os.mkfifo(lock)
-    if kind == "a link":
-        lock.symlink_to(other)
-    with pytest.raises(InputError, match=r"Remove|remove|Put a folder"):
+@pytest.mark.parametrize("linked", ["place.lock", ""])
+def test_a_lock_behind_a_link_is_refused(study, linked):
+    target = study.parent / "other"
+    target.mkdir()
+    link = study / ".snakemake" / linked
+    link.parent.mkdir(exist_ok=True)
+    link.symlink_to(target / linked)
+    with pytest.raises(InputError):
         PlaceServer(Path("study.yaml"))
-    assert [*other.glob("*")] == []
-    assert other.is_dir() or other.read_text() == ""
+    assert [*target.iterdir()] == []
 
 
 def test_the_browser_gets_the_token_in_a_private_file_that_goes(server, monkeypatch):
@@ -478,35 +447,27 @@ def test_a_server_whose_terminal_is_closed_leaves_no_token_and_no_lock(study):
             time.sleep(0.05)
         process.send_signal(signal.SIGHUP)
     assert [path.name for path in study.glob(".snakemake/place*")] == ["place.lock"]
-    assert (study / ".snakemake/place.lock").read_text() == ""
+    PlaceServer(Path("study.yaml")).server_close()
 
 
-def test_the_lock_of_a_killed_server_is_taken(study):
-    lock = Path(".snakemake/place.lock")
-    lock.parent.mkdir()
-    lock.write_text(f"{platform.node()} 17\n")
-    with served() as server:
-        assert ask(server, "state")[0] == 200
-        assert lock.read_text() == f"{platform.node()} {os.getpid()}\n"
-
-
-@pytest.mark.parametrize("kind", ["vertices", "texture", "none", "one"])
+@pytest.mark.parametrize("kind", ["vertices", "texture", "one"])
 def test_the_stone_has_the_colours_of_its_mesh(study, kind):
     stone = trimesh.creation.icosphere(subdivisions=2, radius=10.0)
-    red, blue = [255, 0, 0, 255], [0, 0, 255, 255]
     is_up = stone.vertices[:, 2] > 0
-    if kind in ("vertices", "one"):
-        colours = np.where(is_up[:, np.newaxis], red, red if kind == "one" else blue)
-        stone.visual.vertex_colors = colours.astype(np.uint8)
+    red, blue = [255, 0, 0], [0, 0, 255]
     if kind == "texture":
         picture = Image.new("RGB", (2, 1), (0, 0, 255))
         picture.putpixel((1, 0), (255, 0, 0))
         uv = np.column_stack([np.where(is_up, 0.99, 0.01), 0.5 + 0 * is_up])
         stone.visual = trimesh.visual.TextureVisuals(uv=uv, image=picture)
+    else:
+        down = red if kind == "one" else blue
+        colours = np.where(is_up[:, np.newaxis], red, down)
+        stone.visual.vertex_colors = colours.astype(np.uint8)
     stone.export("stone.glb")
     configure("stone.ply", "stone.glb")
     data = stone_of(Path("study.yaml"))
-    if kind in ("none", "one"):
+    if kind == "one":
         assert data["colours"] is None
         return
     rgb = np.frombuffer(base64.b64decode(data["colours"]), np.uint8).reshape(-1, 3)
@@ -542,12 +503,6 @@ def test_scans_find_their_exact_places_near_those_by_hand(server, study):
 MATCH = Match(
     PatchPosition(1.0, 2.0, 150.0), False, False, 0.9, 0.1, np.eye(3), is_found=True
 )
-
-
-@pytest.mark.parametrize("odd", ["mirrored", "inverted"])
-def test_a_scan_that_is_laid_otherwise_than_most_is_not_found(odd):
-    laid = _laid_alike({"A": MATCH, "B": MATCH, "C": replace(MATCH, **{odd: True})})
-    assert [each.is_found for each in laid.values()] == [True, True, False]
 
 
 def test_what_is_found_on_one_square_lies_there_on_another():

@@ -14,11 +14,9 @@ import fcntl
 import json
 import mimetypes
 import os
-import platform
 import re
 import secrets
 import signal
-import stat
 import subprocess
 import sys
 import tempfile
@@ -30,7 +28,7 @@ from html import escape
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 from urllib.parse import quote, unquote
 
 import psutil
@@ -84,10 +82,6 @@ _LOCK = _LOGS / "place.lock"
 _CHANGES = {"answers", "cure", "file", "places"}
 _DIGEST = "Study-Digest"
 _COMMANDS = {"check": ("gst.setup.place_check",), "study": ("gst", "study")}
-_BUSY = {
-    "check": "A check is running. Wait until it ends, or stop it.",
-    "study": "The study is running and reads its files. Wait until it ends, or stop it.",
-}
 # A line that begins what `gst` reports, with the lines behind it that are indented.
 _REPORT = re.compile(r"^(ERROR|WARNING|NOTE): ")
 
@@ -208,47 +202,26 @@ def _make_logs() -> None:
     _LOGS.mkdir(exist_ok=True)
 
 
-def _locked() -> TextIO:
-    """The open lock of the working folder, which contains the host and the process of its server.
+def _locked() -> int:
+    """The open lock of the working folder, which ends with the process, even if it is killed.
 
-    The operating system releases it when the process ends, even if it is killed. Raises an
-    `InputError` if another server has the lock, or a server on another host may still run.
+    Raises an `InputError` if another server has it.
     """
-    is_free = True
     try:
         _make_logs()
-        number = os.open(_LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
-        status = os.fstat(number)
-        if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
-            os.close(number)
-            raise OSError(None, "it is not a file of its own")
-        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock = os.open(_LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        is_free = False
+        problem = "is already open in another `gst place`"
+        remedy = "Use that page, or end that process first."
+        raise InputError(Path.cwd(), problem, remedy) from None
     except OSError as error:
         problem = f"cannot be the lock of this folder: {error.strerror}"
         remedy = (
             "Remove it, or copy the study to a folder that you can write to and lock."
         )
         raise InputError(_LOCK, problem, remedy) from None
-    file = os.fdopen(number, "r+", errors="replace")
-    host, _, process = file.read(1000).strip().partition(" ")
-    if is_free and host in ("", platform.node()):
-        file.seek(0)
-        file.truncate()
-        print(platform.node(), os.getpid(), file=file, flush=True)
-        return file
-    file.close()
-    owner = f"process {process} on {host}"
-    if not is_free:
-        problem = f"is already open in another `gst place` ({owner})"
-        raise InputError(
-            Path.cwd(), problem, "Use that page, or end that process first."
-        )
-    problem = f"names a `gst place` that may still run ({owner})"
-    raise InputError(
-        _LOCK, problem, "End it there. If it does not run, remove this file."
-    )
+    return lock
 
 
 class PlaceServer(ThreadingHTTPServer):
@@ -264,7 +237,7 @@ class PlaceServer(ThreadingHTTPServer):
 
     def __init__(self, config: Path):
         self.lock = threading.Lock()
-        self._file = _locked()
+        self._lock_of_folder = _locked()
         self._redirect: tempfile.TemporaryDirectory | None = None
         super().__init__(("127.0.0.1", 0), _Handler)
         self.config = config
@@ -282,8 +255,7 @@ class PlaceServer(ThreadingHTTPServer):
         self.remove_redirect()
         # A save that is under way ends first, and none follows. A search only reads files.
         self.lock.acquire(timeout=5)
-        self._file.truncate(0)
-        self._file.close()
+        os.close(self._lock_of_folder)
 
     def open_browser(self) -> None:
         """Open the page in the browser, by a private file that redirects to it.
@@ -321,7 +293,8 @@ class PlaceServer(ThreadingHTTPServer):
         """Refuse a change during a command, except the command `but` itself."""
         for name, command in self.commands.items():
             if name != but and command.is_running():
-                raise _RefusedError(HTTPStatus.LOCKED, _BUSY[name])
+                why = f"The {name} is running and reads its files. Wait until it ends, or stop it."
+                raise _RefusedError(HTTPStatus.LOCKED, why)
 
     def start(self, name: str) -> None:
         """Start a command, unless the other one runs."""
@@ -476,19 +449,15 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _asked_for(self) -> str:
         """The path behind the token. Requests from elsewhere are refused."""
-        origin = self.headers.get("Origin", f"http://{self.server.host}")
-        if self.headers.get("Host") != self.server.host:
-            raise _RefusedError(
-                HTTPStatus.FORBIDDEN, "request refused: wrong host name"
-            )
-        if origin != f"http://{self.server.host}":
-            raise _RefusedError(
-                HTTPStatus.FORBIDDEN, "request refused: it comes from another page"
-            )
+        own = f"http://{self.server.host}"
+        is_own = self.headers.get("Host") == self.server.host
+        is_own &= self.headers.get("Origin", own) == own
         path = self.path.partition("?")[0].removeprefix("/")
         token, _, rest = path.partition("/")
-        if not secrets.compare_digest(token.encode(), self.server.token.encode()):
-            raise _RefusedError(HTTPStatus.FORBIDDEN, "request refused: wrong address")
+        is_own &= secrets.compare_digest(token.encode(), self.server.token.encode())
+        if not is_own:
+            why = "request refused: it has another address, or comes from another page"
+            raise _RefusedError(HTTPStatus.FORBIDDEN, why)
         name = unquote(rest)
         if not name.isprintable():  # such as a NUL, which no path can have
             raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
@@ -499,8 +468,6 @@ class _Handler(BaseHTTPRequestHandler):
         length = self.headers.get("Content-Length", "")
         if not length.isdecimal() or int(length) > _MOST_SENT:
             raise _RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too long")
-        if self.headers.get("Content-Type") != _JSON:
-            raise _RefusedError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "not JSON")
         try:
             # neither NaN nor Infinity, which JSON does not have
             sent = json.loads(self.rfile.read(int(length)), parse_constant=int)

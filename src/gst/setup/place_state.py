@@ -132,17 +132,14 @@ def state_of(path: Path) -> dict[str, Any]:
     digest = digest_of(path)
     config = read_unfinished(path)
     rows, has_scans = rows_of(config)
-    columns = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
     asked = [
-        {
-            "patch": row.patch,
-            "column": column,
-            "likely": likely.removeprefix(TODO).strip(),
-        }
-        for row in rows.itertuples()
+        {"patch": patch, "column": column, "likely": likely[len(TODO) :].strip()}
         for column in EPOCHS
-        if is_to_do(likely := getattr(row, column))
+        for patch, likely in zip(rows.patch, rows[column], strict=True)
+        if is_to_do(likely)
     ]
+    columns = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
+    placed = rows[columns].astype(object).where(rows.notna(), None)
     return {
         "digest": digest,
         "title": config["title"],
@@ -155,10 +152,7 @@ def state_of(path: Path) -> dict[str, Any]:
         "patch_size_mm": unless_to_do(config["scans"]["size_mm"]),
         "has_scans": has_scans,
         "fewest": FEWEST_PATCHES,
-        "patches": rows[columns]
-        .astype(object)
-        .where(rows.notna(), None)
-        .to_dict("records"),
+        "patches": placed.to_dict("records"),
         "asked": asked,
         "files": _scan_names(config) if asked else [],
         "own_tool": "mesh" in (config["counterface"] or {}),
@@ -301,13 +295,23 @@ def _saved(path: Path, kept: str | None) -> dict[str, str | None]:
 def _save_config(path: Path, values: Mapping[str, Any]) -> str | None:
     """Write values into the config; the name of a copy of it, if one of them was removed."""
     config, text = read_unfinished(path), _checked(path, values)
-    is_less = any(
-        _is_filled(_value(config, key)) and not _is_filled(value)
-        for key, value in values.items()
-    )
-    kept = keep_copy(path) if is_less else None
+    former = {key: _value(config, key) for key in values}
+    return _written(path, text, is_less=_loses(former, values))
+
+
+def _written(path: Path, text: str, *, is_less: bool) -> str | None:
+    """Write a file; the name of a copy of the former one, if a part of it was removed."""
+    kept = str(keep_copy(path)) if is_less else None
     save_text(path, text)
-    return None if kept is None else str(kept)
+    return kept
+
+
+def _loses(former: Mapping[str, Any], new: Mapping[str, Any] | None) -> bool:
+    """Whether a value that was given goes; `new` is None if all go."""
+    return new is None or any(
+        _is_filled(former.get(key)) and not _is_filled(value)
+        for key, value in new.items()
+    )
 
 
 def _cells(row: Mapping[str, Any], *, turn: bool, grade: bool) -> dict[str, str]:
@@ -327,22 +331,20 @@ def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> str |
     Returns the name of the copy of the former table, if a part of it was removed.
     """
     file = Path(former or _TABLE)
-    if former is None and rows and os.path.lexists(file):
-        raise InputError(file, "exists, but the config does not name it", "Rename it.")
-    if former is None and rows:
-        lines = [";".join(rows[0]), *(";".join(row.values()) for row in rows)]
-        write_whole(file, "".join(f"{line}\n" for line in lines).encode())
-    elif rows:
-        left = {row["patch"]: row for row in rows}
-        # each row takes its own out, and those that the table lacks come at its end
-        return _write_cells(
-            file, lambda row: left.pop(row["patch"], None), left.values()
-        )
-    elif former is not None and file.exists():
+    if not rows:
+        if former is None or not file.exists():
+            return None
         kept = keep_copy(file)
         file.unlink()
         return str(kept)
-    return None
+    if former is None:
+        if os.path.lexists(file):
+            problem = "exists, but the config does not name it"
+            raise InputError(file, problem, "Rename it.")
+        write_whole(file, f"{';'.join(rows[0])}\n".encode())
+    left = {row["patch"]: row for row in rows}
+    # each row takes its own out, and those that the table lacks come at its end
+    return _write_cells(file, lambda row: left.pop(row["patch"], None), left.values())
 
 
 def _write_cells(
@@ -352,21 +354,15 @@ def _write_cells(
 
     Returns the name of the copy of the former table, if rows or filled cells were removed.
     """
-    is_less = False
+    losses = []
 
     def changed(row: Mapping[str, str]) -> Mapping[str, object] | None:
-        nonlocal is_less
         new = cells(row)
-        is_less |= new is None or any(
-            _is_filled(row.get(column)) and not _is_filled(value)
-            for column, value in new.items()
-        )
+        losses.append(_loses(row, new))
         return new
 
     text = with_cells(text_of(file), changed, more, _RENAMED)
-    kept = keep_copy(file) if is_less else None
-    save_text(file, text)
-    return None if kept is None else str(kept)
+    return _written(file, text, is_less=any(losses))
 
 
 def _is_filled(cell: object) -> bool:
