@@ -20,8 +20,7 @@ from gst.check.answer import draw, summary
 from gst.check.epochs import epochs_on_each_other
 from gst.check.fixing import Cure, cures_of
 from gst.check.inputs import Asked, Inputs, check_inputs
-from gst.config.contradictions import counterface_mesh, improbable
-from gst.config.named_files import check_files
+from gst.config.contradictions import check_files, counterface_mesh, improbable
 from gst.config.patches import overlaps, scan_files
 from gst.config.poses import poses_of, reach_of
 from gst.config.reading import asked_of_files, read_config, read_study

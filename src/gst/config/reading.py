@@ -19,8 +19,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 from pydantic import ValidationError as SettingsError
 
-from gst.config.contradictions import file_problems, improbable
-from gst.config.named_files import check_files
+from gst.config.contradictions import check_files, file_problems, improbable
 from gst.config.patches import no_patches, read_patches
 from gst.config.poses import poses_of
 from gst.config.renamed import COUPLINGS, KEYS

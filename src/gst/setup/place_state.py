@@ -61,38 +61,19 @@ _RENAMED = {"place": "patch"}
 _TABLE = "patches.csv"
 # Decimals of a place (mm) and of a turn (degrees).
 DECIMALS = 3
-# Schemas of the JSON that the page sends.
+# Schemas of the JSON that the page sends. Its values are checked as those of a config and a table.
 SENT_ANSWERS: dict[str, Any] = {
     "type": "object",
     "propertyNames": {"enum": [*_ANSWERS]},
-    "additionalProperties": {
-        "type": ["number", "string", "boolean", "array", "null"],
-        "items": {"type": ["number", "string"]},
-    },
 }
-SENT_FILE: dict[str, Any] = {
-    "type": "object",
-    "required": ["patch", "column", "name"],
-    "properties": {key: {"type": "string"} for key in ("patch", "column", "name")},
-}
-_LENGTH = {"type": ["number", "null"], "minimum": -1000, "maximum": 1000}
-_PLACE = {
-    "patch": {"type": "string", "pattern": "^[A-Za-z0-9][A-Za-z0-9-]*$"},
-    "x_mm": _LENGTH,
-    "y_mm": _LENGTH,
-    "rotation_deg": {"type": "number", "minimum": -180, "maximum": 180},
-    "wear_grade": {"type": ["integer", "null"], "minimum": 0, "maximum": 9},
-}
-_SQUARE = {"size_mm": {"type": "number"}, "points_mm": {"type": ["array", "null"]}}
+SENT_FILE: dict[str, Any] = {"type": "object", "required": ["patch", "column", "name"]}
+_PLACE = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
 SENT_PLACES: dict[str, Any] = {
     "type": "object",
     "required": ["square", "patches"],
     "properties": {
-        "square": {"type": "object", "required": [*_SQUARE], "properties": _SQUARE},
-        "patches": {
-            "type": "array",
-            "items": {"type": "object", "required": [*_PLACE], "properties": _PLACE},
-        },
+        "square": {"type": "object", "required": ["size_mm", "points_mm"]},
+        "patches": {"type": "array", "items": {"type": "object", "required": _PLACE}},
     },
 }
 
@@ -138,8 +119,7 @@ def state_of(path: Path) -> dict[str, Any]:
         for patch, likely in zip(rows.patch, rows[column], strict=True)
         if is_to_do(likely)
     ]
-    columns = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
-    placed = rows[columns].astype(object).where(rows.notna(), None)
+    placed = rows[_PLACE].astype(object).where(rows.notna(), None)
     return {
         "digest": digest,
         "title": config["title"],
