@@ -7,14 +7,12 @@ The commands have these exit codes. Once `study` has started Snakemake, it retur
 - 2: error (any `GstError` or `OSError`), wrong usage or interrupted
 """
 
-import errno
 import io
 import logging
 import os
 import shlex
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -32,21 +30,7 @@ _HERE = "gst.here"
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 
 
-class _Path(click.Path):
-    """A path that can lead to a file: without a NUL, and without a loop of links."""
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        try:
-            os.stat(value)
-        except ValueError:
-            self.fail(f"{value!r} cannot be the path of a file", param, ctx)
-        except OSError as error:
-            if error.errno == errno.ELOOP:
-                self.fail(f"{value} is a loop of links", param, ctx)
-        return super().convert(value, param, ctx)
-
-
-_PATH = _Path(path_type=Path)
+_PATH = click.Path(path_type=Path)
 _POSITIVE = click.FloatRange(min=0, min_open=True)
 _UNITS = click.Choice(["m", "cm", "mm", "um", "nm", "in"])
 _UNIT = click.option(
@@ -236,12 +220,11 @@ def study(context, config, options, cores, profile, plan) -> None:
 
 @main.command()
 @_CONFIG
-@click.option("--intermediate", is_flag=True, help="Remove only intermediate files.")
-def clean(config, intermediate) -> None:
+def clean(config) -> None:
     """Remove the results of CONFIG, after asking."""
     from gst.run.running import remove_results
 
-    remove_results(config, intermediate=intermediate)
+    remove_results(config)
 
 
 @main.command()
@@ -338,15 +321,6 @@ def diff(before, after, tolerance) -> None:
 
 @main.command()
 @_RESULTS
-def jobs(results) -> None:
-    """Show time and memory of the jobs, by rule."""
-    from gst.run.logs import used_by_jobs
-
-    click.echo(used_by_jobs(results).to_string(float_format="{:.4g}".format))
-
-
-@main.command()
-@_RESULTS
 @click.option("--to", type=_PATH, help="Folder, by default `export` in RESULTS.")
 @click.option(
     "--zip",
@@ -356,9 +330,10 @@ def jobs(results) -> None:
 )
 def export(results, to, archive) -> None:
     """Export maps and tool for other programs (x3p, grid, GLB)."""
-    from gst.share.export import export_study, zip_study
+    from gst.share.export import export_study
+    from gst.share.package import pack_figures
 
-    write = zip_study if archive else export_study
+    write = pack_figures if archive else export_study
     to = archive or to or results / "export"
     click.echo(f"{to}: {len(write(results, to))} files")
 
@@ -371,8 +346,8 @@ def export(results, to, archive) -> None:
 )
 @click.option("--license", "licence", help="Licence, such as CC-BY-4.0 (SPDX).")
 def package(results, output, authors, licence) -> None:
-    """Pack a finished study into one zip file (RO-Crate)."""
-    from gst.share.crate import pack_study
+    """Pack a finished study into one zip file."""
+    from gst.share.package import pack_study
 
     output = output or Path(f"{results.resolve().name}.zip")
     count = pack_study(results, output, authors=authors, licence=licence)

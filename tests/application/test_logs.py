@@ -9,7 +9,7 @@ import pytest
 from snakemake_interface_logger_plugins.common import LogEvent
 
 import snakemake_logger_plugin_gst as plugin
-from gst.run.logs import FILE_ONLY, job_log, logged, used_by_jobs
+from gst.run.logs import FILE_ONLY, job_log, logged
 from gstlib.errors import NOTE, InputError
 from snakemake_logger_plugin_gst import _SILENT, LogHandler
 
@@ -46,25 +46,6 @@ def test_messages_of_every_level_are_read_back_whole(tmp_path, capsys):
         assert others == ["UserWarning: contact at the border"] * (level == "WARNING")
     assert logged(tmp_path / "job.log", "INFO") == ["step 1"]
     assert "contact at the border" in capsys.readouterr().err
-
-
-def test_the_jobs_of_a_rule_are_counted_together(tmp_path):
-    """Under the last line of a log, of a job that ended; a batch is no rule of its own."""
-    logs = {
-        "prepare_scans_T0_1": "INFO took 2.00 s, 1.50 s of CPU, 300 MB of memory\n",
-        "prepare_scans_repeat_12": "INFO read\nINFO took 9.5 s, 1 s of CPU, 200 MB of memory",
-        "write_page": "INFO took 5.00 s, 4.00 s of CPU, 600 MB of memory\n",
-        "infer_use": "INFO took 5.00 s, 4.00 s of CPU, 600 MB of memory\nERROR no\n",
-    }
-    (tmp_path / "logs").mkdir()
-    for name, text in logs.items():
-        (tmp_path / f"logs/{name}.log").write_text(text)
-    assert used_by_jobs(tmp_path).T.to_dict("list") == {
-        "write_page": [5, 4, 600, 1],
-        "prepare_scans": [9.5, 1.5, 300, 2],
-    }
-    with pytest.raises(InputError):
-        used_by_jobs(tmp_path / "logs")
 
 
 class Run:

@@ -106,7 +106,7 @@ def test_clean_and_a_refused_run_lose_nothing_that_no_record_names(
     named = record(results, choose)
     before = contents(tmp_path)
     monkeypatch.setattr("builtins.input", lambda _: "y")
-    remove_results(config, intermediate=False)
+    remove_results(config)
     after = contents(tmp_path)
     gone = before.keys() - after.keys()
     assert {path: before[path] for path in before if path not in gone} == after

@@ -110,24 +110,3 @@ def test_clean_removes_what_the_study_made_and_nothing_else(tiny):
     assert len(list(tiny.results.iterdir())) > 10
     tiny.gst("clean", tiny.config, answer="y")
     assert sorted(tiny.results.rglob("*")) == [mine.parent, mine]
-
-
-def test_what_no_reader_needs_can_go_from_a_finished_study(tiny):
-    """If its page is there; the results that stay are not touched."""
-
-    def clean():
-        return tiny.gst("clean", "--intermediate", tiny.config, answer="y").returncode
-
-    def dates():
-        files = (file for file in tiny.results.rglob("*") if file.is_file())
-        return {file: file.stat().st_mtime_ns for file in files}
-
-    page, before = tiny.results / "index.html", dates()
-    page.rename(page.with_suffix(".kept"))
-    assert clean() == 2
-    assert len(dates()) == len(before)
-    page.with_suffix(".kept").rename(page)
-    assert clean() == 0
-    assert dates().items() < before.items()
-    folders = {path.name for path in tiny.results.iterdir() if path.is_dir()}
-    assert folders == {"figures", "logs", "tables"}

@@ -1,13 +1,12 @@
 """What others get: the wheel, installed where there is no clone, and the package of a study."""
 
-import importlib.util
 import shutil
 import sys
 from pathlib import Path
 
 import pytest
 
-from gst.share.crate import pack_study
+from gst.share.package import pack_study
 
 from .conftest import ROOT, Study, run
 
@@ -87,45 +86,3 @@ def test_a_package_makes_its_results_again(finished_tiny, tmp_path):
     result = run(*command, cwd=alone, PYTHONPATH="src")
     assert result.returncode == 0, result.stdout + result.stderr
     assert Study(alone, "config/study.yaml").tables() == finished_tiny.tables()
-
-
-CONTEXT = "https://w3id.org/ro/crate/1.1/context"
-
-
-@pytest.fixture
-def cache(tmp_path):
-    """What the validator would take from the network: one file, which `rocrate` ships."""
-    pytest.importorskip("rocrate_validator", reason="needs `make test-all`")
-    from requests_cache import CachedRequest, CachedResponse, CachedSession
-
-    (package,) = importlib.util.find_spec("rocrate").submodule_search_locations
-    answer = CachedResponse(
-        url=CONTEXT,
-        status_code=200,
-        headers={"Content-Type": "application/ld+json"},
-        request=CachedRequest(method="GET", url=CONTEXT),
-    )
-    answer._content = (Path(package) / "data/ro-crate.jsonld").read_bytes()
-    assert f'"@id": "{CONTEXT}"'.encode() in answer._content
-    with CachedSession(str(tmp_path / "cache"), backend="sqlite") as session:
-        session.cache.save_response(answer)
-    return tmp_path / "cache"
-
-
-def test_a_package_is_an_ro_crate(finished_tiny, cache, tmp_path, monkeypatch):
-    from rocrate_validator.models import Severity
-    from rocrate_validator.services import validate
-
-    monkeypatch.chdir(finished_tiny.folder)
-    pack_study(finished_tiny.results, tmp_path / "study.zip")
-    result = validate(
-        {
-            "rocrate_uri": str(tmp_path / "study.zip"),
-            "profile_identifier": "ro-crate-1.1",
-            "requirement_severity": Severity.REQUIRED,
-            "offline": True,
-            "cache_path": cache,
-        }
-    )
-    assert [issue.message for issue in result.get_issues()] == []
-    assert len(result.executed_checks) > 20

@@ -6,7 +6,6 @@ import pytest
 import yaml
 
 from gst.config.patches import read_patches
-from gst.run.running import BETWEEN
 
 from .conftest import ROOT, SNAKEMAKE, run
 
@@ -81,12 +80,6 @@ def test_gst_plans_as_it_is_asked(study, options, words, is_planned):
     if is_planned:
         assert "profile" not in result.stderr
         assert not (study.folder / "results-tiny").exists()
-
-
-def test_a_folder_of_results_is_for_readers_or_between_stages():
-    text = "".join(file.read_text() for file in ROOT.glob("workflow/rules/*.smk"))
-    folders = set(re.findall(r"\{RESULTS\}/(\w+)/", text))
-    assert folders == BETWEEN | {"figures", "logs", "tables"}
 
 
 def test_slurm_groups_are_of_rules_that_there_are_and_do_not_wait_for_themselves(study):

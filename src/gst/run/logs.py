@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gst.run.chain import (
     LEVELS,
@@ -27,9 +27,6 @@ from gst.run.provenance import software
 from gstlib.errors import GstError, InputError, accepting
 from gstlib.io.files import cannot_write
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 __all__ = [
     "ASKED",
     "FILE_ONLY",
@@ -39,7 +36,6 @@ __all__ = [
     "log_failed_start",
     "logged",
     "run_script",
-    "used_by_jobs",
 ]
 
 # Environment variable, set by the workflow's display of progress, which shows the log's
@@ -49,10 +45,6 @@ FILE_ONLY = "GSTLIB_LOG_FILE_ONLY"
 ASKED = "GSTLIB_STEPS"
 # Before the duration in the last line of a step's log.
 TOOK = "took "
-_USED = (
-    TOOK
-    + r"(?P<wall_s>\S+) s, (?P<cpu_s>\S+) s of CPU, (?P<memory_MB>\S+) MB of memory$"
-)
 # Soon after a process began, for scripts import this early.
 _START = time.perf_counter()
 # Environment variable, set by `gst study --plan`: the display shows the planned jobs, and why.
@@ -149,27 +141,6 @@ def last_took(results: Path, step: str) -> str:
     text = log.read_text("utf-8", "replace") if log.is_file() else ""
     last = text.rstrip("\n").rpartition("\n")[2]
     return last.partition(TOOK)[2].partition(",")[0]
-
-
-def used_by_jobs(results: Path) -> "pd.DataFrame":
-    """The most that a job of each rule used when it last ran, and how many jobs the rule has.
-
-    The logs say so. Rows are indexed by rule, most memory first. Raises an `InputError` if no job
-    has ended.
-    """
-    import pandas as pd
-
-    logs = filter(Path.is_file, (results / LOGS).glob("*.log"))
-    texts = {log.stem: log.read_text("utf-8", "replace").rstrip() for log in logs}
-    used = pd.Series(texts, dtype=str).str.extract(_USED).dropna().astype(float)
-    if used.empty:
-        raise InputError(
-            results, "has no log of a finished job", "Run the study first."
-        )
-    rules = used.index.str.replace(r"(_T\d|_repeat)?_\d+$", "", regex=True)
-    jobs = used.groupby(rules.rename("rule"))
-    most = jobs.max().assign(jobs=jobs.size())
-    return most.sort_values("memory_MB", ascending=False, kind="stable")
 
 
 class _Accepted:

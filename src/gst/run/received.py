@@ -16,7 +16,6 @@ from gstlib.errors import InputError
 from gstlib.io.files import check_size
 
 __all__ = [
-    "CONTENTS",
     "OUTPUTS",
     "RECORD",
     "is_readable",
@@ -59,10 +58,6 @@ RECORD = _form(
 )
 # What every version of a record has.
 OUTPUTS = _form(outputs=_DIGESTS)
-CONTENTS = {
-    "type": "array",
-    "items": _form(file=_TEXT, category=_TEXT, title=_TEXT, caption=_TEXT),
-}
 _INPUTS = _form(["mesh"], mesh=_TEXT, mesh_unit=_TEXT, scan_folder=_TEXT_OR_NULL)
 _CONFIG = {
     "title": _TEXT,

@@ -29,19 +29,6 @@ from gstlib.io.files import check_writable, write_whole
 
 __all__ = ["lay_out", "remove_results", "run_study"]
 
-# Folders of the results with intermediate files, which readers do not need.
-BETWEEN = {
-    "change",
-    "coupling",
-    "gesture",
-    "macroscale",
-    "microscale",
-    "reference",
-    "specimen",
-    "surfaces",
-    "use",
-    "wear",
-}
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
 # and returns them at once. Here arrays of up to 32 MB use freed memory again.
 _REUSE_MEMORY = {
@@ -181,32 +168,15 @@ def _check_bytecode() -> None:
                     py_compile.compile(str(source), invalidation_mode=_CHECKED)
 
 
-def remove_results(config: Path, *, intermediate: bool) -> None:
-    """Ask, and remove what records in the results name; a folder, too, that is empty then.
-
-    Or only the `intermediate` results; an `InputError` if the
-    study is not finished, or not that of this config.
-    """
+def remove_results(config: Path) -> None:
+    """Ask, and remove the files that records name; then the folders that are empty."""
     read = read_config(config)
     refuse_config(config_problems(read), str(config))
     folder = Path(read["results"])
     made = removable(folder)
-    if intermediate:
-        made = [file for file in made if file.relative_to(folder).parts[0] in BETWEEN]
     if not made:
-        kind = "intermediate results" if intermediate else "results of a study"
-        print(f"{folder} contains no {kind}: no record names a file in it.")
+        print(f"{folder} contains no results of a study: no record names a file in it.")
         return
-    if intermediate:
-        check_links(folder)
-        if broken := break_in(folder, read):
-            remedy = "Finish the study first, because it needs these files."
-            raise InputError(folder, broken, remedy)
-        print(
-            "These are intermediate files. The page, tables, figures, records and logs stay. "
-            "Export and pack the study first. Without these files it is no longer "
-            "finished, until a run makes them again."
-        )
     places = Counter(str(file.relative_to(folder).parent) for file in made)
     for name, number in places.items():
         print(f"{number:6} files in {folder / name}")

@@ -7,8 +7,8 @@ their HDF5 files.
 """
 
 import io
-import zipfile
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,7 +18,7 @@ import xarray as xr
 
 from gst.page.methods import methods_text
 from gst.run.chain import PAGE, check_chain, made_in, read_record
-from gst.run.received import read_provenance, regular_file
+from gst.run.received import read_provenance
 from gst.share.tool import colour_bar, tool_with
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
@@ -28,7 +28,7 @@ from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
-__all__ = ["export_study", "x3p_of", "zip_study"]
+__all__ = ["METHODS", "export_study", "methods_of"]
 
 # The files of each patch, in the folders of their batches.
 _BY_PATCH = {
@@ -38,7 +38,7 @@ _BY_PATCH = {
 }
 # An export is made of such files.
 _WRITTEN = {".asc", ".glb", ".ply", ".png", ".txt", ".x3p"}
-_METHODS = "methods.txt"
+METHODS = "methods.txt"
 _UNMEASURED = -9999  # in a grid
 _LIMIT = "level_of_detection"
 _Places = Mapping[str, PatchPosition]
@@ -63,16 +63,13 @@ def export_study(results: Path, to: Path) -> list[str]:
         )
         raise InputError(to, f"has the file {min(there).name} already", remedy)
     written = []
-    try:
+    with _in_the_form_of_a_study(results):
         for name, content in _files(results):
             if Path(name).name != name:
                 problem = f"holds the name of a file outside the export: {name!r}"
                 raise InputError(results, problem, "Run the study again.")
             write_whole(to / name, content)
             written.append(name)
-    except (AttributeError, LookupError, TypeError, ValueError) as error:
-        problem = f"have a field that no study writes so ({error!s:.200})"
-        raise InputError(results, problem, "Run the study again.") from error
     return written
 
 
@@ -88,41 +85,35 @@ def _files(results: Path) -> Iterator[tuple[str, bytes]]:
     places = places_of(read_table(table)) if table in made else {}
     # first, because its mesh may be elsewhere
     yield from _tool(results, made, places, by_patch)
-    yield _METHODS, _methods(results, made)
+    yield METHODS, methods_of(results, made)
     for patch, stages in sorted(by_patch.items()):
         for name, field in _maps(stages):
             title = f"patch {patch}: {field.attrs['long_name']}"
-            yield f"{patch}_{name}.x3p", x3p_of(field, title)
+            yield f"{patch}_{name}.x3p", _x3p_of(field, title)
             if name not in ("T0", "T1") and patch in places:
                 yield f"{patch}_{name}.asc", _asc_of(field, places[patch])
 
 
-def zip_study(results: Path, target: Path) -> list[str]:
-    """Zip figures, tables and the methods paragraph of a study; the names in the zip.
-
-    Raises an `InputError` as `export_study` does, or if the `target` exists.
-    """
-    check_chain(results)
-    if target.exists():
-        raise InputError(target, "exists", "Remove it, or give another name.")
-    made, content = {*made_in(results)}, io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(_METHODS, _methods(results, made))
-        for file in sorted(made):
-            name = file.relative_to(results)
-            if name.parts[0] in ("figures", "tables"):
-                archive.write(regular_file(file, results), name)
-    write_whole(target, content.getvalue())
-    return archive.namelist()
-
-
-def _methods(results: Path, made: set[Path]) -> bytes:
-    """The methods paragraph."""
+def methods_of(results: Path, made: set[Path]) -> bytes:
+    """The methods paragraph of the results, which have `made` these files."""
     tables = {file.stem for file in made if file.parent.name == "tables"}
-    try:
+    with _in_the_form_of_a_study(results):
         return methods_text(read_provenance(results), tables).encode()
-    except (LookupError, TypeError, jinja2.TemplateError) as error:
-        problem = f"have a config that no study writes so ({error!s:.200})"
+
+
+@contextmanager
+def _in_the_form_of_a_study(results: Path) -> Iterator[None]:
+    """Turn what a result in another form causes into an `InputError`."""
+    try:
+        yield
+    except (
+        AttributeError,
+        LookupError,
+        TypeError,
+        ValueError,
+        jinja2.TemplateError,
+    ) as error:
+        problem = f"have a field that no study writes so ({error!s:.200})"
         raise InputError(results, problem, "Run the study again.") from error
 
 
@@ -146,7 +137,7 @@ def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
             yield f"predicted_{depth.model.item()}", depth
 
 
-def x3p_of(heights: xr.DataArray, title: str) -> bytes:
+def _x3p_of(heights: xr.DataArray, title: str) -> bytes:
     """An x3p file of a map of lengths (y, x) in mm, NaN where unmeasured."""
     from surfalize import Surface
     from surfalize.file.x3p import write_x3p
