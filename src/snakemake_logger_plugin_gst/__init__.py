@@ -1,11 +1,12 @@
-"""Snakemake's logger plugin of this project (`logger: gst` in the profile): shows progress.
+"""The display of a run: the logger plugin `gst` of Snakemake, which the profiles name.
 
 It prints a line when a step begins, and when another tenth of the steps is done. Each line begins
-with the time since the start. The time left is not estimated, because the steps of two studies
-differ too much. After a minute of silence it shows how far the running steps are. A step's warnings
-and errors come from its log. For `gst study --plan` it shows what would run, why, and how long that
-last took. If Snakemake is asked for anything else (--dry-run, --verbose, ...), its own display is
-used. The plugin `rich` does not show the messages of a step, and it needs a terminal.
+with the time since the start. After a minute of silence it shows the progress of the running steps.
+Warnings and errors of a step are taken from its log. For `gst study --plan` it lists the steps that
+would run, the reasons, and the time that each step last took.
+
+Snakemake's own display is used for its other modes, such as ``--dry-run`` and ``--verbose``. The
+plugin `rich` is not used, because it does not show the messages of a step and needs a terminal.
 """
 
 import os
@@ -14,7 +15,6 @@ import sys
 import threading
 import time
 from datetime import timedelta
-from graphlib import TopologicalSorter
 from logging import INFO, LogRecord
 from pathlib import Path
 from typing import Any
@@ -28,29 +28,19 @@ from gst.run.logs import FILE_ONLY, PLAN, last_took, logged
 __all__ = ["LogHandler"]
 
 _SILENT = (
-    "the step ended without an error message. It may have been stopped: by a person, at its time "
-    "limit, or for lack of memory."
+    "the step ended without an error message. It may have lacked time or memory, or a "
+    "person may have stopped it."
 )
 # Snakemake's own messages: those that this display replaces, and those worth a line in a run.
-_REPLACED = (
-    "At least one job did not complete successfully",
-    "Exiting because a job execution",
-)
-_WANTED = (
-    "Terminating",
-    "Will exit",
-    "Nothing to be",
-    "Trying to restart",
-    "Waiting at most",
-)
+_REPLACED = "At least one job did not complete", "Exiting because a job execution"
+_WANTED = "Terminating", "Will exit", "Nothing to be", "Trying to", "Waiting at"
 _SILENCE = 60.0  # seconds after which the running steps are shown
-_PLACE = re.compile(
-    r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE
-)
+# The place in the code at which an error was raised.
+_PLACE = r'(?m)^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?'
 
 
 class LogHandler(LogHandlerBase):
-    """Shows a run on stderr."""
+    """Shows a run on stderr, and a plan on stdout."""
 
     writes_to_file = has_formatter = needs_rulegraph = False
     writes_to_stream = has_filter = True
@@ -61,10 +51,8 @@ class LogHandler(LogHandlerBase):
         other = asked.quiet or asked.verbose or asked.debug_dag or asked.printshellcmds
         self.writes_to_stream = not other and asked.dryrun == self.is_plan
         self.start = self.last_shown = time.time()
-        self.total = self.done = 0
-        self.steps: dict[int, Any] = {}  # by job, how Snakemake announced it
-        self.running: set[int] = set()
-        self.planned: dict[str, Any] = {}  # by the text of the plan, likewise
+        self.total = self.done = self.planned = 0
+        self.steps: dict[int, Any] = {}  # that run, by job, as Snakemake announced them
         self.ended = threading.Event()
         if self.writes_to_stream:
             os.environ[FILE_ONLY] = "1"  # for the steps, which inherit it
@@ -81,136 +69,102 @@ class LogHandler(LogHandlerBase):
         if not self.ended.is_set():  # Snakemake closes its handlers more than once
             self.ended.set()
             if self.is_plan:
-                print(*self._plan(), sep="\n")
+                would_run = f"{_steps(self.planned)} would run."
+                print(would_run if self.planned else "Nothing to do.")
             elif self.total:
-                done = f"{self.done} of {_steps(self.total)} done, after {self._elapsed()}."
-                again = " Repeat the same command to continue from there."
-                is_whole = self.done == self.total
-                self._print(
-                    f"Finished: {done}" if is_whole else f"Stopped with {done}{again}"
-                )
+                how = "Finished:" if self.done == self.total else "Stopped with"
+                done = f"{self.done} of {_steps(self.total)} done"
+                self._print(f"{how} {done}, after {self._elapsed()}.")
+                if self.done < self.total:
+                    self._print("Repeat the same command to continue from there.")
         super().close()
 
     def _show(self, record: Any) -> None:  # noqa: C901, a case for each event
         match getattr(record, "event", None):
             case LogEvent.JOB_INFO if record.log:  # not a rule that only names others
-                self._begin(record)
+                self._plan(record) if self.is_plan else self._begin(record)
             case _ if self.is_plan and record.levelno <= INFO:
                 pass
-            case LogEvent.RUN_INFO:
-                counts = {
-                    rule: count
-                    for rule, count in record.stats.items()
-                    if rule not in ("all", "total")  # the rule "all" makes nothing
-                }
-                self.total = sum(counts.values())
+            case LogEvent.RUN_INFO:  # the rule "all" makes nothing
+                self.total = record.stats["total"] - record.stats.get("all", 0)
                 self._print(f"{_steps(self.total)} to do.")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
-                self._finish(record.job_id)
-            case LogEvent.PROGRESS:
-                before, self.done = (
-                    self.done,
-                    min(record.done, self.total),
-                )  # without "all"
-                if (
-                    self.total
-                    and 10 * self.done // self.total > 10 * before // self.total
-                ):
-                    progress = f"{self.done} of {self.total} steps done"
-                    self._print(f"{self._elapsed()}  {progress}")
+                self._finish(self.steps.pop(record.job_id))
+            case LogEvent.PROGRESS if self.total:
+                before, self.done = self.done, min(record.done, self.total)
+                if 10 * self.done // self.total > 10 * before // self.total:
+                    self._print_timed(f"{self.done} of {self.total} steps done")
             case LogEvent.JOB_ERROR:
-                self._fail(record.jobid, record.rule_msg)
+                self._fail(self.steps.pop(record.jobid), record.rule_msg)
             case LogEvent.GROUP_ERROR:
                 for job in record.job_error_info:
-                    self._fail(job["jobid"], record.getMessage())
-            case LogEvent.ERROR:
-                text = record.getMessage()
-                if "CalledProcessError" not in text:  # of a step; its own log says more
-                    text = _PLACE.sub("", text).strip().removeprefix("WorkflowError:\n")
-                    self._print(f"ERROR: {text}")
+                    self._fail(self.steps.pop(job["jobid"]), record.getMessage())
+            case LogEvent.ERROR if "CalledProcessError" not in record.getMessage():
+                text = re.sub(_PLACE, "", record.getMessage()).strip()
+                self._print(f"ERROR: {text.removeprefix('WorkflowError:').strip()}")
             case None:
                 text = record.getMessage()
                 if text.startswith(_WANTED) or record.levelno > INFO:
                     self._print(text)
 
+    def _plan(self, step: Any) -> None:
+        log, why = Path(step.log[0]), _again(step) or step.reason
+        if why.startswith("Missing output files"):
+            why = "not made yet"
+        elif "updated by another job" in why:
+            why = "its inputs are made again"
+        took = last_took(log.parents[1], log.stem)
+        last = f"; last took {took}" if took else ""
+        print(f"{step.rule_name}: {step.rule_msg}\n    {why}{last}")
+        self.planned += 1
+
     def _begin(self, step: Any) -> None:
-        """Show a step that begins; or keep it, if it only would run, for the plan."""
-        # as the records say, or as was asked for by the rule's name
-        names = (step.rule_name, *step.output)
-        again = next((AGAIN[name] for name in names if name in AGAIN), None)
-        log = Path(step.log[0])
-        if self.is_plan:
-            took = last_took(log.parents[1], log.stem)
-            why = (again or _why(step.reason)) + (f"; last took {took}" if took else "")
-            self.planned[f"{step.rule_name}: {_message(step)}\n    {why}"] = step
-            return
         self.steps[step.jobid] = step
-        self.running.add(step.jobid)
-        log.unlink(missing_ok=True)  # of an earlier run
-        self._print(f"{self._elapsed()}  {_message(step)}")
-        if again:
+        Path(step.log[0]).unlink(missing_ok=True)  # of an earlier run
+        self._print_timed(step.rule_msg)
+        if again := _again(step):
             self._print(f"  again: {again}")
 
-    def _finish(self, job: int) -> None:
-        self.running.discard(job)
+    def _finish(self, step: Any) -> None:
         for level in LEVELS:
-            for text in logged(Path(self.steps[job].log[0]), level):
-                self._tell("ACCEPTED FAULT" if level == "ERROR" else level, text, job)
+            for text in logged(Path(step.log[0]), level):
+                self._tell("ACCEPTED FAULT" if level == "ERROR" else level, text, step)
 
-    def _fail(self, job: int, reason: str) -> None:
-        self.running.discard(job)
-        errors = logged(Path(self.steps[job].log[0]), "ERROR") or [reason or _SILENT]
-        self._tell("ERROR", errors[-1], job)
+    def _fail(self, step: Any, reason: str) -> None:
+        errors = logged(Path(step.log[0]), "ERROR") or [reason or _SILENT]
+        self._tell("ERROR", errors[-1], step)
 
-    def _plan(self) -> list[str]:
-        """The steps in an order in which they could run, the same each time; and their number."""
-        steps = sorted(self.planned.items(), key=lambda step: step[0])
-        makers = {file: text for text, record in steps for file in record.output}
-        needs = {
-            text: sorted({makers[file] for file in record.input if file in makers})
-            for text, record in steps
-        }
-        order = TopologicalSorter(needs).static_order()
-        return (
-            [*order, f"{_steps(len(steps))} would run."]
-            if steps
-            else ["Nothing to do."]
-        )
+    def _tell(self, level: str, text: str, step: Any) -> None:
+        self._print(f"{level}: {text}\n  step: {step.rule_msg}\n  log:  {step.log[0]}")
 
     def _watch(self) -> None:
-        """After a minute of silence, and each one that follows, show how far the steps are."""
+        """Show the progress of the running steps after each minute of silence."""
         while not self.ended.wait(1.0):
             if time.time() - self.last_shown > _SILENCE:
-                for step in [self.steps[job] for job in list(self.running)]:
+                for step in [*self.steps.values()]:
                     minutes = (time.time() - step.created) / 60
                     latest = (logged(Path(step.log[0]), "INFO") or ["working"])[-1]
-                    progress = f"{_message(step)}, for {minutes:.0f} min: {latest}"
-                    self._print(f"{self._elapsed()}  {progress}")
+                    message = f"{step.rule_msg}, for {minutes:.0f} min: {latest}"
+                    self._print_timed(message)
                 self.last_shown = time.time()
 
-    def _tell(self, level: str, text: str, job: int) -> None:
-        step = self.steps[job]
-        self._print(f"{level}: {text}\n  step: {_message(step)}\n  log:  {step.log[0]}")
+    def _print_timed(self, text: str) -> None:
+        self._print(f"{self._elapsed()}  {text}")
+
+    def _elapsed(self) -> str:
+        return str(timedelta(seconds=round(time.time() - self.start)))
 
     def _print(self, text: str) -> None:
         if not text.removeprefix("ERROR: ").startswith(_REPLACED):
             print(text.rstrip(), file=sys.stderr, flush=True)
             self.last_shown = time.time()
 
-    def _elapsed(self) -> str:
-        return str(timedelta(seconds=round(time.time() - self.start)))
-
 
 def _steps(count: int) -> str:
     return f"{count} step{'s' * (count != 1)}"
 
 
-def _message(step: Any) -> str:
-    return step.rule_msg or step.rule_name
-
-
-def _why(reason: str) -> str:
-    """A reason of Snakemake in our words."""
-    if reason.startswith("Missing output files"):
-        return "not made yet"
-    return "its inputs are made again" if "updated by another job" in reason else reason
+def _again(step: Any) -> str | None:
+    """The reason for which the records, or an option with the rule's name, ask for a step again."""
+    names = (step.rule_name, *step.output)
+    return next((AGAIN[name] for name in names if name in AGAIN), None)

@@ -122,4 +122,4 @@ def test_the_display_shows_warnings_and_the_error_of_a_failed_step_once(
     assert f"WARNING: patch 2 was not found\nsee the map{place % 1}" in text
     assert f"ERROR: {EMPTY}{place % 2}" in text
     assert f"ERROR: {_SILENT}{place % 3}" in text
-    assert "Stopped with 1 of 4 steps done" in text.splitlines()[-1]
+    assert "Stopped with 1 of 4 steps done" in text.splitlines()[-2]
