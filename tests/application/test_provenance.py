@@ -61,18 +61,32 @@ STEPS = "solve_patches", "tabulate_texture", "draw_figures", "write_page"
 def hashes():
     source_hash.cache_clear()
     provenance._module.cache_clear()
+    provenance._columns.cache_clear()
     return {name: source_hash(SCRIPTS / f"{name}.py") for name in STEPS}
 
 
 SCHEMA = "workflow/schemas/tables.yaml"
-MOVED = {
-    "gst/page/page.css": {"write_page"},
-    "gst/run/chain.py": set(),
-    "gstlib/change/texture.py": {"tabulate_texture"},
-    "gstlib/surfaces/grid.py": set(STEPS),
-    "gstlib/__init__.pyi": set(),
-    SCHEMA: {"tabulate_texture", "write_page"},
-}
+X = "x = 0\n"
+TABLE = """
+extra:
+  title: title
+  stage: wear
+  key: [x_mm]
+  caption: caption
+  columns:
+    x_mm: {unit: mm, meaning: meaning}
+"""
+# An addition to a file of the program, and the steps whose hashes it changes.
+ADDED = [
+    ("gst/page/page.css", X, {"write_page"}),
+    ("gst/run/chain.py", X, set()),
+    ("gstlib/change/texture.py", X, {"tabulate_texture"}),
+    ("gstlib/surfaces/grid.py", X, set(STEPS)),
+    ("gstlib/__init__.pyi", X, set()),
+    (SCHEMA, TABLE, {"tabulate_texture", "write_page"}),
+    (SCHEMA, TABLE.replace("meaning: meaning", "meaning: another"), {"write_page"}),
+    (SCHEMA, TABLE.replace("unit: mm", "unit: m"), {"tabulate_texture", "write_page"}),
+]
 
 
 def test_the_hash_of_a_step_moves_with_the_modules_that_it_runs_on(
@@ -89,43 +103,44 @@ def test_the_hash_of_a_step_moves_with_the_modules_that_it_runs_on(
     shutil.copy(gst.ROOT / SCHEMA, tmp_path / SCHEMA)
     monkeypatch.setattr(gst, "ROOT", tmp_path)
     assert hashes() == before
-    for name, steps in MOVED.items():
+    for name, addition, steps in ADDED:
         with (tmp_path / name).open("a") as file:
-            file.write("x = 0\n")
+            file.write(addition)
         after = hashes()
         assert {step for step in STEPS if after[step] != before[step]} == steps, name
         before = after
 
 
-@pytest.mark.parametrize(
-    ("code", "is_the_same"),
-    [
-        ('"""Other words.\n\nMore."""\nimport os\n\n# why\nx = """\n# a\n"""\n', True),
-        ('"""Words."""\nimport os\nx = """\n# b\n"""\n', False),
-        ('"""Words."""\nimport os\nx = """\n\n# a\n"""\n', False),
-        ('"""Words."""\nx = """\n# a\n"""\n', False),
-        ('"""Words."""\nimport os\nx = """\n# a\n"""\n...\n', False),
-    ],
-)
-def test_a_comment_or_a_docstring_makes_no_step_run_again(tmp_path, code, is_the_same):
-    file, other = tmp_path / "a.py", tmp_path / "b.py"
-    file.write_text('"""Words."""\nimport os\nx = """\n# a\n"""\n')
-    other.write_text(code)
-    one, another = (provenance._hash_of([("a", path)]) for path in (file, other))
-    assert (one == another) is is_the_same
+CODE = '''"""Words."""
+import os
+x = """
+# a
+"""
+if x:
+    raise ValueError("a")
+'''
 
 
 @pytest.mark.parametrize(
-    ("code", "is_the_same"),
+    ("old", "new", "is_the_same"),
     [
-        ('if x:\n    raise ValueError(\n        "b"\n    )\n', True),
-        ('if not x:\n    raise ValueError("a")\n', False),
+        ('"""Words."""', '"""Other words.\n\nMore."""', True),
+        ("import os\n", "import os\n\n# why\n", True),
+        ('ValueError("a")', 'ValueError(\n        "b"\n    )', True),
+        ("# a\n", "# b\n", False),
+        ("# a\n", "\n# a\n", False),
+        ("import os\n", "", False),
+        ("if x:", "if not x:", False),
+        ("import os\n", "import os\n...\n", False),
     ],
 )
-def test_the_message_of_an_error_makes_no_step_run_again(tmp_path, code, is_the_same):
+def test_only_code_that_shapes_a_result_makes_a_step_run_again(
+    tmp_path, old, new, is_the_same
+):
+    """Docstrings, comments and messages of errors do not."""
     file, other = tmp_path / "a.py", tmp_path / "b.py"
-    file.write_text('if x:\n    raise ValueError("a")\n')
-    other.write_text(code)
+    file.write_text(CODE)
+    other.write_text(CODE.replace(old, new))
     one, another = (provenance._hash_of([("a", path)]) for path in (file, other))
     assert (one == another) is is_the_same
 

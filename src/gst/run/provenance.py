@@ -17,6 +17,7 @@ from packaging.requirements import Requirement
 
 import gst
 import gstlib
+from gst.config.tables import read_schema
 from gst.run.received import read_provenance
 from gstlib.errors import InputError
 from gstlib.io.files import sha256
@@ -35,6 +36,8 @@ __all__ = [
 # Of the packages that gstlib names, those that a study runs on.
 _EXTRAS = "fast", "formats", "texture", "workflow"
 _PROGRAM = "src", "workflow", "Snakefile"
+# Of the schema of the tables, the part that shapes a table.
+_COLUMNS = "columns"
 # Modules that record a result but do not shape it.
 _RECORDING = {"gst.run.chain", "gst.run.logs", "gst.run.provenance", "gst.run.received"}
 
@@ -202,8 +205,9 @@ def _parts_of(script: Path) -> list[tuple[str, Path]]:
             if part.suffix != ".pyi":
                 parts.append((f"{name} {part.name}", part))
     if "gst.config.tables" in modules:
+        is_shown = "gst.page.captions" in modules
         schema = gst.ROOT / "workflow/schemas/tables.yaml"
-        parts.append((schema.name, schema))
+        parts.append(("captions" if is_shown else _COLUMNS, schema))
     return parts
 
 
@@ -234,14 +238,24 @@ def _hash_of(files: Iterable[tuple[str, Path]]) -> str:
     """Hash of files under these names."""
     digest = hashlib.sha256()
     for name, file in files:
-        content = _code(file) if file.suffix == ".py" else file.read_bytes()
+        if file.suffix == ".py":
+            _, content = _module(file)
+        else:
+            content = _columns(file) if name == _COLUMNS else file.read_bytes()
         digest.update(name.encode() + content)
     return digest.hexdigest()[:16]
 
 
-def _code(file: Path) -> bytes:
-    _, code = _module(file)
-    return code
+@functools.cache
+def _columns(schema: Path) -> bytes:
+    """The files of all tables, and their columns with units and digits; no captions or meanings."""
+    tables = read_schema(schema).values()
+    columns = [
+        (table.file, name, column._replace(meaning=""))
+        for table in tables
+        for name, column in table.columns.items()
+    ]
+    return repr(columns).encode()
 
 
 @functools.cache
