@@ -82,6 +82,7 @@ def test_two_scans_that_cannot_be_subtracted_are_refused(folder, scale, step, re
         assert result.exit_code == 2
         assert remedy in result.stderr
         assert "patch" not in result.stderr
+        assert "WARNING" not in result.stderr
 
 
 def test_a_smaller_scan_after_use_is_compared_where_it_lies(folder):

@@ -28,6 +28,7 @@ def run(*arguments):
         ("clean full.yaml", "Interrupted"),
         ("inspect a\udcff.plu", "no such file"),
         ("press gone.plu --pressure 0", "not in the range"),
+        ("press full --pressure 1", "full: is a folder"),
         ("check in_loop.yaml", "loop"),
         ("place gone", "gone: cannot be opened"),
         ("diff full gone", "gone: has no tables"),

@@ -269,12 +269,14 @@ def _report(
     change: xr.Dataset,
 ) -> None:
     """Log unusual properties of a patch whose T1 was registered to its T0."""
-    if is_other(registration.dale_depth_ratio, _ODD_HEIGHTS):
+    ratio = registration.dale_depth_ratio
+    # a larger ratio is a fault, which `selection.other_heights` reports
+    if is_other(ratio, _ODD_HEIGHTS) and not is_other(ratio):
         _log.warning(
             "patch %s: its dales at T1 are %.3g times as deep as at T0. If the whole patch "
             "did not wear, one scan has another height calibration, and measured wear is wrong",
             patch,
-            registration.dale_depth_ratio,
+            ratio,
         )
     if not change.attrs["known_fraction"]:
         _log.warning(

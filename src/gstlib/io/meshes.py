@@ -159,6 +159,8 @@ def is_mesh(path: str | Path) -> bool:
 
 def _read_content(path: Path) -> bytes:
     """All bytes of a mesh's file, unless it would fill the memory."""
+    if path.is_dir():
+        raise InputError(path, "is a folder", "Give the path of the mesh in it.")
     if not path.is_file():
         raise InputError(
             path, "no such file", "Correct the path of the mesh in the config."

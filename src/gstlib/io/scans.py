@@ -113,6 +113,8 @@ def read_scan(
         raise InputError(
             path, f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}."
         )
+    if path.is_dir():
+        raise InputError(path, "is a folder", "Give the path of one scan in it.")
     if not path.is_file():
         raise InputError(
             path, "no such file", "Correct the name in the patch table, or the folder."
