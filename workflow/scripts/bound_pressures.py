@@ -1,9 +1,9 @@
-"""Say how sure the pressure of each patch is, given the errors of mesh, places and constants."""
+"""Compute intervals of the patch pressures from the errors of mesh, positions and constants."""
 
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.stored import active_tool_of, dataset_of
 from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
 from gstlib.io.store import read_dataset
@@ -39,5 +39,4 @@ def main(
     write_table(table, limits)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,11 +1,11 @@
-"""Read every file of the study before any work, and say all that is wrong with them at once."""
+"""Read every file of the study before any work, and report all problems at once."""
 
 from pathlib import Path
 
 from gst.check.inputs import Asked, check_inputs
 from gst.config.patches import ScanFile
 from gst.config.tables import write_table
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.errors import InputsError
 
 
@@ -18,12 +18,11 @@ def main(
     uses: list[ScanFile],
     asked: dict,
 ) -> None:
-    """`uses` are those of the `scans`; `asked` names the file of the `counterface`."""
+    """`uses` describe the `scans`; `asked` contains the path of the `counterface`."""
     checked = check_inputs(mesh, uses, Asked(**asked))
     if checked.problems:
         raise InputsError(checked.problems)
     write_table(table, checked.scans.drop(columns="range_um"))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

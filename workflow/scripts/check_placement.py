@@ -1,4 +1,4 @@
-"""Compare each patch with the macroscale surface under it; a place that is wrong is a fault."""
+"""Compare each patch with the macroscale surface under it. A wrong position is a fault."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,7 @@ import pandas as pd
 
 from gst.config.tables import write_table
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.coupling.placement import check_placement
 from gstlib.io.store import Stored, read_dataset
 
@@ -20,7 +20,7 @@ def main(
     patches: dict[str, list],
     **settings: Any,
 ) -> None:
-    """`settings` are those of `check_placement`."""
+    """`settings` are arguments of `check_placement`."""
     height = read_dataset(face, only=["height"]).height
     scans = Stored(files_of(t0, patches["patch"]), ["height"])
     write_table(
@@ -28,5 +28,4 @@ def main(
     )
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

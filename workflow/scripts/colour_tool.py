@@ -1,8 +1,8 @@
-"""Lay pressure and exposure on the tool, as numbers at its vertices, for other programs."""
+"""Write pressure and exposure as numbers at the vertices of the tool, for other programs."""
 
 from pathlib import Path
 
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.share.tool import tool_with
 from gstlib.io.files import write_whole
 from gstlib.io.store import read_dataset
@@ -18,5 +18,4 @@ def main(
     write_whole(tool, tool_with(fields, mesh, mesh_unit, face).ply())
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

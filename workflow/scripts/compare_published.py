@@ -1,16 +1,16 @@
-"""Compare figures of the study with published ones."""
+"""Compare results of the study with published values."""
 
 from pathlib import Path
 
 from gst.config.tables import columns_of, write_table
 from gst.config.user_tables import read_rows
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.validation.published import figures_to_compare
 
 
 def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
-    """`published` is a CSV of quantity, patch, unit, value; `path` that of the macroscale."""
+    """`published` is a CSV of quantity, patch, unit, value; `path` is the macroscale load path."""
     computed = figures_to_compare(read_table(path), read_pressures(pressures))
     table_of_user = read_rows(published, "published")
     rows = table_of_user.rows.rename(columns={"value": "published"})
@@ -23,5 +23,4 @@ def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
     write_table(table, rows[columns_of("published")])
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,9 +1,9 @@
-"""Hold the contact of the patches against the contact of the whole square at their resolution."""
+"""Compare the contact of the patches with the contact of the whole square at their resolution."""
 
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.stored import contacts_of
 from gstlib.io.store import read_dataset
 from gstlib.validation.single_scale import two_scales_table
@@ -25,5 +25,4 @@ def main(
     write_table(table, two_scales_table(by_variant, read_dataset(reference)))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

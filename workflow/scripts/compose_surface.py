@@ -1,4 +1,4 @@
-"""Lay the T0 scans on the mesh's surface, with detail like theirs between them."""
+"""Place the T0 scans on the surface of the mesh, with similar detail between them."""
 
 from pathlib import Path
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.macroscale.composite import compose_surface
@@ -20,7 +20,7 @@ def main(
     patches: dict[str, list],
     **settings: Any,
 ) -> None:
-    """`settings` are those of `compose_surface`."""
+    """`settings` are arguments of `compose_surface`."""
     scans = Stored(files_of(t0, patches["patch"]), ["height"])
     composed = compose_surface(
         read_dataset(face), pd.DataFrame(patches), scans, **settings
@@ -28,5 +28,4 @@ def main(
     write_dataset(composite, composed, made_by("compose_surface"))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

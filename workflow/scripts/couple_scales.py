@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from gst.config.tables import write_table
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.stored import dataset_of
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.store import read_dataset
@@ -28,5 +28,4 @@ def main(
     write_table(pressures, pressures_of_use(table, dataset_of(use), patch_mm=patch_mm))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

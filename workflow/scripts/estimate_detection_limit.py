@@ -1,11 +1,11 @@
-"""Measure the error of a height change on patches that were scanned twice without use between."""
+"""Estimate the error of a height change from patches that were scanned twice without use."""
 
 from pathlib import Path
 
 import xarray as xr
 
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gstlib.change.change import SCAN_FIELDS, estimate_detection_limit
 from gstlib.io.store import Stored, write_dataset
@@ -19,7 +19,7 @@ def main(
     patches: list[str],
     **settings: float,
 ) -> None:
-    """`settings` are those of `estimate_detection_limit`."""
+    """`settings` are arguments of `estimate_detection_limit`."""
     first, second = (
         Stored(files_of(folders, patches), SCAN_FIELDS) for folders in (t0, repeats)
     )
@@ -30,5 +30,4 @@ def main(
     )
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,11 +1,11 @@
-"""Wear the square by Archard's law, and fit law and interlayer to the losses of the patches."""
+"""Compute the wear of the square by Archard's law, and fit the law to the losses of the patches."""
 
 from pathlib import Path
 
 import pandas as pd
 import xarray as xr
 
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gst.run.stored import active_tool_of, changes_of, contact_of, contacts_of
 from gstlib.io.store import write_dataset
@@ -29,7 +29,7 @@ def main(
     poses: dict | None,
     size_mm: float,
 ) -> None:
-    """The files are empty where wear is not predicted."""
+    """The files are empty if wear is not predicted."""
     pressed, gesture = contact_of(contact), None
     if poses:
         tool = pressed.interface.counterface, active_tool_of(second), size_mm
@@ -43,5 +43,4 @@ def main(
         write_dataset(fitted, worn.fitted_interlayer if worn else xr.Dataset(), made)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

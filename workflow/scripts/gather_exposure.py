@@ -1,9 +1,9 @@
-"""Put the poses of a gesture together: their exposure, and that of each patch, if there are any."""
+"""Combine the poses of a gesture: the exposure of the face and, if there are any, of each patch."""
 
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table
@@ -20,5 +20,4 @@ def main(
         write_table(table, exposure_table(left, by_patch))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

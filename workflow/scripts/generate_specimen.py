@@ -1,10 +1,10 @@
-"""Make the synthetic specimen: mesh, scans and truth; without patches, its mesh alone."""
+"""Generate the synthetic specimen: mesh, scans and truth, or its mesh alone without patches."""
 
 from pathlib import Path
 
 import pandas as pd
 
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.io.files import write_whole
 from gstlib.specimen.generate import (
     counterface_stl,
@@ -41,5 +41,4 @@ def main(
     )
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

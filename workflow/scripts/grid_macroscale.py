@@ -1,9 +1,9 @@
-"""Interpolate the mesh, and that of an active tool, on the square and the face around it."""
+"""Interpolate the mesh, and the mesh of an active tool, on the square and the face around it."""
 
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
@@ -36,5 +36,4 @@ def main(
     write_table(table, gridding_table(gridded))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,4 +1,4 @@
-"""Read from the losses of the patches, or from grades of wear, how the tool was used."""
+"""Infer the load case from the losses of the patches, or from grades of wear."""
 
 from pathlib import Path
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from gst.config.tables import write_table
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gst.run.stored import face_of, table_of
 from gstlib.io.store import write_dataset
@@ -23,7 +23,7 @@ def main(
     patches: dict[str, list],
     settings: dict[str, Any],
 ) -> None:
-    """The file of the use has attributes alone where nothing can be inferred."""
+    """The file `use` has only attributes if no load case can be inferred."""
     inferred, answers, predicted = use_of_study(
         face_of(face), pd.DataFrame(patches), table_of(registration), **settings
     )
@@ -33,5 +33,4 @@ def main(
         write_table(losses, predicted)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,8 +1,8 @@
-"""Wear a batch of patches by Archard's law, as the losses of other patches predict."""
+"""Predict the wear of a batch of patches by Archard's law from the losses of the other patches."""
 
 from pathlib import Path
 
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gst.run.stored import contacts_of, dataset_of
 from gstlib.io.store import read_dataset, write_dataset
@@ -19,9 +19,9 @@ def main(
     patches: list[str],
     **settings: float | None,
 ) -> None:
-    """The folder stays empty where wear is not predicted.
+    """The folder stays empty if wear is not predicted.
 
-    `settings` are those of `predict_wear`.
+    `settings` are arguments of `predict_wear`.
     """
     worn = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
     depths.mkdir(exist_ok=True)
@@ -30,5 +30,4 @@ def main(
         write_dataset(depths / f"{patch}.h5", depth, made_by("predict_wear"))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gstlib.io.scans import read_scan
 from gstlib.io.store import write_dataset
@@ -16,5 +16,4 @@ def main(scan: Path, surface: Path, *, settings: dict, preprocessing: dict) -> N
     write_dataset(surface, prepared, made_by("prepare_counterface"))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

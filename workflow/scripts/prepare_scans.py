@@ -3,7 +3,7 @@
 import logging
 from pathlib import Path
 
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gstlib.errors import concerning
 from gstlib.io.scans import read_scan
@@ -41,5 +41,4 @@ def main(
         logging.getLogger("gst").info("%s at %s: %s", patch, epoch, scan)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,11 +1,11 @@
-"""Press the face in some poses of the active tool, one after the other."""
+"""Solve the contact of the face in some poses of the active tool, one after the other."""
 
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gst.run.stored import active_tool_of, dataset_of, face_of
 from gstlib.io.store import write_dataset
@@ -25,7 +25,7 @@ def main(
     patches: dict,
     **settings: Any,
 ) -> None:
-    """`settings` are those of `press_poses`."""
+    """`settings` are arguments of `press_poses`."""
     whole, load_point = as_used(face_of(face), dataset_of(use), load_point)
     tool = whole.counterface, active_tool_of(second), size_mm
     gesture = Gesture(*tool, load_point, pd.DataFrame(poses))
@@ -33,5 +33,4 @@ def main(
     write_dataset(batch, pressed, made_by("press_poses"))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,9 +1,9 @@
-"""Propose places to scan: the most exposed ones, and some that nothing touches."""
+"""Propose positions to scan: the most exposed ones, and some without contact."""
 
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.io.store import read_dataset
 from gstlib.macroscale.sampling_sites import propose_places
 
@@ -13,5 +13,4 @@ def main(exposure: Path, table: Path, *, size_mm: float, patch_mm: float) -> Non
     write_table(table, propose_places(fields, size_mm=size_mm, patch_mm=patch_mm))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,10 +1,10 @@
-"""Register T1 to T0 in a batch of patches, one by one, and take the height change."""
+"""Register T1 to T0 for each patch of a batch, and compute the change of height."""
 
 import logging
 from pathlib import Path
 
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gstlib.change.change import SCAN_FIELDS, Detection, register_patch
 from gstlib.change.form import form_warning
@@ -20,7 +20,7 @@ def main(
     patches: list[str],
     **settings: float,
 ) -> None:
-    """`settings` are those of `register_patch`."""
+    """`settings` are arguments of `register_patch`."""
     first, second = files_of(t0, patches), files_of(t1, patches)
     measured = Detection.from_attrs(read_attributes(detection)) if detection else None
     for patch in patches:
@@ -32,5 +32,4 @@ def main(
         write_dataset(registered / f"{patch}.h5", change, made_by("register_patches"))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

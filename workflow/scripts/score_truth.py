@@ -1,10 +1,10 @@
-"""Score every stage against the synthetic specimen's truth."""
+"""Score every stage against the known truth of the synthetic specimen."""
 
 from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.batches import files_by_epoch, files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.stored import table_of
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table
@@ -38,5 +38,4 @@ def main(
     write_table(table, scores)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,10 +1,10 @@
-"""Score the predicted loss of the patches by the measured one, beside baselines."""
+"""Score the predicted loss of the patches by the measured loss, beside baselines."""
 
 from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.stored import changes_of, contacts_of, dataset_of
 from gstlib.coupling.pressures import covered
 from gstlib.io.store import Stored, read_dataset
@@ -31,7 +31,7 @@ def main(
     scoring: dict,
     **tables: Path,
 ) -> None:
-    """`tables` are the files of what `score_wear` gives, by name."""
+    """`tables` are the files for the tables of `score_wear`, by name."""
     stone = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
     prediction = Prediction.from_worn(Stored(files_of(depths, worn)), stone)
     measured = read_pressures(pressures), read_table(registration)
@@ -51,5 +51,4 @@ def main(
     )
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

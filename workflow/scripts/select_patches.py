@@ -1,4 +1,4 @@
-"""Select the patches of the study by their pressure, and by how well T1 matches T0."""
+"""Select the patches of the study by their pressure and by the match between T1 and T0."""
 
 import logging
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from gst.config.tables import write_table
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.change.selection import select_patches
 from gstlib.coupling.pressures import covered_pressures
 from gstlib.io.store import read_dataset
@@ -22,7 +22,7 @@ def main(
     patch_mm: float,
     selection: dict[str, float],
 ) -> None:
-    """Without a scan after use, the pressure alone decides."""
+    """Without scans after use, patches are selected by their pressure alone."""
     matches = read_table(registration) if registration else pd.DataFrame({"patch": []})
     pressed = read_dataset(contact, only=["pressure"]).pressure
     bear = covered_pressures(
@@ -37,5 +37,4 @@ def main(
     write_table(table, selected)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

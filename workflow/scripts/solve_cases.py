@@ -1,11 +1,11 @@
-"""Solve what the config asks for: a grinding force, a cap."""
+"""Solve the additional cases of the config: a grinding force, and a cap on the pressure."""
 
 from pathlib import Path
 from typing import Any
 
 from gst.config.tables import write_table
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.contact import Contact
 from gstlib.io.store import Stored
 from gstlib.io.tables import studied_files
@@ -20,12 +20,11 @@ def main(
     patches: list[str],
     **settings: Any,
 ) -> None:
-    """`settings` are those of `case_table`."""
+    """`settings` are arguments of `case_table`."""
     files = files_of(contacts, patches)
     studied = studied_files(pressures, patches, [*files.values()])
     solved = Stored(studied, then=Contact.from_dataset)
     write_table(table, case_table(solved, **settings))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,10 +1,10 @@
-"""Press the stone step by step up to its load: the face at rest, or the paper's square alone."""
+"""Solve the contact of the stone step by step: the face at rest, or the paper's square alone."""
 
 import logging
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gst.run.stored import dataset_of, face_of
 from gstlib.contact import contact_path
@@ -40,5 +40,4 @@ def main(
         logging.getLogger("gstlib").warning("%s", doubt)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,9 +1,9 @@
-"""Press each patch of a batch up to its own pressure, in every variant of the coupling."""
+"""Solve the contact of each patch of a batch at its own pressure, in each coupling variant."""
 
 from pathlib import Path
 
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gst.run.stored import contact_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
@@ -41,5 +41,4 @@ def main(
         write_dataset(file, pressed.to_dataset(), made_by("solve_patches"))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,9 +1,9 @@
-"""Press the whole square at the scans' resolution: each draw of it, or a specimen's true one."""
+"""Solve the contact of the whole square at the resolution of the scans, for each realisation."""
 
 from pathlib import Path
 
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gst.run.stored import contact_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
@@ -38,5 +38,4 @@ def main(
         write_dataset(file, fields, made_by("solve_reference"))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,19 +1,18 @@
-"""Press the paper's square alone, on its mean plane."""
+"""Solve the contact of the paper's square alone, on its mean plane."""
 
 from pathlib import Path
 
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import made_by
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.macroscale.equilibrium import solve_at_load
 
 
 def main(face: Path, contact: Path, **settings: float) -> None:
-    """`settings` are those of `solve_at_load`."""
+    """`settings` are arguments of `solve_at_load`."""
     square = read_dataset(face, only=["height", "size_mm"])
     solved = solve_at_load(square, source=face, **settings)
     write_dataset(contact, solved.to_dataset(), made_by("solve_square"))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,11 +1,11 @@
-"""Say of each patch how well T1 matches T0, and what was lost."""
+"""Tabulate for each patch the match between T1 and T0, and the loss."""
 
 import logging
 from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.change.selection import (
     exchanged_epochs,
     other_heights,
@@ -35,5 +35,4 @@ def main(
     write_table(registration, table)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.io.store import Stored
 from gstlib.io.tables import studied_files
 from gstlib.microscale.patches import LOAD_PATHS, microscale_tables
@@ -25,5 +25,4 @@ def main(
     write_table(paths, steps)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,10 +1,10 @@
-"""Tabulate what was done to each scan."""
+"""Tabulate the preparation of each scan."""
 
 from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.batches import files_by_epoch
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.io.store import read_attributes
 from gstlib.preprocess.scans import preprocessing_table
 
@@ -22,5 +22,4 @@ def main(
     write_table(table, preprocessing_table(done))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.batches import files_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gstlib.change.texture import measure_texture
 from gstlib.io.store import Stored
 
@@ -23,5 +23,4 @@ def main(
     write_table(table, measure_texture(scans, changes, **texture))
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -1,4 +1,4 @@
-"""Write the page of the study, the record of its sources, and the contents."""
+"""Write the page of the study, its provenance and its contents."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from gst.page.study_page import (
     write_study_page,
 )
 from gst.run.chain import certified_inputs, versions_of
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 from gst.run.provenance import study_provenance
 from gstlib.conditions import load_force
 
@@ -38,13 +38,13 @@ def main(
     active_tool: dict | None,
     **files: Path | list[Path],
 ) -> None:
-    """`shown` are figures and tables on the page, and `behind` is packed with them.
+    """`shown` are figures and tables on the page, and `behind` contains the numbers of a figure.
 
-    Each is `described` by its caption, category and title. `files` are as in `write_study_page`;
-    `tables` are those of the config, with their SHA-256 as the run began.
+    Each is `described` by its caption, category and title. `files` are as in `write_study_page`.
+    `tables` contains the SHA-256 of the tables of the config when the run began.
 
-    Raises an `InputError` if a result is not as its step made it, or a step was asked something
-    else than the config says.
+    Raises an `InputError` if a result has changed since its step made it, or if a step had other
+    parameters than the config gives.
     """
     refuse_edited(tables)
     inputs = certified_inputs(page.parent, steps, made_from)
@@ -76,5 +76,4 @@ def main(
     write_json(record, origin)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)

@@ -35,6 +35,7 @@ __all__ = [
     "last_took",
     "log_failed_start",
     "logged",
+    "run_in_snakemake",
     "run_script",
 ]
 
@@ -176,6 +177,13 @@ def _refuse_other_params(results: Path, step: Step) -> None:
         )
         remedy = "Start the study again. It repeats the affected steps."
         raise InputError(f"the step {step.name}", problem, remedy)
+
+
+def run_in_snakemake(main: Callable[..., None]) -> None:
+    """Call a script's `main` if Snakemake runs the script; do nothing if a test imports it."""
+    snakemake = main.__globals__.get("snakemake")
+    if snakemake is not None:
+        run_script(snakemake, main)
 
 
 def run_script(snakemake: Any, main: Callable[..., None]) -> None:
