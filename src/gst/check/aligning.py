@@ -1,9 +1,9 @@
-"""Scans laid on a surface as well as they fit, between its elements, and how sure that is.
+"""Best position of scans on a surface, between its elements, with its standard error.
 
-The residuals between scans and surface are smooth, and not white noise. They have as many
-independent values as waves down to the shortest on the scans' area, and their slopes determine
-these. The fit takes some of the values. The others give the variance, and this the covariance of
-place and turn.
+The residuals between scans and surface are smooth, not white noise. Their number of independent
+values is the number of waves on the area of the scans, down to the shortest wave. It follows from
+the slopes of the residuals. The fit uses some of these values. The others determine the variance,
+and the variance determines the covariance of position and rotation.
 """
 
 import math
@@ -23,20 +23,20 @@ from gstlib.surfaces.grid import spacing_of
 __all__ = ["Fit", "Refined", "part_around", "widened"]
 
 
-# Points along a scan's side that are enough to refine its place.
+# Points along the side of a scan that are enough to refine its position.
 _REFINED = 100
-# Numbers of a plane; it and a scale are fitted to each scan, besides its place.
+# Parameters of a plane. A plane and a scale are fitted to each scan, besides its position.
 _OF_PLANE = 3
 _FITTED = _OF_PLANE + 1
-# mm², so that equal surfaces can be compared.
+# Smallest sum of squares (mm²), for equal surfaces.
 _LEAST_SQUARES = 1e-20
-# The standard errors within which 95 % of normal values lie.
+# Number of standard errors that contain 95 % of normal values.
 _NORMAL = 1.96
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Scans that are held against a surface together; `points` are theirs from a common point."""
+    """Scans that are fitted to a surface together; `points` are relative to a common point."""
 
     surface: xr.DataArray
     points: list[tuple[np.ndarray, np.ndarray]]  # (v, u) of each, mm
@@ -69,7 +69,7 @@ class Fit:
         return cls(surface, points, heights, shapes, step)
 
     def refined(self, start: PatchPosition, *, is_turned: bool = True) -> "Refined":
-        """The best place near another; perhaps without turning."""
+        """The best position near a start, with or without a change of the rotation."""
         away = max(np.hypot(v, u).max() for v, u in self.points)
         around = part_around(self.surface, start, away + 5 * self.step)
         spline = spline_of(around)
@@ -83,7 +83,7 @@ class Fit:
             yield from (spline.ev(*at(pose).points(v, u)) for v, u in self.points)
 
         def residual(pose: np.ndarray) -> np.ndarray:
-            """Heights of the surface less those of each scan, without their planes and scales."""
+            """Heights of the surface minus the fitted scans, without the fitted planes."""
             return np.concatenate([*map(residuals, columns, under(pose))])
 
         planes = [planes_over(v, u) for v, u in self.points]
@@ -111,11 +111,10 @@ class Fit:
         )
 
     def _independent(self, rest: np.ndarray) -> float:
-        """Number of independent values in the residuals: waves of equal power, down to some k.
+        """Number of independent values in the residuals, as waves of equal power up to some k.
 
-        On an area A they are A k²/4π, and the mean of their squared slopes is k²/2 of that of
-        their squares. A plane that was taken has squares but hardly slopes, so it is counted once
-        too often.
+        On an area A this number is A k²/4π. The mean squared slope is k²/2 times the mean square.
+        A fitted plane takes squares but hardly any slopes, so its parameters are subtracted.
         """
         slopes, ends = 0.0, np.cumsum([math.prod(shape) for shape in self.shapes])
         for part, shape in zip(np.split(rest, ends[:-1]), self.shapes, strict=True):
@@ -128,46 +127,46 @@ class Fit:
 
 
 class Refined(NamedTuple):
-    """A place between the elements, how well scans fit there, and how sure that is."""
+    """A position between the elements, with the quality of the fit."""
 
     place: PatchPosition
     correlation: float
-    each: np.ndarray  # correlation of each scan by itself, there
-    shape: np.ndarray  # covariance of y, x and perhaps the turn, over the variance
-    squares: float  # sum of the squares of the residuals, mm²
-    freedom: float  # independent values that are left after the fit
-    scale: float  # heights of the surface beside those of the scans
-    own: float  # sum of the squares of the scans' heights, without their planes, mm²
+    each: np.ndarray  # correlation of each single scan at this position
+    shape: np.ndarray  # covariance of y, x and perhaps the rotation, over the variance
+    squares: float  # sum of squared residuals, mm²
+    freedom: float  # independent values minus fitted parameters
+    scale: float  # ratio of the heights of the surface and of the scans
+    own: float  # sum of squared heights of the scans without their planes, mm²
 
     def squares_with(self, scale: float) -> float:
-        """The squares of the residuals with another scale."""
+        """The sum of squared residuals with another scale."""
         return self.squares + (self.scale - scale) ** 2 * self.own
 
     @property
     def variance(self) -> float:
-        """The variance of one independent value times how many points stand for it, mm²."""
+        """Variance of an independent value times the number of points per such value, mm²."""
         return self.squares / self.freedom
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance of y, x (mm) and turn (radians), such that 95 % lie within ±1.96 errors."""
+        """Covariance of y, x (mm) and rotation (radians); ±1.96 errors contain 95 %."""
         return self.variance * widened(self.freedom) ** 2 * self.shape
 
 
 def widened(freedom: float) -> float:
-    """Student's t over the normal distribution, where 95 % of both lie within."""
+    """Ratio of the 95 % limits of Student's t and the normal distribution."""
     return float(scipy.special.stdtrit(freedom, 0.975)) / _NORMAL
 
 
 def part_around(
     surface: xr.DataArray, place: PatchPosition, half: float
 ) -> xr.DataArray:
-    """The part of a surface around a place."""
+    """The part of a surface around a position."""
     y, x = (slice(at - half, at + half) for at in place[:2])
     return surface.sel(y=y, x=x)
 
 
 def _correlation(one: np.ndarray, other: np.ndarray) -> float:
-    """Correlation of values without their means, 0 if one is flat."""
+    """Correlation of values with zero mean; 0 if one of them is flat."""
     length = math.sqrt(float(one @ one) * float(other @ other))
     return float(one @ other) / length if length > 0 else 0.0

@@ -1,12 +1,11 @@
-"""Where on a stone was a map taken? Scans are found on the mesh or on a larger map, by heights.
+"""Positions of scans on a mesh or on a larger map, found by their heights.
 
-Heights are correlated at every shift, for turns all around and mirrored, too
-(`gst.check.sliding`). The best place is refined between the elements, and its error estimated
-(`gst.check.aligning`).
+Heights are correlated at every shift and rotation, also mirrored (`gst.check.sliding`). The best
+position is refined between the elements, and its error is estimated (`gst.check.aligning`).
 
-A patch of 0.85 mm has too few waves that a mesh shows to be found anywhere (`match_map`). Several
-are, whose distances the stage tells (`match_together`), or from a start by hand
-(`gst.check.nearby`).
+A mesh shows too few waves of a patch of 0.85 mm to find it anywhere on a stone (`match_map`).
+Several patches can be found if the stage coordinates give their distances (`match_together`). A
+single patch can be found near a position that was set by hand (`gst.check.nearby`).
 """
 
 import math
@@ -33,8 +32,8 @@ from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["LEAST_LEAD", "Match", "match_map", "match_together"]
 
-# Turns that are tried: a map of 2.5 mm that is turned by half a step too far is off by 50 µm at its
-# corners, a quarter of the shortest waves that a mesh shows.
+# Number of rotations that are tried. Half a step moves the corners of a map of 2.5 mm by 50 µm, a
+# quarter of the shortest waves that a mesh shows.
 _TURNS = 72
 # ASSUME: Acceptance of a match. A map is located if it correlates by at least 0.6. It must also
 # lead any other position, rotation or mirroring by 0.35 in Fisher's z (artanh r). Scans that are
@@ -46,61 +45,61 @@ _LEAST_CORRELATION, LEAST_LEAD, _LEAST_LEAD_TOGETHER = 0.6, 0.35, 0.2
 # 0.7, and its Fisher's z is lower by 0.6 than the z of the others. Reason: The other scans show how
 # strongly scans of this stone correlate at their own positions.
 _LEAST_OWN, _BELOW_TIED = 0.7, 0.6
-# The largest correlation whose z is used.
+# Larger correlations are replaced by this one, whose z is finite.
 _ONE = 1 - 1e-9
-# What is as near to the best place as this share of the map's shorter side, and is turned by no
-# more than this (degrees), is the same match.
+# A position within this share of the shorter side of the map, and within this rotation (degrees),
+# is the same match.
 _SAME_PLACE, _SAME_TURN = 0.5, 20.0
 
 
 @dataclass(frozen=True)
 class Match:
-    """Where a scan lies on a surface, and how sure that is."""
+    """The position of a scan on a surface, with its certainty."""
 
-    # Of the scan's centre; the scan is reversed first, if it is mirrored, then turned.
+    # of the centre of the scan, which is mirrored first, if at all, and then rotated
     place: PatchPosition
     mirrored: bool  # whether it is reversed along x
-    inverted: bool  # whether its heights have the other sign, as those of a mould
+    inverted: bool  # whether its heights have the opposite sign, as on a mould
     correlation: float  # of heights, a plane removed from each
-    next_best: float  # correlation elsewhere, or otherwise turned or mirrored
-    # Covariance (3, 3) of y and x (mm) and the turn (radians).
+    next_best: float  # correlation at another position, rotation or mirroring
+    # covariance (3, 3) of y and x (mm) and the rotation (radians)
     covariance: np.ndarray = field(compare=False)
-    is_found: bool  # whether correlation and lead are those of a right match
+    is_found: bool  # whether correlation and lead are large enough
     own: tuple[
         float, ...
     ] = ()  # of scans that were found together: the correlation of each
-    # Whether a scan was taken here, but at which of several places nearby, or where exactly, is
-    # not certain; and the other places.
+    # Whether a scan was taken near here, but its exact position, or which of several positions is
+    # right, is not certain; and the other positions.
     is_uncertain: bool = False
     alternatives: tuple[PatchPosition, ...] = ()
 
     @property
     def error_mm(self) -> float:
-        """Standard error of the place, along the axis where it is larger."""
+        """Standard error of the position, along the axis with the larger error."""
         return math.sqrt(self.covariance.diagonal()[:2].max())
 
     @property
     def lead(self) -> float:
-        """Over the next best, in Fisher's z."""
+        """Lead of the correlation over the next best, in Fisher's z."""
         own, other = (min(each, _ONE) for each in (self.correlation, self.next_best))
         return math.atanh(own) - math.atanh(other)
 
     def place_of(self, v: float, u: float) -> PatchPosition:
-        """The place of what lies (v, u) along the axes of the scan from its centre, mm."""
+        """The position of a point at (v, u) from the centre, along the axes of the scan, mm."""
         y, x = self.place.points(v, -u if self.mirrored else u)
         return PatchPosition(float(y), float(x), self.place.rotation_deg)
 
     def at(self, v: float, u: float) -> "Match":
-        """The same of what lies (v, u) from the centre, where the error of the turn counts."""
+        """The match of a point at (v, u) from the centre, with the error due to the rotation."""
         place = self.place_of(v, u)
         lever = np.eye(3)
         lever[:2, 2] = place.x_mm - self.place.x_mm, self.place.y_mm - place.y_mm
         return replace(self, place=place, covariance=lever @ self.covariance @ lever.T)
 
     def each(self, offsets: np.ndarray) -> "list[Match]":
-        """Those of scans that were found together, at (n, 2) from their common point.
+        """The matches of scans that were found together, at (n, 2) from their common point.
 
-        One that does not fit there by itself is not found: it shows another place.
+        A scan that does not fit there by itself shows another position, and is not found.
         """
         matches = []
         for offset, own, fits in zip(
@@ -113,7 +112,7 @@ class Match:
         return matches
 
     def carrying(self, inner: "Match", middle: Sequence[float]) -> "Match":
-        """Where a scan lies that was found on this scan, whose middle is at (y, x) there, mm."""
+        """The position of a scan that was found on this scan, whose centre is at `middle`, mm."""
         y, x, turn = inner.place
         there = self.at(y - middle[0], x - middle[1])
         way = -1 if self.mirrored else 1
@@ -131,7 +130,7 @@ class Match:
         )
 
     def among(self, others: Iterable[float], count: int) -> "Match":
-        """The same, of so many scans, with correlations that were reached elsewhere."""
+        """The match of `count` scans, in view of the correlations at other positions."""
         match = replace(self, next_best=max([self.next_best, *others]))
         least = LEAST_LEAD if count == 1 else _LEAST_LEAD_TOGETHER
         is_right = match.correlation >= _LEAST_CORRELATION and match.lead >= least
@@ -144,16 +143,16 @@ def match_map(surface: xr.DataArray, scan: xr.DataArray) -> Match:
     Parameters
     ----------
     surface : (y, x) xarray.DataArray
-        Heights of the stone from its mesh, mm, NaN where there is none, on elements no longer than
-        half the mesh's edges; or those of a larger map.
+        Heights of the stone from its mesh, mm, NaN beside the stone, on elements of at most half
+        the edges of the mesh; or heights of a larger map.
     scan : (y, x) xarray.DataArray
         Heights of the map, mm, NaN where unmeasured.
 
     Returns
     -------
     Match
-        The best place; its ``is_found`` says whether it is the right one. A map of 2.5 mm on a face
-        of 17 mm with elements of 50 µm takes some 3 s, and keeps 90 MB of correlations.
+        The best position. ``is_found`` states whether it is reliable. A map of 2.5 mm on a face of
+        17 mm with elements of 50 µm takes about 3 s and 90 MB.
 
     Raises
     ------
@@ -166,7 +165,7 @@ def match_map(surface: xr.DataArray, scan: xr.DataArray) -> Match:
 def match_together(
     surface: xr.DataArray, scans: Sequence[xr.DataArray], readings: np.ndarray
 ) -> tuple[Match, int]:
-    """Find scans whose distances are known, as if they were one map.
+    """Find scans with known distances, as if they were one map.
 
     Parameters
     ----------
@@ -175,15 +174,15 @@ def match_together(
     scans : sequence of (y, x) xarray.DataArray
         Heights, mm.
     readings : (k, n, 2) ndarray
-        Of each reading of the stage, where the centres of the scans are from a common point, along
-        the scans' own axes (y, x), mm.
+        For each interpretation of the stage coordinates, the centres of the scans relative to a
+        common point, along the axes of the scans (y, x), mm.
 
     Returns
     -------
     match : Match
-        That of the common point.
+        The match of the common point.
     reading : int
-        Which reading it is.
+        The index of the interpretation that fits.
 
     Raises
     ------
@@ -206,7 +205,7 @@ def match_together(
     start = PatchPosition(y, x, turn)
     fit = Fit.on(surface, scans, at, mirrored).refined(start)
     own, best_fit = sign * fit.each, fit
-    if not (fits := _fitting(own)).all():  # the others alone say where they lie
+    if not (fits := _fitting(own)).all():
         kept = [scan for scan, fitting in zip(scans, fits, strict=True) if fitting]
         best_fit = Fit.on(surface, kept, at[fits], mirrored).refined(start)
     radius = _SAME_PLACE * min(min(each.sides) for each in templates) / step
@@ -228,19 +227,19 @@ def match_together(
 
 
 def _fitting(own: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Which scans fit where all lie, by the correlation of each."""
+    """Mask of the scans that fit at the common position, by the correlation of each."""
     strength = np.arctanh(np.clip(own, -_ONE, _ONE))
     is_usual = strength >= np.median(strength) - _BELOW_TIED
     return is_usual | (np.asarray(own) >= _LEAST_OWN)
 
 
-_Key = tuple[bool, float, int]  # mirrored, turn in degrees, and reading of the stage
+_Key = tuple[bool, float, int]  # mirrored, rotation in degrees, index of the reading
 
 
 def _all_around(
     templates: Sequence["Template"], readings: np.ndarray, step: float
 ) -> np.ndarray:
-    """Turns over half a circle: half of the way between two moves no scan by an element."""
+    """Rotations over 180°, so close that half a step moves no scan by an element."""
     offsets = readings - readings.mean(axis=1, keepdims=True)
     apart = np.linalg.norm(offsets, axis=-1).max()
     radius = apart + max(math.hypot(*each.sides) / 2 for each in templates)
@@ -261,7 +260,7 @@ def _highest(peaks: dict[_Key, np.ndarray]) -> tuple[_Key, np.ndarray]:
 
 
 def _elsewhere(peaks: np.ndarray, best: np.ndarray, radius: float) -> float:
-    """The highest score that is farther from the best than a radius, or has the other sign."""
+    """The highest score beyond a radius around the best, or with the opposite sign."""
     far = np.hypot(*(peaks - best)[:, 1:].T) >= radius
     scores = peaks[:, 0]
     other = far | (np.sign(scores) != np.sign(best[0]))
@@ -269,6 +268,6 @@ def _elsewhere(peaks: np.ndarray, best: np.ndarray, radius: float) -> float:
 
 
 def _is_same(one: _Key, other: _Key) -> bool:
-    """Whether two are the same match if they are at the same place."""
+    """Whether two keys are the same match if they have the same position."""
     off = abs(wrapped(one[1] - other[1]))
     return one[0] == other[0] and one[2] == other[2] and off <= _SAME_TURN

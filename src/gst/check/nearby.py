@@ -1,9 +1,9 @@
-"""Scans found near places by hand: which of the peaks around it is the right one, and how sure?
+"""Positions of scans near positions that were set by hand, with their probabilities.
 
-A scan of 0.85 mm shows few waves that a mesh shows, so within half a millimetre there may be
-several places where it fits. The residuals between scans and mesh are taken as normal, with a
-variance that all scans share. This gives each peak a probability. A scan is found only at a place
-that is nearly certain, and otherwise has its alternatives.
+A mesh shows few waves of a scan of 0.85 mm, so the scan may fit at several positions within half a
+millimetre. The residuals between scans and mesh are assumed to be normal, with a variance common to
+all scans. This assumption gives each peak of the correlation a probability. A scan is found only at
+a position that is nearly certain. Otherwise its alternatives are listed.
 """
 
 import itertools
@@ -34,15 +34,15 @@ from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["REACH", "match_near"]
 
-# How far places by hand may be off (mm, degrees), and the step of the turns that are tried.
+# Largest error of positions by hand (mm), and the step of the rotations that are tried (degrees).
 REACH, _STEP = 0.75, 3.0
 _BY_HAND = np.arange(-12.0, 12.1, _STEP)
-# Peaks that are refined, and the distance (mm) within which two of them are one.
+# Number of peaks that are refined, and the distance (mm) below which two of them are the same.
 _PEAKS, _SAME = 8, 0.05
-# A scan is found if it lies within so far (mm) of the best place with this probability: one in
-# twenty may be wrong.
+# A scan is found if it is within this distance (mm) of the best position with this probability. One
+# in twenty may be wrong.
 _WRONG, _SURE = 0.1, 0.95
-# A scan of this place leaves as much as it does, or more, in so many of a hundred.
+# Smallest probability of residuals that are as large as observed.
 _LEAST_CHANCE = 0.01
 # ASSUME: Acceptance of a position set by hand. A scan near a position set by hand was taken there
 # under three conditions. It correlates by at least 0.8, and it turns by at most 10 degrees. Its
@@ -50,12 +50,11 @@ _LEAST_CHANCE = 0.01
 # scans. Reason: `benchmarks/finding.py` lists the scans that are accepted with these limits, at
 # correct and at wrong positions.
 _LEAST_NEAR, _MOST_TURNED, _MOST_HIGHER = 0.8, 10.0, 1.4
-# A median of normal values tells as much as the mean of so many times as many.
+# Efficiency of the median of normal values, relative to their mean.
 _MEDIAN_TELLS = 2 / math.pi
 
-_Pose = tuple[
-    bool, float, int, int
-]  # mirrored, sign, half turns, and number of the turn
+# mirrored, sign, half turns, and index of the rotation
+_Pose = tuple[bool, float, int, int]
 
 
 def match_near(
@@ -63,18 +62,18 @@ def match_near(
     scans: Sequence[xr.DataArray],
     places: Sequence[PatchPosition],
 ) -> list[Match]:
-    """Find scans near places by hand: within 0.75 mm, and turned by a common angle up to 12°.
+    """Find scans within 0.75 mm of positions by hand, with a common rotation of up to 12°.
 
-    All are mirrored or none, and have heights of the same sign; they may be turned by half a turn.
-    A scan that fits at several places nearly as well, or at one but not exactly, is not found but
-    ``is_uncertain``, and has ``alternatives``.
+    Either all scans are mirrored or none, and all heights have the same sign. All scans may be
+    rotated by 180°. A scan that fits nearly as well at several positions, or whose position is not
+    exact, is not found. It is ``is_uncertain`` and has ``alternatives``.
 
     Parameters
     ----------
     surface, scans
         As in `gst.check.matching.match_together`.
     places : sequence of PatchPosition
-        Where each lies, about.
+        Approximate position of each scan.
 
     Raises
     ------
@@ -113,13 +112,13 @@ def match_near(
 
 
 class _Lying(NamedTuple):
-    """Where a scan may lie, turned as all are: the place that fits best comes first."""
+    """Possible positions of a scan with the common rotation, the best first."""
 
     fits: list[Refined]
-    free: Refined  # from the best on, turned by itself
+    free: Refined  # the best one, refined with a rotation of its own
 
     def turned(self, off: float) -> list[PatchPosition]:
-        """The places, turned further by an angle (degrees)."""
+        """The positions, rotated further by an angle (degrees)."""
         places = (fit.place for fit in self.fits)
         return [
             place._replace(rotation_deg=place.rotation_deg + off) for place in places
@@ -127,19 +126,19 @@ class _Lying(NamedTuple):
 
     @property
     def own_turn(self) -> float:
-        """By how much it turns by itself, degrees."""
+        """Difference between its own and the common rotation, degrees."""
         return wrapped(self.free.place.rotation_deg - self.fits[0].place.rotation_deg)
 
     @property
     def weight(self) -> float:
-        """The variance of a value over that of its own turn: so much it tells of the turn."""
+        """The weight of the scan for the common rotation: an inverse variance."""
         return 1 / max(float(self.free.shape[2, 2]), 1e-12)
 
 
 def _lying(
     fit: Fit, by_hand: PatchPosition, starts: Sequence[PatchPosition], sign: float
 ) -> _Lying | None:
-    """A scan with heights of a sign, refined from the first of several places; None if nowhere."""
+    """Refine a scan from several starts; None if it fits at none with heights of this sign."""
     fits: list[Refined] = []
     for start in starts[:_PEAKS]:
         refined = fit.refined(start, is_turned=False)
@@ -152,12 +151,12 @@ def _lying(
 
 
 class _Shared(NamedTuple):
-    """What all scans share: the variance of what is left, and their height beside the mesh's."""
+    """Properties of all scans together: variance of the residuals and scale of the heights."""
 
     variance: float  # of one independent value, as `Refined.variance`
-    freedom: float  # of this variance
+    freedom: float  # degrees of freedom of this variance
     scale: float
-    of_turn: float  # variance of the turn, radians²
+    of_turn: float  # variance of the common rotation, radians²
 
     @classmethod
     def among(cls, lying: Sequence[_Lying]) -> "_Shared":
@@ -171,7 +170,7 @@ class _Shared(NamedTuple):
         return cls(variance, freedom, scale, _error_of_turn(lying, variance) ** 2)
 
     def match(self, lying: _Lying, match: Match, is_clear: bool) -> Match:
-        """The position of a scan, other likely ones, and whether it is found."""
+        """The position of a scan, its likely alternatives, and whether it is found."""
         best, *others = lying.fits
         squares = np.array([fit.squares_with(self.scale) for fit in lying.fits])
         chances = self._chances(lying.fits, squares)
@@ -202,16 +201,16 @@ class _Shared(NamedTuple):
         )
 
     def _chances(self, fits: Sequence[Refined], squares: np.ndarray) -> np.ndarray:
-        """The probability of each place: how well it fits there, times how wide its peak is."""
+        """The probability of each position: quality of the fit times width of the peak."""
         more = (squares - squares.min()) / (self.freedom * self.variance)
         widths = [np.linalg.slogdet(fit.shape)[1] for fit in fits]
         logarithm = -self.freedom / 2 * np.log1p(more) + np.array(widths) / 2
         return scipy.special.softmax(logarithm)
 
     def _covariance(self, lying: _Lying) -> np.ndarray:
-        """That of the place and the turn; the place moves with the turn that all share.
+        """Covariance of position and rotation; the position depends on the common rotation.
 
-        A scan that fits worse than the others do is known less well.
+        A scan with larger residuals than the others has a larger error.
         """
         by_turn = np.append(lying.free.shape[:2, 2] * lying.weight, 1.0)
         covariance = self.of_turn * np.outer(by_turn, by_turn)
@@ -225,7 +224,7 @@ def _apart(one: PatchPosition, other: PatchPosition) -> float:
 
 
 def _error_of_turn(lying: Sequence[_Lying], variance: float) -> float:
-    """That of the common turn (radians): as the fits say, or as their own turns scatter."""
+    """Error of the common rotation (radians), from the fits or from the scatter of the scans."""
     turns, weights = np.transpose(
         [(math.radians(each.own_turn), each.weight) for each in lying]
     )
@@ -237,7 +236,7 @@ def _error_of_turn(lying: Sequence[_Lying], variance: float) -> float:
 
 
 def _common_turn(lying: Sequence[_Lying]) -> float:
-    """By how much all turn further (degrees): the mean of their own turns, by what each tells."""
+    """The weighted mean of the scans' own rotations, degrees."""
     if not lying:
         return 0.0
     turns, weights = np.transpose([(each.own_turn, each.weight) for each in lying])
@@ -248,7 +247,7 @@ def _common_turn(lying: Sequence[_Lying]) -> float:
 def _near(
     search: xr.DataArray, template: Template, place: PatchPosition
 ) -> dict[_Pose, np.ndarray]:
-    """Peaks (score, y, x) around a place, by mirroring, sign, half turn and number of the turn."""
+    """Peaks (score, y, x) around a position, by pose."""
     step = spacing_of(search)[0]
     part = part_around(search, place, template.count(step) * step / 2 + REACH + step)
     image, turns = Image.transformed(part), place.rotation_deg + _BY_HAND
@@ -266,13 +265,13 @@ def _near(
 
 
 def _common(peaks: Sequence[np.ndarray]) -> float:
-    """Mean over the scans of their highest scores, in Fisher's z."""
+    """Mean of the highest scores of the scans, in Fisher's z."""
     tops = [each[:, 0].max(initial=0.0) for each in peaks]
     return float(np.mean(np.arctanh(np.minimum(tops, 1 - 1e-9))))
 
 
 def _top(number: int, sums: Sequence[float]) -> float:
-    """The turn (degrees) at which sums over the turns by hand are highest, by a parabola."""
+    """The rotation (degrees) with the highest sum, interpolated by a parabola."""
     if not 0 < number < len(sums) - 1:
         return float(_BY_HAND[number])
     return float(_BY_HAND[number] + vertex(sums[number - 1 : number + 2], _STEP))

@@ -1,8 +1,8 @@
-"""Scans slid over a surface: how well their heights correlate wherever they lie.
+"""Correlation between the heights of scans and of a surface, at every position of the scans.
 
-A plane is removed from both at each place (plane-free normalised correlation), so that tilt and
-form do not matter. The sums over the window at every shift are correlations themselves, by the fast
-Fourier transform (Lewis 1995, Vision Interface, 120).
+A plane is removed from both at each position (plane-free normalised correlation), so that tilt and
+form have no effect. The sums over a window at every shift are correlations themselves. They are
+computed by the fast Fourier transform (Lewis 1995, Vision Interface, 120).
 """
 
 import itertools
@@ -24,10 +24,10 @@ from gstlib.surfaces.leveling import remove_plane
 __all__ = ["Image", "Template", "correlation_of", "elements", "middles", "peaks_of"]
 __all__ += ["sides_of", "slid", "to_search", "wrapped"]
 
-# Fewest elements of the surface along a scan's side: fewer show no waves. More than the most tell
-# nothing in a search.
+# Elements of the surface along the side of a scan. Fewer show no waves. More than the largest
+# number do not improve a search.
 _FEWEST, _MOST = 12, 40
-# Below this share of the largest spread of a window, it is flat: its correlation means nothing.
+# A window is flat below this share of the largest spread, and its correlation is meaningless.
 _FLAT = 1e-6
 
 # ASSUME: Smoothing by the mesh. A mesh shows a stone as if smoothed by a Gaussian with a standard
@@ -39,20 +39,20 @@ Pose = tuple[bool, float]  # mirrored, and turn in degrees
 
 
 def sides_of(surface: xr.DataArray) -> tuple[float, float]:
-    """Its sides along y and x, mm."""
+    """Lengths of a surface along y and x, mm."""
     (ny, nx), (dy, dx) = surface.shape, spacing_of(surface)
     return ny * dy, nx * dx
 
 
 def wrapped(turn: float) -> float:
-    """The same turn, from -180° on and below 180°."""
+    """An angle in degrees, as the same angle from -180 to below 180."""
     return (turn + 180) % 360 - 180
 
 
 def to_search(
     surface: xr.DataArray, scans: Sequence[xr.DataArray]
 ) -> tuple[xr.DataArray, list["Template"]]:
-    """Surface and scans on elements that are long enough for a search."""
+    """The surface and the scans, on elements that are long enough for a search."""
     step = spacing_of(surface)[0]
     side = min(min(sides_of(scan)) for scan in scans)
     if side * math.sqrt(len(scans)) < _FEWEST * step:
@@ -69,7 +69,7 @@ def to_search(
 
 
 def _with_margin(surface: xr.DataArray, count: int) -> xr.DataArray:
-    """A surface with NaN around it: a turned window may stick out where its scan does not."""
+    """A surface with a margin of NaN, for windows that extend beyond their rotated scan."""
     step = spacing_of(surface)[0]
     along = {}
     for axis in ("y", "x"):
@@ -81,10 +81,10 @@ def _with_margin(surface: xr.DataArray, count: int) -> xr.DataArray:
 def slid(
     image: "Image", templates: Sequence["Template"], step: float, turns: Iterable[float]
 ) -> Iterator[tuple[Pose, list["Held"]]]:
-    """Each scan held against a surface, at each turn and half a turn on, mirrored or not."""
+    """The sums of each scan on a surface: at each rotation, plus 180°, mirrored or not."""
     count = _count(templates, step)
     for turn in turns:
-        # half a turn later, and mirrored, too, a rectangle covers the same elements
+        # a rectangle covers the same elements if it is mirrored or rotated by 180°
         windows = {}
         for each in templates:
             if each.sides not in windows:
@@ -106,14 +106,14 @@ def _count(templates: Sequence["Template"], step: float) -> int:
 def middles(
     at: np.ndarray, search: xr.DataArray, templates: Sequence["Template"]
 ) -> np.ndarray:
-    """The middles (k, 2) of windows, mm, from their first elements (k, 2)."""
+    """Centres (k, 2) of windows, mm, from their first elements (k, 2)."""
     step = spacing_of(search)[0]
     first = [float(search[axis][0]) for axis in ("y", "x")]
     return (at + (_count(templates, step) - 1) / 2) * step + first
 
 
 def elements(reading: np.ndarray, pose: Pose, step: float) -> np.ndarray:
-    """By how many elements (n, 2) scans at a pose lie from their common point."""
+    """Offsets (n, 2) of scans at a pose from their common point, in elements."""
     mirrored, turn = pose
     v, u = np.transpose(reading)
     places = rotated(v, -u if mirrored else u, turn)
@@ -121,15 +121,15 @@ def elements(reading: np.ndarray, pose: Pose, step: float) -> np.ndarray:
 
 
 class Held(NamedTuple):
-    """A scan held against a surface, by the window's first element; without their planes."""
+    """Sums of a scan and a surface without their planes, by the first element of the window."""
 
     products: np.ndarray
-    own: float  # sum of the squares of the scan's heights
-    under: np.ndarray  # that of the surface's, NaN where there is no stone
+    own: float  # sum of squared heights of the scan
+    under: np.ndarray  # sums of squared heights of the surface, NaN beside the stone
 
 
 def correlation_of(held: Sequence[Held], at: np.ndarray) -> np.ndarray:
-    """That of scans shifted by elements (n, 2) from each other; it begins where the first does."""
+    """Correlation of scans that are shifted from each other by `at` (n, 2) elements."""
     shifts = at - at.min(axis=0)
     whole = held[0].products.shape
     rows, columns = np.maximum(np.subtract(whole, shifts.max(axis=0)), 0)
@@ -144,7 +144,7 @@ def correlation_of(held: Sequence[Held], at: np.ndarray) -> np.ndarray:
 
 
 def peaks_of(score: np.ndarray) -> np.ndarray:
-    """Scores, rows and columns (k, 3) of those larger (in size) than their neighbours."""
+    """Scores, rows and columns (k, 3) of the local maxima of the absolute score."""
     size = np.fmax(np.abs(score), 0.0)  # NaN is no peak
     highest = scipy.ndimage.maximum_filter(size, 3, mode="constant")
     at = np.argwhere((size > 0) & (size == highest))
@@ -153,14 +153,14 @@ def peaks_of(score: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Template:
-    """A map that can be laid on the surface's grid, as smooth as the mesh."""
+    """A scan that can be interpolated on the grid of the surface, as smooth as the mesh."""
 
-    heights: xr.DataArray  # without holes, its coordinates from its centre
+    heights: xr.DataArray  # without holes; coordinates relative to its centre
     sides: tuple[float, float]  # mm, along y and x
 
     @classmethod
     def smoothed(cls, scan: xr.DataArray, edge: float) -> "Template":
-        """A scan, as smooth as a mesh with edges of this length (mm)."""
+        """A scan, smoothed like a mesh with edges of this length (mm)."""
         dy, dx = spacing_of(scan)
         level = remove_plane(scan)[0]
         whole = interpolate_holes(level.values, np.isnan(level.values))
@@ -170,21 +170,21 @@ class Template:
         return cls(level.copy(data=smooth).assign_coords(centred), sides_of(scan))
 
     def count(self, step: float) -> int:
-        """Elements along a square window that holds the map, however it is turned."""
+        """Elements along a square window that contains the scan at every rotation."""
         return math.ceil(math.hypot(*self.sides) / step) | 1
 
     def offsets(self, turn: float, step: float, count: int) -> np.ndarray:
-        """Places (v, u) of a window's elements along the axes of the turned map, mm."""
+        """Positions (v, u) of the elements of a window along the axes of the rotated scan, mm."""
         along = (np.arange(count) - (count - 1) / 2) * step
         return np.array(rotated(along[:, None], along[None, :], -turn))
 
     def covered(self, turn: float, step: float, count: int) -> np.ndarray:
-        """Which elements of a window the turned map covers."""
+        """Mask of the elements of a window that the rotated scan covers."""
         v, u = self.offsets(turn, step, count)
         return (abs(v) <= self.sides[0] / 2) & (abs(u) <= self.sides[1] / 2)
 
     def at(self, v: np.ndarray, u: np.ndarray, mirrored: bool) -> np.ndarray:
-        """Heights at places from its centre, along its own axes."""
+        """Heights at positions relative to the centre, along the axes of the scan."""
         (dy, dx), heights = spacing_of(self.heights), self.heights
         u = -u if mirrored else u
         rows = (v - float(heights.y[0])) / dy
@@ -195,17 +195,17 @@ class Template:
 
 
 class _Window(NamedTuple):
-    """The surface under a window, wherever it lies."""
+    """The surface under a window, at every position of the window."""
 
     covered: np.ndarray
     planes: np.ndarray  # (points, 3) an orthonormal basis of the planes
-    # sums of the squares of heights less their plane; NaN where there is no stone
+    # sums of squared heights minus their plane, NaN beside the stone
     squares: np.ndarray
 
 
 @dataclass(frozen=True)
 class Image:
-    """A surface whose sums over windows are correlations."""
+    """The transforms of a surface, from which sums over windows are computed."""
 
     shape: tuple[int, ...]
     padded: tuple[int, ...]
@@ -227,10 +227,10 @@ class Image:
     def _sums(
         self, transforms: Sequence[np.ndarray], values: np.ndarray, covered: np.ndarray
     ) -> list[np.ndarray]:
-        """Sums of transformed values times values of a window, by the window's first element."""
+        """Sums of transformed values times the values of a window, at every shift."""
         window = np.zeros(covered.shape)
         window[covered] = values
-        # along the window's few rows first
+        # first along the few rows of the window
         rows_of = scipy.fft.rfft(window, self.padded[1])
         factor = np.conj(scipy.fft.fft(rows_of, self.padded[0], axis=0))
         rows, columns = np.maximum(np.subtract(self.shape, covered.shape) + 1, 0)
@@ -238,7 +238,7 @@ class Image:
         return [each[:rows, :columns] for each in sums]
 
     def window(self, covered: np.ndarray) -> _Window:
-        """A window that covers these of its elements."""
+        """A window that covers the elements of this mask."""
         y, x = np.nonzero(covered)
         planes, _ = np.linalg.qr(planes_over(y, x))
         ones = np.ones(len(planes))
@@ -249,7 +249,7 @@ class Image:
         return _Window(covered, planes, np.where(is_stone, squares, np.nan))
 
     def held_against(self, heights: np.ndarray, window: _Window) -> "Held":
-        """What a scan's heights (points,) have in common with the surface, wherever they lie."""
+        """The sums of the heights (points,) of a scan and the surface, at every position."""
         flat = heights - window.planes @ (window.planes.T @ heights)
         products = self._sums([self.heights], flat, window.covered)[0]
         return Held(products, float(flat @ flat), window.squares)

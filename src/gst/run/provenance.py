@@ -1,4 +1,4 @@
-"""Where a result comes from: hashes of its inputs and of its code, settings and versions."""
+"""The origin of results: hashes of inputs and code, settings and versions."""
 
 import ast
 import functools
@@ -33,24 +33,24 @@ __all__ = [
     "study_provenance",
 ]
 
-# Of the packages that gstlib names, those that a study runs on.
+# The extras of gstlib whose packages a study may use.
 _EXTRAS = "fast", "formats", "texture", "workflow"
 _PROGRAM = "src", "workflow", "Snakefile"
 # Of the schema of the tables, the part that shapes a table.
 _COLUMNS = "columns"
-# Modules that record a result but do not shape it.
+# Modules that record a result without an effect on it.
 _RECORDING = {"gst.run.chain", "gst.run.logs", "gst.run.provenance", "gst.run.received"}
 
 
 def made_by(step: str) -> dict[str, str]:
-    """Attributes of a result file: its step, whose record tells the rest, and the version."""
+    """Attributes of a result file: the version, and its step, whose record contains the rest."""
     return {"step": step, "gstlib_version": gstlib.__version__}
 
 
 def refuse_other_study(config: Mapping[str, Any]) -> None:
-    """Raise an `InputError` if a folder has the results of another study.
+    """Raise an `InputError` if a folder contains the results of another study.
 
-    A study may get another title; or its mesh another name, or its scans another folder.
+    A study may change its title, the name of its mesh, or the folder of its scans.
     """
     results = Path(config["results"])
     try:
@@ -73,7 +73,7 @@ def refuse_other_study(config: Mapping[str, Any]) -> None:
 def _is_same_study(
     made: Mapping[str, Any], config: Mapping[str, Any], digests: Iterable[str]
 ) -> bool:
-    """Whether the stone of a config is that of results; `digests` are those of their inputs."""
+    """Whether config and results have the same stone; `digests` are SHA-256 of the inputs."""
     before, now = made["inputs"], config["inputs"]
     if before == now:
         return True
@@ -94,9 +94,9 @@ def study_provenance(
 ) -> dict[str, object]:
     """The provenance of all results of a study; the same on every machine.
 
-    `config` is complete; `inputs` are the SHA-256 of measured files and tables by path; `commit`
-    and `program` (`program_hash`) are those of the program, `versions` those on which the steps
-    ran (`gst.run.chain.versions_of`).
+    `config` is complete. `inputs` contains the SHA-256 of measured files and tables by path.
+    `commit` and `program` (`program_hash`) identify the program. `versions` are the versions with
+    which the steps ran (`gst.run.chain.versions_of`).
     """
     packages = {name: version for name, version in versions.items() if name != "python"}
     of_program = {"gstlib": gstlib.__version__, "commit": commit, "program": program}
@@ -123,7 +123,7 @@ def _packages() -> dict[str, str]:
 
 
 def _requirements() -> list[str]:
-    """What gstlib requires, as its installation says; or, where it only lies, its project file."""
+    """The requirements of gstlib, from its installation or, without one, its project file."""
     try:
         return metadata.requires("gstlib") or []
     except metadata.PackageNotFoundError:
@@ -140,10 +140,10 @@ def _requirements() -> list[str]:
 @functools.cache
 def commit(folder: str | Path) -> str | None:
     """Commit checked out in `folder`, with "+" if its program was changed; None without git."""
-    # An installed gstlib may lie in a folder under somebody else's version control.
+    # an installed gstlib may be in a folder that is under another version control
     if not (Path(folder) / ".git").exists():
         return None
-    # a config or a table that was changed is in the record itself
+    # the record itself contains the config and the hashes of the tables
     command = ["git", "status", "--porcelain=v2", "--branch", "--", *_PROGRAM]
     try:
         done = subprocess.run(
@@ -171,26 +171,26 @@ def program_hash() -> str:
 
 @functools.cache
 def source_hash(script: str | Path) -> str:
-    """Hash of the code that `script` runs on: itself, and every module of ours that it imports.
+    """Hash of a script and of every module of this project that it imports.
 
-    A rule takes this hash as a parameter, so it runs again when that code has changed. Comments,
-    docstrings and the messages of errors may change without it. A file beside a module under its
-    name, such as ``page.css`` beside ``page.py``, belongs to the module, except for a stub. The
-    schema of the tables belongs to `gst.config.tables`.
+    This hash is a parameter of the rule, so that the rule runs again when the code changes.
+    Comments, docstrings and messages of errors do not change it. A file with the name of a module,
+    such as ``page.css`` beside ``page.py``, belongs to the module, except for a stub. The schema of
+    the tables belongs to `gst.config.tables`: its columns or, for the page, the whole schema.
     """
     return _hash_of([(Path(script).name, Path(script)), *_parts_of(Path(script))])
 
 
 @functools.cache
 def library_hash(script: str | Path) -> str:
-    """Hash of the modules of `gstlib` that a script imports, and of those that they import."""
+    """Hash of the modules of `gstlib` that a script imports, directly or indirectly."""
     return _hash_of(
         part for part in _parts_of(Path(script)) if part[0].startswith("gstlib")
     )
 
 
 def _parts_of(script: Path) -> list[tuple[str, Path]]:
-    """The files of every module of ours that a script imports, in a stable order, with names."""
+    """Name and file of every module of this project that a script imports, in a stable order."""
     modules: dict[str, Path] = {}
     ahead = {*_imported(script, "")}
     while ahead:
@@ -212,7 +212,7 @@ def _parts_of(script: Path) -> list[tuple[str, Path]]:
 
 
 def _imported(file: Path, package: str) -> set[str]:
-    """Names of our modules that a file of a package imports, anywhere in it; and their packages."""
+    """Names of the modules of this project that a file imports, and of their packages."""
     imports, _ = _module(file)
     names = {
         importlib.util.resolve_name(name, package) if name.startswith(".") else name
@@ -223,7 +223,7 @@ def _imported(file: Path, package: str) -> set[str]:
 
 
 def _source(name: str) -> Path | None:
-    """The file of a module of the project; None if `name` is something else."""
+    """The file of a module of this project; None if the name is something else."""
     package, *inside = name.split(".")
     place = _folder(gst if package == "gst" else gstlib).joinpath(*inside)
     files = place / "__init__.py", place.with_suffix(".py")
@@ -260,9 +260,9 @@ def _columns(schema: Path) -> bytes:
 
 @functools.cache
 def _module(file: Path) -> tuple[set[str], bytes]:
-    """The names that a module imports, and those of its lines that can shape a result.
+    """The names that a module imports, and its lines that can affect a result.
 
-    Docstrings, comments, empty lines and the raising of errors do not.
+    Docstrings, comments, empty lines and the raising of errors have no effect.
     """
     content = file.read_bytes()
     imports: set[str] = set()
