@@ -21,7 +21,7 @@ PARALLEL := -n $(CORES) --dist loadfile
 
 .DEFAULT_GOAL := help
 .PHONY: help environment study check plan diff test test-all style types test-browser test-slurm \
-  test-faults hooks baseline expected bench evidence margin power sweep docs site notebooks dist lock clean
+  test-faults hooks baseline expected bench evidence margin power sweep docs site notebooks dist lock
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -153,6 +153,3 @@ lock: $(READY) ## renew the lock files with the newest versions that fit
 	$(LOCK) --extra workflow --extra slurm --extra dev --constraints requirements-build.lock \
 	  --output-file requirements.lock pyproject.toml
 	$(LOCK) --group checks --constraints requirements.lock --output-file requirements-checks.lock
-
-clean: $(READY) ## remove the results of CONFIG's study (asks first)
-	@$(BIN)/gst clean "$(CONFIG)"

@@ -219,15 +219,6 @@ def study(context, config, options, cores, profile, plan) -> None:
 
 
 @main.command()
-@_CONFIG
-def clean(config) -> None:
-    """Remove the results of CONFIG, after asking."""
-    from gst.run.running import remove_results
-
-    remove_results(config)
-
-
-@main.command()
 @click.argument("files", nargs=-1, required=True, type=_PATH)
 @_UNIT
 @_SPACING

@@ -136,16 +136,11 @@ def test_every_problem_is_named_once(folder):
             SPACING,
             None,
         ),  # use and another calibration may do that
-        ("1_T1", noise(0), SPACING, "leave t1 empty"),
-        (
-            "2_T0",
-            noise(1),
-            SPACING,
-            "patch 2 at T0 has the same heights as patch 1 at T1",
-        ),
+        ("1_T1", noise(0), SPACING, "patch 1 at T0 and patch 1 at T1"),
+        ("2_T0", noise(1), SPACING, "patch 1 at T1 and patch 2 at T0"),
         ("face", noise(9, 49), 0.5 / 49, "49 × 49 points"),
         ("again", noise(9), SPACING, None),
-        ("again", noise(0), SPACING, "leave repeat empty"),
+        ("again", noise(0), SPACING, "Leave t1 or repeat empty"),
     ],
 )
 def test_scans_that_do_not_go_together_are_refused(

@@ -10,7 +10,7 @@ from stones import FINE, taken
 
 from gst.check.aligning import Fit, Refined, widened
 from gst.check.matching import Match, _elsewhere, match_map, match_together
-from gst.check.nearby import _BY_HAND, _Lying, _Shared, _top, match_near
+from gst.check.nearby import _Lying, _Shared, match_near
 from gst.setup.finding import find_on_map, find_on_stone
 from gst.setup.place_matching import _laid_alike
 from gstlib import self_affine_field
@@ -127,30 +127,6 @@ def test_scans_near_places_by_hand_snap_together():
     assert 0.5 < ratio < 1.2
 
 
-def test_a_turn_between_those_that_are_tried_is_read_from_a_parabola():
-    sums = [-((turn - 4.0) ** 2) for turn in _BY_HAND]
-    assert _top(int(np.argmax(sums)), sums) == pytest.approx(4.0)
-
-
-def test_scans_near_places_by_hand_are_found_if_nothing_speaks_against_it():
-    """One turned by itself, hidden by rings, one is twice as high, and one fits worse."""
-    fine, first = stone(6), PATCHES[0]
-    y, x = np.indices(fine.shape) * FINE
-    away = np.hypot(y - first[0], x - first[1])
-    near = np.exp(-((away / 0.7) ** 6))
-    fine = fine * (1 - near / 2) + near * 0.1 * np.cos(2 * np.pi * away / 0.8)
-    scans = [scan(fine, at, 30.0) for at in PATCHES]
-    scans[0] = scan(fine, first, 50.0)
-    scans[2] *= 2
-    scans[4] += 0.5 * float(scans[4].std()) * smooth_noise(1, len(scans[4]), 6)
-    matches = match_near(
-        mesh(fine, 6), scans, [PatchPosition(*at, 28.0) for at in PATCHES + 0.2]
-    )
-    assert are_found(matches) == [False, True, False, True, False, True]
-    assert min(match.correlation for match in matches) > 0.8
-    assert min(match.lead for match in matches) > 0.2
-
-
 HERE = PatchPosition(1.0, 2.0, 10.0)
 FITS = Refined(HERE, 0.9, np.array([0.9]), np.diag([1.0, 4.0]), 20e-6, 20.0, 1.0, 1e-9)
 SHARED = _Shared(variance=1e-6, freedom=100.0, scale=1.0, of_turn=1e-6)
@@ -248,17 +224,6 @@ def test_the_errors_of_a_place_and_of_the_lever_are_as_large_as_is_said():
             off = np.subtract(moved.place[:2], (3.0, 3.0 + lever))
             scores.append(off / np.sqrt(moved.covariance.diagonal()[:2]))
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
-
-
-def test_the_covariance_is_carried_along_the_lever():
-    """A pose that is known to turn about a point leaves this point where it is."""
-    pivot = LIKELY.place_of(0.4, -0.7)
-    lever = np.array(
-        [LIKELY.place.x_mm - pivot.x_mm, pivot.y_mm - LIKELY.place.y_mm, 1.0]
-    )
-    turned = replace(LIKELY, covariance=1e-4 * np.outer(lever, lever))
-    assert turned.error_mm == pytest.approx(0.007)
-    assert turned.at(0.4, -0.7).error_mm == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_stage_places_what_heights_do_not(monkeypatch):

@@ -56,6 +56,8 @@ def record(folder, specimen=None, program=None):
         "published": published,
         "gesture": {"table": poses},
         "specimen": specimen,
+        "inputs": None,
+        "scans": {"size_mm": 0.85},
     }
     software = {
         "gstlib": gstlib.__version__,

@@ -186,17 +186,15 @@ def test_results_of_another_study_are_not_overwritten(
         "other.stl": "another",
     }.items():
         Path(name).write_text(content)
+    config = dict.fromkeys(("patches", "published", "gesture", "specimen"))
+    config |= {"results": ".", "scans": {"size_mm": 0.85}}
     inputs = {"mesh": "a.stl", "scan_folder": "a"}
-    made = {
-        "config": {"title": "A", "inputs": inputs},
-        "inputs": {"a.stl": sha256("a.stl")},
-    }
+    digests = {"a.stl": sha256("a.stl")}
+    made = study_provenance(
+        config | {"title": "A", "inputs": inputs}, digests, None, "", software()
+    )
     Path("provenance.json").write_text(json.dumps(made))
-    config = {
-        "results": ".",
-        "title": title,
-        "inputs": {"mesh": mesh, "scan_folder": scans},
-    }
+    config |= {"title": title, "inputs": {"mesh": mesh, "scan_folder": scans}}
     problem = pytest.raises(InputError, match=r"another study, 'A', of a\.stl")
     with problem if refused else nullcontext():
         refuse_other_study(config)

@@ -1,12 +1,10 @@
 """What surrounds a run: a study is laid out, refused, ended."""
 
 import os
-import py_compile
 import shutil
 import signal
 import socket
 import subprocess
-import sys
 import threading
 from contextlib import nullcontext
 from types import SimpleNamespace
@@ -90,21 +88,6 @@ def test_the_end_of_a_run_waits_for_no_lock_that_it_interrupted():
         assert not asked.is_set()
     assert asked.wait(60)
     assert scheduler._user_kill == "graceful"
-
-
-def test_stale_bytecode_of_an_edited_module_is_not_run(tmp_path, monkeypatch):
-    """Edited with its date and its length kept, as some tools do."""
-    module = tmp_path / "part.py"
-    module.write_text("VALUE = 1\n")
-    date = module.stat().st_mtime_ns
-    py_compile.compile(str(module))
-    module.write_text("VALUE = 2\n")
-    os.utime(module, ns=(date, date))
-    command = [sys.executable, "-c", "import part; print(part.VALUE)"]
-    assert subprocess.check_output(command, cwd=tmp_path) == b"1\n"
-    monkeypatch.setattr(gst, "__file__", str(tmp_path / "__init__.py"))
-    running._check_bytecode()
-    assert subprocess.check_output(command, cwd=tmp_path) == b"2\n"
 
 
 def test_the_folder_of_a_study_is_on_no_path_of_modules(monkeypatch):

@@ -100,13 +100,3 @@ def test_everything_wrong_with_the_files_is_reported_at_once(measured, check):
     assert (
         absent(["data/mesh.stl does not exist", "7_T0.plu"], check(measured)[1]) == []
     )
-
-
-def test_clean_removes_what_the_study_made_and_nothing_else(tiny):
-    """Asked first; a file of the user's own stays, and so does its folder."""
-    mine = tiny.results / "figures/notes.txt"
-    mine.write_text("of mine")
-    tiny.gst("clean", tiny.config, answer="n")
-    assert len(list(tiny.results.iterdir())) > 10
-    tiny.gst("clean", tiny.config, answer="y")
-    assert sorted(tiny.results.rglob("*")) == [mine.parent, mine]

@@ -229,7 +229,7 @@ HOSTILE = {
     "private.stl": _foreign_mesh,
     "outside the export": _name_elsewhere,
     "contact.h5": _unrecorded,
-    "have a config that no study writes so": _without_a_section,
+    "that no study writes so": _without_a_section,
     "tool.ply": lambda study: (study.folder / "to/tool.ply").touch(),
     "a.x3p": lambda study: (study.folder / "to/a.x3p").symlink_to("../private"),
 }

@@ -5,13 +5,13 @@ The user sees the difference of the files first, and confirms it; each file is k
 like moulds that were not undone, unless the mesh shows which of the two it is.
 """
 
-import contextlib
 import difflib
+import filecmp
 import itertools
 import logging
 import math
 import os
-import stat
+import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -26,7 +26,6 @@ from gstlib.coupling.orientations import AS_GIVEN, Mould, as_measured, lying_rig
 from gstlib.coupling.placement import FAULT as PLACEMENT
 from gstlib.coupling.placement import check_placement
 from gstlib.errors import ConfigError, GstError
-from gstlib.io.files import write_whole
 from gstlib.macroscale.face import largest_face
 from gstlib.study import Study
 from gstlib.surfaces.footprints import places_of
@@ -262,19 +261,15 @@ def _confirmed() -> bool:
 
 
 def keep_copy(path: Path) -> Path:
-    """Copy a file to the first free name beside it, such as ``patches.csv.bak``.
+    """Copy a file and its mode to the first free name beside it, such as ``patches.csv.bak``.
 
-    A copy with the same content that is already there will do.
+    An existing copy with the same content is kept instead.
     """
-    content = path.read_bytes()
     for number in itertools.count(1):
         copy = path.with_name(f"{path.name}.bak{number if number > 1 else ''}")
         if not os.path.lexists(copy):
-            # with its mode before its content
-            with contextlib.suppress(OSError):  # which `write_whole` reports
-                copy.touch(stat.S_IMODE(path.stat().st_mode))
-            write_whole(copy, content)
+            shutil.copy(path, copy)
             break
-        if copy.is_file() and not copy.is_symlink() and copy.read_bytes() == content:
+        if not copy.is_symlink() and filecmp.cmp(path, copy, shallow=False):
             break
     return copy

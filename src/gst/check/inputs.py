@@ -47,31 +47,11 @@ __all__ = ["Asked", "Inputs", "check_inputs"]
 _log = logging.getLogger(__name__)
 
 SAME_SCAN = "same_scan"  # the fault's name, as which a config accepts it
-# Share of the mesh's surface from which on something apart from the stone is no speck.
-_LARGE_BODY = 0.01
 # Fewest points along a patch of a coarser scan.
 _COARSE = 128
 # If spacings of T0 and T1 differ by more than this share, the magnifications differ.
 _SAME_SPACING = 1e-3
-# What to do where a scan has the very heights of an earlier one of its patch, by their epochs.
-_COPIED = {
-    (
-        "T1",
-        "T0",
-    ): "Give the scan that was made after use, or leave t1 empty in the patch table.",
-    (
-        REPEAT,
-        "T0",
-    ): "Give the second scan without use, or leave repeat empty in the patch table.",
-    (
-        REPEAT,
-        "T1",
-    ): "Leave repeat empty if the patch was used in between, otherwise t1.",
-}
-_OTHER_PATCH = (
-    "Correct their names in the patch table: each patch has scans of its own."
-)
-# Scans that a message names, of those of which the same holds.
+# Most groups of equal scans that a message lists.
 _NAMED = 4
 # Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
 _BYTES = 200
@@ -180,7 +160,6 @@ def _read_stone(
     try:
         stone = read_mesh(mesh, unit=asked.mesh_unit)
         frame = _find_frame(stone, asked, source=str(mesh))
-        _warn_of_other_bodies(stone, frame, asked, source=str(mesh))
         # the fastest interpolation: to look at, and to hold scans against
         settings = {**asked.face, "interpolation": "linear", "source": str(mesh)}
         tool = stated_tool(asked.active_tool, asked.rounded)
@@ -270,34 +249,6 @@ def _cut(
     )
 
 
-def _warn_of_other_bodies(
-    stone: "trimesh.Trimesh", frame: Frame, asked: Asked, *, source: str
-) -> None:
-    """Warn of large bodies apart from the stone, such as the table on which it was scanned."""
-    from trimesh.graph import connected_component_labels
-
-    size_mm = asked.face["size_mm"]
-    x_axis, y_axis, _ = frame.axes
-    middle = np.array(frame.origin) + size_mm / 2 * (x_axis + y_axis)
-    body = connected_component_labels(stone.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
-    areas = np.bincount(
-        body[stone.faces[:, 0]], weights=stone.area_faces, minlength=body.max() + 1
-    )
-    nearest = np.full(len(areas), np.inf)
-    np.minimum.at(nearest, body, np.linalg.norm(stone.vertices - middle, axis=1))
-    is_other = (areas > _LARGE_BODY * areas.sum()) & (
-        nearest > (asked.face["face_mm"] or size_mm)
-    )
-    if is_other.any():
-        _log.warning(
-            "%s: %.2g %% of the mesh's surface is apart from the stone, %.3g mm or more from the "
-            "square. If it is a turntable or a support, remove it from the mesh.",
-            source,
-            100 * areas[is_other].sum() / areas.sum(),
-            nearest[is_other].min(),
-        )
-
-
 def _unlike_t0(pieces: _Pieces) -> Iterator[GstError]:
     """Later scans that differ from T0 of their patch in spacing, or in the unit of heights."""
     for (patch, epoch), later in pieces.items():
@@ -332,34 +283,22 @@ def _apart(spacing: tuple[float, float]) -> str:
 
 
 def _same_scans(pieces: _Pieces) -> Iterator[FaultError]:
-    """Scans with the very same heights: two never have the same noise, so one was copied."""
+    """Scans with equal heights. Noise is never the same twice, so one is a copy of another."""
     alike: dict[tuple, list[tuple[str, str]]] = {}
     for use, piece in pieces.items():
         if use[0] != COUNTERFACE:
             alike.setdefault(piece.content, []).append(use)
-    pairs: dict[str, list] = {}  # by remedy
-    for uses in alike.values():
-        for patch, epoch in uses:
-            earlier = [use for use in uses if use[0] == patch and use[1] < epoch]
-            remedies = {_COPIED[epoch, use[1]]: use for use in earlier}
-            if patch != uses[0][0]:
-                remedies[_OTHER_PATCH] = uses[0]
-            for remedy, first in remedies.items():
-                pairs.setdefault(remedy, []).append(((patch, epoch), first))
-    for remedy, ((use, first), *others) in pairs.items():
-        more = ", ".join(at_epoch(*other) for other, _ in others[:_NAMED])
-        more += ", …" * (len(others) > _NAMED)
+    copies = [uses for uses in alike.values() if len(uses) > 1]
+    if copies:
+        groups = [" and ".join(at_epoch(*use) for use in uses) for uses in copies]
+        more = f"; and {len(groups) - _NAMED} more" * (len(groups) > _NAMED)
         yield FaultError(
             SAME_SCAN,
-            pieces[use].path,
-            f"{at_epoch(*use)} has the same heights as {at_epoch(*first)} ({pieces[first].path})"
-            + f"; likewise {len(others)} more: {more}" * bool(others),
-            remedy,
-            [
-                *dict.fromkeys(
-                    patch for pair in pairs[remedy] for patch, _ in reversed(pair)
-                )
-            ],
+            ", ".join(str(pieces[use].path) for use in copies[0]),
+            f"the heights are the same in {'; '.join(groups[:_NAMED])}{more}",
+            "Give each scan its own file. Leave t1 or repeat empty in the patch table if there is "
+            "no such scan.",
+            [*dict.fromkeys(patch for uses in copies for patch, _ in uses)],
         )
 
 

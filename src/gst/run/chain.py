@@ -16,7 +16,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gst.run.received import RECORD, is_readable, places_of, read_json
+from gst.run.received import StepRecord, is_readable, places_of, read_json
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
 
@@ -132,7 +132,7 @@ def given_to(results: Path, step: Step, contents: "_Contents | None" = None) -> 
 def read_record(results: Path, name: str) -> Record | None:
     """The record of a step; None if there is none, or it is damaged or names files elsewhere."""
     try:
-        record: Record = read_json(record_of(results, name), results, RECORD)
+        record: Record = read_json(record_of(results, name), results, StepRecord)
     except (OSError, InputError):
         return None
     names = [*record["inputs"], *record["outputs"], *record["params"]["makes"]]

@@ -2,7 +2,7 @@
 
 A study owns the files that records of its steps name. Before its first step it also lists every
 file that its rules would write (`CLAIMS`), since a run may be killed before a record is there. All
-other files are a user's: a study refuses to write in their place, and `gst clean` leaves them.
+other files are a user's, and a study refuses to write in their place.
 
 One run at a time writes into the folder, which holds its lock. Every process of a run has the
 folder in its environment, so that jobs which outlive a killed run are seen, too.
@@ -22,7 +22,7 @@ from filelock import SoftFileLock, Timeout
 
 from gst.config.renamed import STEPS
 from gst.run.chain import Step, is_inside, read_record, record_of
-from gst.run.received import OUTPUTS, read_json, regular_file
+from gst.run.received import AnyRecord, read_json, regular_file
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
@@ -40,7 +40,6 @@ __all__ = [
     "recorded",
     "refuse_foreign",
     "refuse_links",
-    "removable",
     "written_by",
 ]
 
@@ -50,12 +49,12 @@ CLAIMS = (
 MOVED = (
     "moved_aside"  # in the results: the user's files from folders that were made anew
 )
-# In the results, while a run or `gst clean` is at work there: its process and its machine.
+# In the results, while a run is at work there: its process and its machine.
 LOCK = ".gst_lock"
 # Environment variable of every process of a run: the results that it writes.
 RESULTS = "GSTLIB_RESULTS"
-# Empty files: Snakemake's in each folder that a step made, and the mark that inputs were checked.
-_STAMP, _PASSED = ".snakemake_timestamp", "inputs_passed"
+# Snakemake's empty file in each folder that a step made.
+_STAMP = ".snakemake_timestamp"
 _LONGEST_NAME = 1000  # of a claim
 _PICTURE = "check.png"  # of `gst check`, which makes no record
 # A file while it is written (see `gstlib.io.files`), by its later name.
@@ -70,7 +69,7 @@ def recorded(results: Path) -> set[str]:
     names: set[str] = set()
     for file in filter(Path.is_file, results.glob("logs/*.json")):
         with suppress(InputError, OSError):
-            made = read_json(file, results, OUTPUTS)["outputs"]
+            made = read_json(file, results, AnyRecord)["outputs"]
             names |= _inside([*made, f"logs/{file.name}", f"logs/{file.stem}.log"])
     return names
 
@@ -112,7 +111,7 @@ def _refuse_earlier(results: Path) -> None:
     if not any((results / f"logs/{step}.json").is_file() for step in STEPS):
         return
     problem = "contains the results of an earlier version, whose steps and tables had other names"
-    remedy = "Give `results` another name in the config, or run `gst clean` first."
+    remedy = "Give `results` another name in the config, or remove the folder."
     print(f"ERROR: {InputError(results, problem, remedy)}", file=sys.stderr)
     sys.exit(2)
 
@@ -166,33 +165,6 @@ def move_aside(jobs: Iterable[Any], results: Path, patches: Sequence[str]) -> No
             f"to {results / MOVED}, such as {moved[0]}.",
             file=sys.stderr,
         )
-
-
-def removable(results: Path) -> list[Path]:
-    """Every file that `gst clean` may remove.
-
-    That is what records name, the records and their logs, and what is left of a file that was not
-    written to its end. No link is removed or followed: a study makes none.
-    """
-    names, claims = recorded(results), claimed_by(results)
-    ours = names | ({_PICTURE} & claims)
-    files = {results / name for name in ours if os.path.lexists(results / name)}
-    for folder in {file.parent for file in files} | {results / name for name in claims}:
-        for file in folder.glob("*"):
-            made = _finished(file).relative_to(results)
-            above = {made.as_posix(), *map(str, made.parents)}
-            is_part = made.name != file.name and not above.isdisjoint(names | claims)
-            is_mark = file.name in {_STAMP, _PASSED} and file.lstat().st_size == 0
-            if is_part or is_mark:
-                files.add(file)
-    whole = results.resolve()
-    return sorted(
-        file
-        for file in files
-        if not file.is_symlink()
-        and file.is_file()
-        and file.parent.resolve() == whole / file.parent.relative_to(results)
-    )
 
 
 def alive(results: Path) -> list[int]:

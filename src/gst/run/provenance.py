@@ -54,9 +54,7 @@ def refuse_other_study(config: Mapping[str, Any]) -> None:
     """
     results = Path(config["results"])
     try:
-        written = read_provenance(
-            results, "title", "inputs", parts=("config", "inputs")
-        )
+        written = read_provenance(results)
     except (OSError, InputError):
         return  # none, or half written: the study writes it anew
     made = written["config"]

@@ -5,19 +5,22 @@ they name is opened only if it is regular and lies where the study may read, aft
 resolved. Neither a pipe nor a link can therefore stop the program or lead it elsewhere.
 """
 
-import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field
+from pydantic_core import from_json
 
 from gst import ROOT
 from gstlib.errors import InputError
 from gstlib.io.files import check_size
 
 __all__ = [
-    "OUTPUTS",
-    "RECORD",
+    "AnyObject",
+    "AnyRecord",
+    "StepRecord",
     "is_readable",
     "places_of",
     "read_json",
@@ -26,54 +29,77 @@ __all__ = [
 ]
 
 _LARGEST_JSON = 1 << 26  # bytes: digests of half a million files
-_DEEPEST = 50  # lists in lists, ten times as many as in a config
-_TEXT = {"type": "string"}
-_TEXTS = {"type": "array", "items": _TEXT}
-_TEXT_OR_NULL = {"type": ["string", "null"]}
-_OBJECT_OR_NULL = {"type": ["object", "null"]}
-_TEXT_BY_NAME = {"type": "object", "additionalProperties": _TEXT}
-# Of a file that was missing there is no digest.
-_DIGESTS = {
-    "type": "object",
-    "additionalProperties": {"type": "string", "minLength": 1},
-}
+# A missing file has an empty digest, which only measured files may have.
+_Digests = dict[str, Annotated[str, Field(min_length=1)]]
 
 
-def _form(required: Iterable[str] | None = None, **properties: Any) -> dict[str, Any]:
-    """The JSON schema of an object with these properties, all `required` by default, and others."""
-    names = [*properties] if required is None else [*required]
-    return {"type": "object", "required": names, "properties": properties}
+class AnyObject(BaseModel):
+    """Any JSON object."""
 
 
-RECORD = _form(
-    params=_form(
-        ["makes"], makes=_TEXTS, steps=_TEXT_BY_NAME, config=_form([], accept=_TEXTS)
-    ),
-    inputs=_DIGESTS,
-    files=_TEXT_BY_NAME,
-    outputs=_DIGESTS,
-    messages={"type": "object", "additionalProperties": _TEXTS},
-    faults={"type": "object", "additionalProperties": {"type": "boolean"}},
-    software=_TEXT_BY_NAME,
-)
-# What every version of a record has.
-OUTPUTS = _form(outputs=_DIGESTS)
-_INPUTS = _form(["mesh"], mesh=_TEXT, mesh_unit=_TEXT, scan_folder=_TEXT_OR_NULL)
-_CONFIG = {
-    "title": _TEXT,
-    "patches": _TEXT_OR_NULL,
-    "published": _TEXT_OR_NULL,
-    "gesture": _form([], table=_TEXT_OR_NULL) | _OBJECT_OR_NULL,
-    "inputs": _INPUTS | _OBJECT_OR_NULL,
-    "scans": _form(size_mm={"type": "number"}),
-}
-_SOFTWARE = _form(
-    gstlib=_TEXT,
-    commit=_TEXT_OR_NULL,
-    program=_TEXT,
-    python=_TEXT,
-    packages=_form(snakemake=_TEXT) | _TEXT_BY_NAME,
-)
+class _Accepting(BaseModel):
+    accept: list[str] = []
+
+
+class _Params(BaseModel):
+    makes: list[str]
+    steps: dict[str, str] = {}
+    config: _Accepting = _Accepting()
+
+
+class AnyRecord(BaseModel):
+    """The part of a step's record that every version has."""
+
+    outputs: _Digests
+
+
+class StepRecord(AnyRecord):
+    """The record of a step."""
+
+    params: _Params
+    inputs: _Digests
+    files: dict[str, str]
+    messages: dict[str, list[str]]
+    faults: dict[str, bool]
+    software: dict[str, str]
+
+
+class _Inputs(BaseModel):
+    mesh: str
+    mesh_unit: str = "mm"
+    scan_folder: str | None = None
+
+
+class _Gesture(BaseModel):
+    table: str | None = None
+
+
+class _Scans(BaseModel):
+    size_mm: float
+
+
+class _Config(BaseModel):
+    title: str
+    patches: str | None
+    published: str | None
+    gesture: _Gesture | None
+    inputs: _Inputs | None
+    scans: _Scans
+    specimen: dict[str, Any] | None
+
+
+class _Software(BaseModel):
+    gstlib: str
+    commit: str | None
+    program: str
+    python: str
+    packages: dict[str, str]
+
+
+class _Provenance(BaseModel):
+    config: _Config
+    inputs: dict[str, str]
+    software: _Software
 
 
 def places_of(named: Any) -> set[Path]:
@@ -111,45 +137,22 @@ def regular_file(path: str | Path, within: str | Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def read_json(path: Path, within: Path, form: Mapping[str, Any]) -> Any:
-    """The content of a JSON file in a folder, which has the form of a JSON schema.
+def read_json(path: Path, within: Path, form: type[BaseModel]) -> Any:
+    """The content of a JSON file in a folder: an object, which has this form.
 
     Raises an `InputError` if it cannot be read, or has another form.
     """
-    from jsonschema import Draft202012Validator
-    from jsonschema.exceptions import best_match
-
     file = regular_file(path, within)
     check_size(file, _LARGEST_JSON)
     try:
-        value = json.loads(file.read_bytes())
-        json.dumps(
-            value, ensure_ascii=False
-        ).encode()  # halves of characters raise an error
-        if _depth(value) > _DEEPEST:
-            raise ValueError("it is nested too deeply")
-        if error := best_match(Draft202012Validator(form).iter_errors(value)):
-            raise ValueError(f"{error.json_path}: {error.message}")
-    except (ValueError, RecursionError) as error:
+        value = from_json(file.read_bytes())
+        form.model_validate(value, strict=True)
+    except ValueError as error:
         problem = f"is not JSON as a study writes it ({error!s:.200})"
         raise InputError(path, problem, "Run the study again.") from error
     return value
 
 
-def _depth(value: Any) -> int:
-    parts = value.values() if isinstance(value, dict) else value
-    return (
-        1 + max(map(_depth, parts), default=0) if isinstance(value, dict | list) else 0
-    )
-
-
-def read_provenance(
-    results: Path, *keys: str, parts: Sequence[str] = ("config", "inputs", "software")
-) -> dict[str, Any]:
-    """The provenance of results with these parts, whose config has these keys.
-
-    Raises as `read_json`.
-    """
-    config = _form(keys, **_CONFIG)
-    form = _form(parts, config=config, inputs=_TEXT_BY_NAME, software=_SOFTWARE)
-    return read_json(results / "provenance.json", results, form)
+def read_provenance(results: Path) -> dict[str, Any]:
+    """The provenance of results. Raises the errors of `read_json`."""
+    return read_json(results / "provenance.json", results, _Provenance)

@@ -5,29 +5,24 @@ Whose the files in the results are, and which run may write them, is known to `g
 
 import importlib.util
 import os
-import py_compile
 import shutil
 import signal
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
-import gst
-import gstlib
 from gst import ROOT
-from gst.config.reading import config_problems, read_config, refuse_config, refuse_study
+from gst.config.reading import read_config, refuse_study
 from gst.config.strict_yaml import read_yaml
 from gst.run.chain import break_in, check_links
 from gst.run.logs import PLAN
-from gst.run.owned import CLAIMS, RESULTS, claimed_by, locked, refuse_links, removable
+from gst.run.owned import RESULTS, locked, refuse_links
 from gst.run.provenance import refuse_other_study
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
-__all__ = ["lay_out", "remove_results", "run_study"]
+__all__ = ["lay_out", "run_study"]
 
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
 # and returns them at once. Here arrays of up to 32 MB use freed memory again.
@@ -38,8 +33,6 @@ _REUSE_MEMORY = {
 # Nothing in the working folder is a module or a profile unless the command line names it: a study
 # that somebody received must run no code of its own.
 _NO_OTHER_CODE = {"PYTHONSAFEPATH": "1", "SNAKEMAKE_PROFILE": "none"}
-# Bytecode that Python compares with the content of its source, and not with its date.
-_CHECKED = py_compile.PycInvalidationMode.CHECKED_HASH
 _PLANNING = {"-n", "--dry-run", "--dryrun"}
 _REFUSED = (
     "--configfiles",  # gst reads CONFIG, too,
@@ -103,7 +96,6 @@ def run_study(
         check_writable(".snakemake")
         refuse_links(Path(".snakemake"))
         with locked(results):
-            _check_bytecode()
             mark = {RESULTS: str(results.resolve())}
             code = _snakemake(*command, *options, environment=mark)
     if code or plan:
@@ -152,57 +144,6 @@ def _snakemake(*arguments: object, environment: dict[str, str]) -> int:
             except KeyboardInterrupt:
                 process.send_signal(signal.SIGINT)  # it ends its jobs itself
     return process.returncode
-
-
-def _check_bytecode() -> None:
-    """Have Python compare our modules with their bytecode by content, as records do.
-
-    By date and size, it would run the bytecode of a module that was edited with both kept. Where
-    the program cannot be written, it is not edited either.
-    """
-    for package in (gst, gstlib):
-        for source in Path(str(package.__file__)).parent.rglob("*.py"):
-            stored = Path(importlib.util.cache_from_source(str(source)))
-            with suppress(OSError):
-                if int.from_bytes(stored.read_bytes()[4:8], "little") != 3:
-                    py_compile.compile(str(source), invalidation_mode=_CHECKED)
-
-
-def remove_results(config: Path) -> None:
-    """Ask, and remove the files that records name; then the folders that are empty."""
-    read = read_config(config)
-    refuse_config(config_problems(read), str(config))
-    folder = Path(read["results"])
-    made = removable(folder)
-    if not made:
-        print(f"{folder} contains no results of a study: no record names a file in it.")
-        return
-    places = Counter(str(file.relative_to(folder).parent) for file in made)
-    for name, number in places.items():
-        print(f"{number:6} files in {folder / name}")
-    size = sum(file.lstat().st_size for file in made) / 1e6
-    if (
-        input(f"Remove these {len(made)} files ({size:.1f} MB) from {folder}? [y/N] ")
-        != "y"
-    ):
-        return
-    emptied = {
-        place for file in made for place in file.parents if folder in place.parents
-    }
-    with locked(folder):
-        for file in made:
-            file.unlink(missing_ok=True)
-        for place in sorted(emptied, reverse=True):
-            _remove_empty(place)
-        # a run that was killed may have left files which no record names: it can still go on
-        if not any((folder / name).exists() for name in claimed_by(folder)):
-            (folder / CLAIMS).unlink(missing_ok=True)
-    _remove_empty(folder)
-
-
-def _remove_empty(folder: Path) -> None:
-    with suppress(OSError):  # something else is in it, or it is a link
-        folder.rmdir()
 
 
 def lay_out(folder: Path, name: str) -> list[Path]:

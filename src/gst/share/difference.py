@@ -8,15 +8,13 @@ row.
 
 import io
 import os
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from gst.config.tables import TABLES
-from gst.run.received import read_json, regular_file
+from gst.run.received import AnyObject, read_json, regular_file
 from gstlib.errors import InputError
 from gstlib.io.files import check_size
 
@@ -98,10 +96,9 @@ def _cells_of(folder: Path) -> _Cells:
         ) from error
     record = folder / "provenance.json"
     if os.path.lexists(record):
-        values = _values(read_json(record, folder, {"type": "object"}))
-        cells |= _cells(
-            _PROVENANCE, pd.DataFrame(values, columns=["key", "value"], dtype=str)
-        )
+        flat = pd.json_normalize(read_json(record, folder, AnyObject)).astype(str).T
+        table = flat.rename_axis("key").set_axis(["value"], axis=1).reset_index()
+        cells |= _cells(_PROVENANCE, table)
     return cells
 
 
@@ -118,12 +115,3 @@ def _cells(name: str, table: pd.DataFrame) -> _Cells:
         cells[name, row, ""] = "present"
         cells |= {(name, row, str(column)): text for column, text in record.items()}
     return cells
-
-
-def _values(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Every value in nested objects as text, by its keys."""
-    if isinstance(value, dict):
-        for name, part in value.items():
-            yield from _values(part, f"{key}.{name}" if key else name)
-    else:
-        yield key, str(value)

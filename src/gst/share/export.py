@@ -174,7 +174,7 @@ def _tool(
     results: Path, made: set[Path], places: _Places, by_patch: _Files
 ) -> Iterator[tuple[str, bytes]]:
     """The tool with pressure, patches, measured loss and, of a gesture, exposure on it."""
-    config = read_provenance(results, "inputs", "scans")["config"]
+    config = read_provenance(results)["config"]
     inputs, note = config["inputs"], ""
     unit = (inputs or {}).get("mesh_unit", "mm")
     if inputs is None:

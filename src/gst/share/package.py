@@ -35,8 +35,6 @@ __all__ = ["pack_figures", "pack_study"]
 
 _Files = dict[str, bytes]  # by their names in the zip
 
-# The keys of the config that are read.
-_IN_CONFIG = "title", "specimen", "patches", "published", "gesture"
 # The folders of the results that are packed: the page with its records, and what it shows.
 _SHOWN = "", "tables", "figures"
 # The page's record of its sources; a zip with this file is a package.
@@ -101,7 +99,7 @@ def pack_study(
     """
     _check_target(target)
     check_chain(results)
-    provenance = read_provenance(results, *_IN_CONFIG)
+    provenance = read_provenance(results)
     config = provenance["config"]
     files = _results(results) | _tables(results, provenance)
     files |= _program(provenance["software"])
