@@ -100,13 +100,6 @@ def table(schema: dict) -> str:
     return "\n".join(rows)
 
 
-def config_table(schema: dict) -> str:
-    names = [name for name, *_ in keys(schema)]
-    sections = {name.rpartition(".")[0] for name in names}
-    count = sum(name not in sections for name in names)
-    return f"{count} keys, with every alternative.\n\n{table(schema)}"
-
-
 def choices() -> Iterator[str]:
     """Every modelling choice marked in the code, by stage."""
     of_stage: dict[str, list[str]] = {stage: [] for stage in STAGES}
@@ -191,7 +184,7 @@ def main() -> None:
     )
     documents = {
         "config/README.md": {
-            "config": config_table(json_schema()),
+            "config": table(json_schema()),
             "patches": table(patches),
             "poses": table(poses),
             "published": table(published),

@@ -245,12 +245,9 @@ def press(scan, output, **options) -> None:
     """Press one SCAN on a flat, and draw curve and maps."""
     from gst.page.figures.inspected import pressed_figure
     from gst.page.figures.style import save_figure
-    from gst.share.options import in_options
     from gst.share.press import describe_press, press_scan
 
-    prepared, contact, doubts = press_scan(scan, **options)
-    for doubt in doubts:
-        click.echo(f"WARNING: {scan}: {in_options(doubt)}", err=True)
+    prepared, contact = press_scan(scan, **options)
     curve = contact.table()
     click.echo(curve.to_string(index=False, float_format="{:.5g}".format))
     summary = describe_press(prepared, contact.final, options["modulus"])

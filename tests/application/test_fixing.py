@@ -105,18 +105,6 @@ def test_a_fault_with_one_cure_has_that_alone(faults, values, cells):
     assert cells_written == pytest.approx(cells, abs=5e-3)
 
 
-def test_places_by_hand_snap_to_the_mesh():
-    off = np.random.default_rng(2).uniform(-0.4, 0.4, (9, 2))
-    off[2] = 0.0
-    near = study(off=off)
-    near.patches = near.patches[:3]
-    (cure,) = cures_of(near)
-    cells = [cure.cells({"patch": patch}) for patch in NAMES[:3]]
-    assert cells.pop() == {}  # that is where it lies
-    places = [[float(row[column]) for column in ("y_mm", "x_mm")] for row in cells]
-    np.testing.assert_allclose(places, NINE[:2], atol=0.03)
-
-
 CONFIG = "patches: mine.csv  # my table\nscans:\n  mould: {invert: true, flip: y}  # of silicone\n"
 TABLE = '# places\npatch;x_mm;t0;t1\n1;1,5;"a; b";c\n2;2,5;d;\n'
 

@@ -84,14 +84,6 @@ def problems_of(folder, uses, mesh="stone.stl", **settings):
     return list(map(str, check_inputs(path, uses, asked(**settings)).problems))
 
 
-def test_a_square_off_the_stone_may_be_a_wrong_unit(folder):
-    (problem,) = problems_of(folder, [], mesh_unit="cm")
-    assert "mesh_unit: mm" in problem
-    far = [[x + 297.0, y, z] for x, y, z in FACE["points_mm"]]
-    (problem,) = problems_of(folder, [], face=FACE | {"points_mm": far})
-    assert "mesh_unit" not in problem
-
-
 def test_good_files_are_described(folder):
     inputs = check_inputs(folder / "stone.stl", scans(folder), asked())
     assert inputs.problems == []

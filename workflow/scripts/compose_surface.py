@@ -7,8 +7,8 @@ import pandas as pd
 
 from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
-from gstlib.io.store import Stored, read_dataset, write_dataset
+from gst.run.writing import write_result
+from gstlib.io.store import Stored, read_dataset
 from gstlib.macroscale.composite import compose_surface
 
 
@@ -25,7 +25,7 @@ def main(
     composed = compose_surface(
         read_dataset(face), pd.DataFrame(patches), scans, **settings
     )
-    write_dataset(composite, composed, made_by("compose_surface"))
+    write_result(composite, composed, "compose_surface")
 
 
 run_in_snakemake(main)

@@ -6,9 +6,9 @@ import xarray as xr
 
 from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
+from gst.run.writing import write_result
 from gstlib.change.change import SCAN_FIELDS, estimate_detection_limit
-from gstlib.io.store import Stored, write_dataset
+from gstlib.io.store import Stored
 
 
 def main(
@@ -25,9 +25,7 @@ def main(
     )
     measured = estimate_detection_limit(first, second, **settings)
     attrs = measured._asdict() if measured else {}  # nothing where no repeat serves
-    write_dataset(
-        detection, xr.Dataset(attrs=attrs), made_by("estimate_detection_limit")
-    )
+    write_result(detection, xr.Dataset(attrs=attrs), "estimate_detection_limit")
 
 
 run_in_snakemake(main)

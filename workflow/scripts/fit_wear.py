@@ -6,9 +6,8 @@ import pandas as pd
 import xarray as xr
 
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
 from gst.run.stored import active_tool_of, changes_of, contact_of, contacts_of
-from gstlib.io.store import write_dataset
+from gst.run.writing import write_result
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture
 from gstlib.wear.fit import PatchMaps, fit_wear
@@ -37,10 +36,11 @@ def main(
     tables = read_pressures(pressures), read_table(registration)
     maps = PatchMaps(contacts_of(contacts, patches), changes_of(registered, patches))
     worn = fit_wear(pressed, *tables, maps, gesture=gesture, **wear)
-    made = made_by("fit_wear")
-    write_dataset(square, worn.path if worn else xr.Dataset(), made)
+    write_result(square, worn.path if worn else xr.Dataset(), "fit_wear")
     if fitted is not None:
-        write_dataset(fitted, worn.fitted_interlayer if worn else xr.Dataset(), made)
+        write_result(
+            fitted, worn.fitted_interlayer if worn else xr.Dataset(), "fit_wear"
+        )
 
 
 run_in_snakemake(main)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
-from gstlib.io.store import read_dataset, write_dataset
+from gst.run.writing import write_result
+from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.macroscale.gesture import exposure, exposure_table
 
@@ -14,7 +14,7 @@ def main(
     batches: list[Path], pressures: Path | list, fields: Path, table: Path | None = None
 ) -> None:
     left = exposure(read_dataset(batch) for batch in batches)
-    write_dataset(fields, left, made_by("gather_exposure"))
+    write_result(fields, left, "gather_exposure")
     if table is not None:
         by_patch = read_table(pressures, ["patch", "pressure_MPa"])
         write_table(table, exposure_table(left, by_patch))

@@ -4,9 +4,8 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
+from gst.run.writing import write_result
 from gstlib.io.meshes import read_mesh
-from gstlib.io.store import write_dataset
 from gstlib.macroscale.active_tool import stated_tool
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.preprocess.mesh import gridding_table
@@ -29,10 +28,9 @@ def main(
     gridded, of_other = grid_macroscale(
         stone, source=mesh, active_tool=tool, **gridding
     )
-    made = made_by("grid_macroscale")
-    write_dataset(face, gridded, made)
+    write_result(face, gridded, "grid_macroscale")
     if second is not None:
-        write_dataset(second, of_other.to_dataset(name="face"), made)
+        write_result(second, of_other.to_dataset(name="face"), "grid_macroscale")
     write_table(table, gridding_table(gridded))
 
 

@@ -7,9 +7,8 @@ import pandas as pd
 
 from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
 from gst.run.stored import face_of, table_of
-from gstlib.io.store import write_dataset
+from gst.run.writing import write_result
 from gstlib.use.outcome import use_of_study
 
 
@@ -27,7 +26,7 @@ def main(
     inferred, answers, predicted = use_of_study(
         face_of(face), pd.DataFrame(patches), table_of(registration), **settings
     )
-    write_dataset(use, inferred, made_by("infer_use"))
+    write_result(use, inferred, "infer_use")
     write_table(table, answers)
     if losses is not None:
         write_table(losses, predicted)

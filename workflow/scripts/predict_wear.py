@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
 from gst.run.stored import contacts_of, dataset_of
-from gstlib.io.store import read_dataset, write_dataset
+from gst.run.writing import write_result
+from gstlib.io.store import read_dataset
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import predict_wear
 
@@ -27,7 +27,7 @@ def main(
     depths.mkdir(exist_ok=True)
     pressed = contacts_of(contacts, patches)
     for patch, depth in predict_wear(pressed, worn, **settings):
-        write_dataset(depths / f"{patch}.h5", depth, made_by("predict_wear"))
+        write_result(depths / f"{patch}.h5", depth, "predict_wear")
 
 
 run_in_snakemake(main)

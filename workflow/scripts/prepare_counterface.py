@@ -3,9 +3,8 @@
 from pathlib import Path
 
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
+from gst.run.writing import write_result
 from gstlib.io.scans import read_scan
-from gstlib.io.store import write_dataset
 from gstlib.preprocess.scans import prepare_patch
 
 
@@ -13,7 +12,7 @@ def main(scan: Path, surface: Path, *, settings: dict, preprocessing: dict) -> N
     read = read_scan(scan, unit=settings["unit"], spacing_um=settings["spacing_um"])
     used = {"scans": settings, "preprocessing": preprocessing, "crop": None, "flip": ""}
     prepared = prepare_patch(read, epoch="T0", **used)
-    write_dataset(surface, prepared, made_by("prepare_counterface"))
+    write_result(surface, prepared, "prepare_counterface")
 
 
 run_in_snakemake(main)

@@ -4,10 +4,9 @@ import logging
 from pathlib import Path
 
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
+from gst.run.writing import write_result
 from gstlib.errors import concerning
 from gstlib.io.scans import read_scan
-from gstlib.io.store import write_dataset
 from gstlib.preprocess.scans import prepare_patch
 
 
@@ -35,9 +34,7 @@ def main(
             "flip": flip,
         }
         prepared = prepare_patch(read[1], epoch=epoch, **used)
-        write_dataset(
-            surfaces / f"{patch}_{epoch}.h5", prepared, made_by("prepare_scans")
-        )
+        write_result(surfaces / f"{patch}_{epoch}.h5", prepared, "prepare_scans")
         logging.getLogger("gst").info("%s at %s: %s", patch, epoch, scan)
 
 

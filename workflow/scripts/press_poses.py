@@ -6,9 +6,8 @@ from typing import Any
 import pandas as pd
 
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
 from gst.run.stored import active_tool_of, dataset_of, face_of
-from gstlib.io.store import write_dataset
+from gst.run.writing import write_result
 from gstlib.macroscale.gesture import Gesture, press_poses
 from gstlib.use.outcome import as_used
 
@@ -30,7 +29,7 @@ def main(
     tool = whole.counterface, active_tool_of(second), size_mm
     gesture = Gesture(*tool, load_point, pd.DataFrame(poses))
     pressed = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)
-    write_dataset(batch, pressed, made_by("press_poses"))
+    write_result(batch, pressed, "press_poses")
 
 
 run_in_snakemake(main)

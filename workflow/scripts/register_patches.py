@@ -5,10 +5,10 @@ from pathlib import Path
 
 from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
+from gst.run.writing import write_result
 from gstlib.change.change import SCAN_FIELDS, Detection, register_patch
 from gstlib.change.form import form_warning
-from gstlib.io.store import read_attributes, read_dataset, write_dataset
+from gstlib.io.store import read_attributes, read_dataset
 
 
 def main(
@@ -29,7 +29,7 @@ def main(
         if doubt := form_warning(*(scan.height for scan in scans)):
             logging.getLogger("gstlib").warning("patch %s: %s", patch, doubt)
         change = register_patch(*scans, patch=patch, detection=measured, **settings)
-        write_dataset(registered / f"{patch}.h5", change, made_by("register_patches"))
+        write_result(registered / f"{patch}.h5", change, "register_patches")
 
 
 run_in_snakemake(main)

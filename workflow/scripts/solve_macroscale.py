@@ -5,10 +5,9 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
 from gst.run.stored import dataset_of, face_of
+from gst.run.writing import write_result
 from gstlib.contact import contact_path
-from gstlib.io.store import write_dataset
 from gstlib.macroscale.equilibrium import face_under_load, macroscale_table
 from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.use.outcome import as_used
@@ -32,7 +31,7 @@ def main(
         *pressed, source=face, modulus=modulus, every_step=True, **solving
     )
     stored, size_mm = solved.to_dataset(), float(whole.size_mm)
-    write_dataset(contact, stored, made_by("solve_macroscale"))
+    write_result(contact, stored, "solve_macroscale")
     write_table(path, macroscale_table(stored))
     for doubt in plausibility_warnings(
         solved.final, size_mm=size_mm, patch_mm=patch_mm

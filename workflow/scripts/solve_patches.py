@@ -4,9 +4,9 @@ from pathlib import Path
 
 from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
 from gst.run.stored import contact_of
-from gstlib.io.store import Stored, read_dataset, write_dataset
+from gst.run.writing import write_result
+from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures
 from gstlib.microscale.patches import Microscale, solve_patches
 
@@ -38,7 +38,7 @@ def main(
     )
     for patch, variant, pressed in solved:
         file = folders[variant] / f"{patch}.h5"
-        write_dataset(file, pressed.to_dataset(), made_by("solve_patches"))
+        write_result(file, pressed.to_dataset(), "solve_patches")
 
 
 run_in_snakemake(main)

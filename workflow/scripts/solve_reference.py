@@ -4,9 +4,9 @@ from pathlib import Path
 
 from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
 from gst.run.stored import contact_of
-from gstlib.io.store import Stored, read_dataset, write_dataset
+from gst.run.writing import write_result
+from gstlib.io.store import Stored, read_dataset
 from gstlib.specimen.score import true_contact
 from gstlib.validation.single_scale import drawn_surfaces, solve_realisations
 
@@ -35,7 +35,7 @@ def main(
         surfaces, around, lying, scans, source=true_surface or face
     )
     for file, fields in ((contact, whole), (patches, on_patches)):
-        write_dataset(file, fields, made_by("solve_reference"))
+        write_result(file, fields, "solve_reference")
 
 
 run_in_snakemake(main)

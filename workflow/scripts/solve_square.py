@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from gst.run.logs import run_in_snakemake
-from gst.run.provenance import made_by
-from gstlib.io.store import read_dataset, write_dataset
+from gst.run.writing import write_result
+from gstlib.io.store import read_dataset
 from gstlib.macroscale.equilibrium import solve_at_load
 
 
@@ -12,7 +12,7 @@ def main(face: Path, contact: Path, **settings: float) -> None:
     """`settings` are arguments of `solve_at_load`."""
     square = read_dataset(face, only=["height", "size_mm"])
     solved = solve_at_load(square, source=face, **settings)
-    write_dataset(contact, solved.to_dataset(), made_by("solve_square"))
+    write_result(contact, solved.to_dataset(), "solve_square")
 
 
 run_in_snakemake(main)

@@ -15,9 +15,8 @@ import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from gst.check.nearby import REACH, match_near
 from gst.config.edited import Cells, save_text, text_of, with_cells, with_values
 from gst.config.reading import read_config_file
 from gstlib.change.selection import is_more
@@ -28,15 +27,8 @@ from gstlib.coupling.placement import check_placement
 from gstlib.errors import ConfigError, GstError
 from gstlib.macroscale.face import largest_face
 from gstlib.study import Study
-from gstlib.surfaces.footprints import places_of
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 __all__ = ["Cure", "cures_of", "keep_copy", "offer"]
-
-# Places that are off by less (mm) and turns that are (degrees) are left as they are.
-_LEAST_MOVED, _LEAST_TURNED = 0.05, 3.0
 
 
 class Cure(NamedTuple):
@@ -89,9 +81,9 @@ def _of_places(study: Study) -> Iterator[Cure]:
             own = mould._replace(flip={"none": None, "": mould.flip}.get(flip, flip))
             yield from _alone_laid_right(row.patch, row.orientation, own)
     if together.status == CANNOT_TELL:
-        yield from _by_hand(study, scans)
+        return
     # heights that fit the mesh have the right sign, so that they rose tells the epochs
-    elif _are_exchanged(study):
+    if _are_exchanged(study):
         yield Cure(
             "t0 and t1 are exchanged: heights rose with use",
             {},
@@ -110,31 +102,6 @@ def _of_places(study: Study) -> Iterator[Cure]:
             "Move",
             PLACEMENT,
         )
-
-
-def _by_hand(study: Study, scans: Mapping[str, "xr.Dataset"]) -> Iterator[Cure]:
-    """Of places that are known to half a millimetre, as by hand; those that fit clearly."""
-    places = places_of(study.patches)
-    heights = [scans[patch].height for patch in places]
-    try:
-        matches = match_near(study.face.height, heights, [*places.values()])
-    except ValueError:  # the mesh is too coarse
-        return
-    cells = {}
-    for (patch, former), match in zip(places.items(), matches, strict=True):
-        off = math.dist(former[:2], match.place[:2])
-        if (
-            match.is_found
-            and not match.mirrored
-            and off > max(_LEAST_MOVED, 3 * match.error_mm)
-        ):
-            y, x, turn = match.place
-            cells[patch] = {"x_mm": f"{x:.3f}", "y_mm": f"{y:.3f}"}
-            if abs(turn - former.rotation_deg) > _LEAST_TURNED:
-                cells[patch]["rotation_deg"] = f"{turn:.1f}"
-    if cells:
-        why = f"patches {', '.join(cells)} fit the mesh up to {REACH} mm from their given positions"
-        yield Cure(why, {}, lambda row: cells.get(row["patch"], {}), "Move", PLACEMENT)
 
 
 def _laid_right(orientation: str, mould: Mould, size_mm: float) -> Cure:

@@ -22,7 +22,6 @@ from gst.config.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
 from gst.config.tables import columns_of
 from gstlib.contact import check_grid
 from gstlib.errors import (
-    ConfigError,
     FaultError,
     GstError,
     InputError,
@@ -30,7 +29,7 @@ from gstlib.errors import (
     concerning,
     unaccepted,
 )
-from gstlib.io.meshes import UNITS, read_mesh
+from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan, unit_remedy
 from gstlib.macroscale.active_tool import stated_tool
 from gstlib.macroscale.face import grid_macroscale, thin_stone
@@ -159,7 +158,8 @@ def _read_stone(
         return stone, frame, face, []
     try:
         stone = read_mesh(mesh, unit=asked.mesh_unit)
-        frame = _find_frame(stone, asked, source=str(mesh))
+        points_mm, size_mm = asked.face["points_mm"], asked.face["size_mm"]
+        frame = find_frame(points_mm, stone, size_mm=size_mm, source=str(mesh))
         # the fastest interpolation: to look at, and to hold scans against
         settings = {**asked.face, "interpolation": "linear", "source": str(mesh)}
         tool = stated_tool(asked.active_tool, asked.rounded)
@@ -168,25 +168,6 @@ def _read_stone(
         return stone, frame, face, list(thin_stone(face.height, source=mesh))
     except GstError as error:
         return stone, frame, face, [error]
-
-
-def _find_frame(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> Frame:
-    """The frame of the square; where it is off the stone, the unit of the mesh may be wrong."""
-    points_mm, size_mm = asked.face["points_mm"], asked.face["size_mm"]
-    try:
-        return find_frame(points_mm, stone, size_mm=size_mm, source=source)
-    except ConfigError as error:
-        for unit, length_mm in UNITS.items():
-            other = stone.copy().apply_scale(length_mm / UNITS[asked.mesh_unit])
-            try:
-                find_frame(points_mm, other, size_mm=size_mm)
-            except ConfigError:
-                continue
-            problem = (
-                f"{error.problem}; with mesh_unit: {unit} it would be on the stone"
-            )
-            raise error.about(error.source, problem) from None
-        raise
 
 
 def _read_scans(

@@ -32,10 +32,10 @@ from gstlib.surfaces.fitting import vertex
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["REACH", "match_near"]
+__all__ = ["match_near"]
 
 # Largest error of positions by hand (mm), and the step of the rotations that are tried (degrees).
-REACH, _STEP = 0.75, 3.0
+_REACH, _STEP = 0.75, 3.0
 _BY_HAND = np.arange(-12.0, 12.1, _STEP)
 # Number of peaks that are refined, and the distance (mm) below which two of them are the same.
 _PEAKS, _SAME = 8, 0.05
@@ -142,7 +142,7 @@ def _lying(
     fits: list[Refined] = []
     for start in starts[:_PEAKS]:
         refined = fit.refined(start, is_turned=False)
-        is_near = _apart(refined.place, by_hand) <= REACH
+        is_near = _apart(refined.place, by_hand) <= _REACH
         is_new = all(_apart(refined.place, other.place) > _SAME for other in fits)
         if is_near and is_new and sign * refined.scale > 0:
             fits.append(refined)
@@ -249,14 +249,14 @@ def _near(
 ) -> dict[_Pose, np.ndarray]:
     """Peaks (score, y, x) around a position, by pose."""
     step = spacing_of(search)[0]
-    part = part_around(search, place, template.count(step) * step / 2 + REACH + step)
+    part = part_around(search, place, template.count(step) * step / 2 + _REACH + step)
     image, turns = Image.transformed(part), place.rotation_deg + _BY_HAND
     by_pose = {}
     for number, (pose, held) in enumerate(slid(image, [template], step, turns)):
         peaks = peaks_of(correlation_of(held, np.zeros((1, 2), int)))
         peaks[:, 1:] = middles(peaks[:, 1:], part, [template])
         off_y, off_x = (peaks[:, 1:] - place[:2]).T
-        peaks = peaks[np.hypot(off_y, off_x) <= REACH]
+        peaks = peaks[np.hypot(off_y, off_x) <= _REACH]
         for sign in (1.0, -1.0):
             key = pose[0], sign, number % 2, number // 4
             own = peaks[sign * peaks[:, 0] > 0] * [sign, 1, 1]

@@ -25,7 +25,6 @@ from gstlib.io.files import sha256
 __all__ = [
     "commit",
     "library_hash",
-    "made_by",
     "program_hash",
     "refuse_other_study",
     "software",
@@ -40,11 +39,6 @@ _PROGRAM = "src", "workflow", "Snakefile"
 _COLUMNS = "columns"
 # Modules that record a result without an effect on it.
 _RECORDING = {"gst.run.chain", "gst.run.logs", "gst.run.provenance", "gst.run.received"}
-
-
-def made_by(step: str) -> dict[str, str]:
-    """Attributes of a result file: the version, and its step, whose record contains the rest."""
-    return {"step": step, "gstlib_version": gstlib.__version__}
 
 
 def refuse_other_study(config: Mapping[str, Any]) -> None:

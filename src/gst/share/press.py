@@ -1,5 +1,6 @@
 """One scan pressed on a flat, without a study."""
 
+import logging
 import warnings
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from gstlib.preprocess.scans import prepare_scan
 
 __all__ = ["describe_press", "press_scan"]
 
+_log = logging.getLogger(__name__)
+
 _STEPS = 20
 
 
@@ -25,16 +28,17 @@ def press_scan(
     periodic: bool = False,
     unit: str | None = None,
     spacing_um: float | None = None,
-) -> tuple[xr.Dataset, LoadPath, list[str]]:
+) -> tuple[xr.Dataset, LoadPath]:
     """Clean, level and press a scan up to a mean pressure.
 
     `pressure` and `modulus` are in MPa; a `periodic` surface repeats itself; `unit` and
     `spacing_um` are as in `gstlib.io.scans.read_scan`. The result is the prepared scan, whose
-    ``height`` was pressed, its contact, and what was hardly meant.
+    ``height`` was pressed, and its contact. Doubts about the contact are logged.
     """
     prepared = prepare_scan(read_scan(path, unit=unit, spacing_um=spacing_um))
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings():
         warnings.simplefilter("always", ContactWarning)
+        warnings.showwarning = lambda message, *_: _log.warning("%s: %s", path, message)
         try:
             contact = load_path(
                 prepared["height"],
@@ -47,7 +51,7 @@ def press_scan(
             raise InputError(
                 path, str(error), "Look at its picture: gst inspect."
             ) from error
-    return prepared, contact, [str(warning.message) for warning in caught]
+    return prepared, contact
 
 
 def describe_press(prepared: xr.Dataset, final: ContactState, modulus: float) -> str:
