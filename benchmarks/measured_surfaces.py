@@ -265,16 +265,18 @@ def breech_face_rows():
 def summary(rows):
     """Of the breech faces: pairs, those ``found``, and those that are ``refused``.
 
-    ``wrong`` are those of the found ones that lie elsewhere than they should. Related pairs are
-    counted by whether their turn is `NEAR`.
+    ``wrong`` are those of the found ones that lie elsewhere than they should, which unrelated ones
+    cannot. Related pairs are counted by whether their turn is `NEAR`.
     """
     is_related = rows.kind == "related"
     is_found = rows.found.astype(bool)
     is_far = is_related & (rows.turn_deg.abs() > NEAR)
     counted = pd.DataFrame({"pairs": 1, "found": is_found})
-    counted["wrong"] = is_related & is_found & (rows.error_um > WRONG_UM)
+    counted["wrong"] = (is_found & (rows.error_um > WRONG_UM)).where(is_related)
     counted["refused"] = rows.message.notna()
-    return counted.groupby(rows.kind.mask(is_far, "related, turned far")).sum()
+    counted = counted.astype(float)
+    kinds = rows.kind.mask(is_far, "related, turned far")
+    return counted.groupby(kinds).sum(min_count=1)
 
 
 MAKERS = {"repeats": lambda: map(repeat_row, REPEATS), "breech_faces": breech_face_rows}
