@@ -18,7 +18,7 @@ MADE = HERE / "results/made.json"
 EVIDENCE = HERE.parent / "docs/explanation/evidence.md"
 BEGIN, END = "<!-- age: begin -->\n", "<!-- age: end -->\n"
 # What measures: for each file of rows, the scripts that import what made them; none if all did.
-_SOLVER = ("codes/gstlib_bem.py", "problems.py")
+_SOLVER = ("codes/run_gstlib.py", "problems.py")
 SCRIPTS = {
     **dict.fromkeys(("hertz-256", "hertz-512", "rough-22", "rough-76"), _SOLVER),
     **dict.fromkeys(

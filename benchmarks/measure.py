@@ -2,24 +2,25 @@
 
 import json
 import os
-import statistics
 import subprocess
 import tempfile
 import time
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from cases import CODES, GOAL
-from environments import ENVIRONMENTS, UnavailableError
+from environments import UnavailableError, interpreter
 from evaluate import evaluate
 from problems import MODULUS, SCRATCH, Surface
 
 CODES_FOLDER = Path(__file__).parent / "codes"
 # Tolerances on the ladder differ by a quarter of a decade, about what one iteration gains; a code
 # that is not there after this many tighter ones, or gains less than a tenth by the last two, never
-# gets there.
+# gets there. The search of a code that has none starts at `LOOSEST`.
 RUNG = 10**0.25
+LOOSEST = 1e-9
 MOST_RUNGS = 16
 LEAST_GAIN = 0.9
 # Seconds after which a single measurement is given up.
@@ -27,14 +28,15 @@ TIME_LIMIT = 1800
 # Repeats fall with the time of one: (seconds below which, repeats). What is fast goes on when the
 # slow codes are through: a short run that follows a long one of other code is the slower for it.
 REPEATS = ((2.0, 15), (15.0, 5), (20.0, 3), (float("inf"), 1))
+# Of several runs, the largest counts.
+LARGEST = ["peak_mb", "added_mb", "gap_error", "force_error"]
 
 
 class RunError(Exception):
     """A runner that crashed or took too long."""
 
 
-@dataclass(frozen=True)
-class Run:
+class Run(NamedTuple):
     """One measurement, with the accuracy that our evaluator finds; worst over the levels."""
 
     cpu: float
@@ -55,14 +57,13 @@ class Run:
 
 def run(code, surface, levels, tolerance):
     """Solve once in a process of its own, and evaluate what it returns."""
-    python = ENVIRONMENTS[code.environment].interpreter()
-    problem = surface.stored()
+    wanted, control = levels[code.control], code.control
     with tempfile.TemporaryDirectory(dir=SCRATCH) as folder:
         task = {
-            "problem": str(problem),
+            "problem": str(surface.stored()),
             "variant": code.variant,
-            "control": code.control,
-            "levels": levels[code.control],
+            "control": control,
+            "levels": wanted,
             "target_pressure": levels["load"][-1],
             "tolerance": tolerance,
             "threads": 1,
@@ -70,50 +71,44 @@ def run(code, surface, levels, tolerance):
             "record": f"{folder}/record.json",
         }
         Path(folder, "task.json").write_text(json.dumps(task), encoding="utf-8")
-        one = dict.fromkeys(
-            ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
-        )
-        try:
-            done = subprocess.run(
-                [python, CODES_FOLDER / f"{code.script}.py", f"{folder}/task.json"],
-                env={**os.environ, **one},
-                capture_output=True,
-                text=True,
-                timeout=TIME_LIMIT,
-            )
-        except subprocess.TimeoutExpired:
-            raise RunError(f"not done after {TIME_LIMIT} s") from None
-        if done.returncode:
-            raise RunError((done.stderr.strip().splitlines() or ["no message"])[-1])
+        solve(code, f"{folder}/task.json")
         record = json.loads(Path(task["record"]).read_text(encoding="utf-8"))
         with np.load(task["fields"]) as stored:
             pressure = stored["pressure"]
-    heights = surface.heights()
-    control = code.control
-    wanted = levels[code.control]
-    if code.environment == "gstlib" and len(wanted) > 1:
+    if "displacement" in record and len(wanted) > 1:
         # Our own path chooses its displacements itself: they are part of what it returns.
-        control = "displacement"
-        wanted = record["displacement"]
+        wanted, control = record.pop("displacement"), "displacement"
+    heights = surface.heights()
+    problem = heights, surface.spacing, MODULUS
+    prescribed = {"displacement": "far_field"}.get(control, control)
     accuracies = [
-        evaluate(
-            field,
-            heights,
-            surface.spacing,
-            MODULUS,
-            load=level if control == "load" else None,
-            far_field=level if control == "displacement" else None,
-            periodic=surface.periodic,
-        )
+        evaluate(field, *problem, periodic=surface.periodic, **{prescribed: level})
         for field, level in zip(pressure, wanted, strict=True)
     ]
-    names = "cpu", "wall", "peak_mb", "added_mb", "iterations", "convolutions"
     return Run(
-        **{name: record[name] for name in names},
+        **{name: record[name] for name in Run._fields[:6]},
         gap_error=max(max(a.gap_error, a.negative_pressure) for a in accuracies),
         force_error=max(accuracy.force_error for accuracy in accuracies),
         contact_fraction=accuracies[-1].contact_fraction,
     )
+
+
+def solve(code, task):
+    """Run a code on a task, a file."""
+    script = CODES_FOLDER / f"run_{code.environment}.py"
+    threads = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    try:
+        done = subprocess.run(
+            [interpreter(code.environment), script, task],
+            env=os.environ | dict.fromkeys(threads, "1"),
+            capture_output=True,
+            text=True,
+            timeout=TIME_LIMIT,
+        )
+    except subprocess.TimeoutExpired:
+        raise RunError(f"not done after {TIME_LIMIT} s") from None
+    if done.returncode:
+        raise RunError((done.stderr.strip().splitlines() or ["no message"])[-1])
 
 
 def levels_of(surface, pressure, steps):
@@ -139,73 +134,79 @@ def levels_of(surface, pressure, steps):
     return json.loads(store.read_text(encoding="utf-8"))
 
 
+def tightened(tolerance, attempt):
+    """The loosest of ever tighter tolerances that reaches the goal, and its run.
+
+    ``attempt(tolerance)`` makes a run. A code that gains nothing keeps the tolerance from which on
+    it does not.
+    """
+    tried = [(tolerance, attempt(tolerance))]
+    while not tried[-1][1].reached and len(tried) <= MOST_RUNGS:
+        tolerance /= RUNG
+        tried.append((tolerance, attempt(tolerance)))
+        before, now = (each.gap_error for _, each in (tried[-3:][0], tried[-1]))
+        is_stuck = len(tried) > 2 and now > LEAST_GAIN * before
+        if is_stuck and not tried[-1][1].reached:
+            return tried[-3]
+    return tried[-1]
+
+
 class Calibration:
     """The loosest tolerance of each code that reaches the goal, by case; kept in a file.
 
-    A stored tolerance is where the search starts; with `again`, and always for gstlib, which
-    changes, looser ones are tried too.
+    A stored tolerance is where the search starts; for gstlib, which changes, looser ones are tried
+    too.
     """
 
-    def __init__(self, path, again):
-        self.path, self.again = path, again
-        self.tolerances = {}
+    def __init__(self, path):
+        self.path = path
+        keys = ["case", "code"]
         if path.exists():
-            for line in path.read_text(encoding="utf-8").splitlines()[1:]:
-                case, label, tolerance = line.rsplit(";", 2)
-                self.tolerances[case, label] = float(tolerance)
+            stored = pd.read_csv(path, sep=";").set_index(keys)
+        else:
+            stored = pd.DataFrame(columns=[*keys, "tolerance"]).set_index(keys)
+        self.tolerances = stored.tolerance.to_dict()
 
     def find(self, case, code, attempt):
         """Tolerance and its run; ``attempt(tolerance)`` makes one."""
         stored = self.tolerances.get((case, code.label))
-        tolerance = stored or code.start
-        best = attempt(tolerance)
-        if best.reached and (
-            stored is None or self.again or code.environment == "gstlib"
-        ):
-            while (looser := attempt(tolerance * RUNG)).reached:
-                tolerance = tolerance * RUNG
-                best = looser
-        else:
-            tried = [(tolerance, best)]
-            while not best.reached and len(tried) <= MOST_RUNGS:
-                tolerance, best = tolerance / RUNG, attempt(tolerance / RUNG)
-                tried.append((tolerance, best))
-                stuck = (
-                    len(tried) > 2
-                    and best.gap_error > LEAST_GAIN * tried[-3][1].gap_error
-                )
-                if stuck and not best.reached:
-                    tolerance, best = tried[-3]
-                    break
+        tolerance, best = tightened(stored or LOOSEST, attempt)
+        is_first = tolerance == (stored or LOOSEST)
+        if is_first and (stored is None or code.environment == "gstlib"):
+            while best.reached and (looser := attempt(tolerance * RUNG)).reached:
+                tolerance, best = tolerance * RUNG, looser
         self.tolerances[case, code.label] = tolerance
-        self._write()
+        table = pd.Series(self.tolerances, name="tolerance").sort_index()
+        table = table.rename_axis(["case", "code"]).reset_index()
+        table.to_csv(self.path, sep=";", index=False, float_format="%.3g")
         return tolerance, best
 
-    def _write(self):
-        rows = [
-            f"{case};{label};{tol:.3g}"
-            for (case, label), tol in sorted(self.tolerances.items())
-        ]
-        text = "\n".join(["case;code;tolerance", *rows]) + "\n"
-        self.path.write_text(text, encoding="utf-8")
+
+def attempts(name, code, surface, levels):
+    """Runs of a code by their tolerance, each with a line of what it reached."""
+
+    def attempt(tolerance):
+        result = run(code, surface, levels, tolerance)
+        print(
+            f"{name}: {code.label}, tolerance {tolerance:.1e}: CPU {result.cpu:.2f} s, "
+            f"gap error {result.gap_error:.1e}{'' if result.reached else ' (missed)'}",
+            flush=True,
+        )
+        return result
+
+    return attempt
 
 
 def measure_case(case, labels, calibration, most_repeats):
     """Rows of the case's table, one for each code."""
     levels = levels_of(case.surface, case.pressure, case.steps)
     entries = []
-    for label in labels:
-        code = CODES[label]
-
-        def attempt(tolerance, code=code):
-            result = run(code, case.surface, levels, tolerance)
-            say(case.name, code.label, tolerance, result)
-            return result
-
+    for code in map(CODES.get, labels):
+        attempt = attempts(case.name, code, case.surface, levels)
         try:
             tolerance, first = calibration.find(case.name, code, attempt)
         except (RunError, UnavailableError) as problem:
-            print(f"peer {label}: not available ({problem})", flush=True)
+            print(f"peer {code.label}: not available ({problem})", flush=True)
             continue
         repeats = next(count for limit, count in REPEATS if first.wall < limit)
         entries.append((code, tolerance, min(repeats, most_repeats), []))
@@ -216,33 +217,29 @@ def measure_case(case, labels, calibration, most_repeats):
                     runs.append(run(code, case.surface, levels, tolerance))
                 except RunError as problem:
                     print(f"{code.label}: {problem}", flush=True)
-        print(
-            f"{case.name}: round {number + 1} done at {time.strftime('%H:%M:%S')}",
-            flush=True,
-        )
-    rows = [row(*entry) for entry in entries if entry[-1]]
+        now = time.strftime("%H:%M:%S")
+        print(f"{case.name}: round {number + 1} done at {now}", flush=True)
+    rows = [row(code, tolerance, runs) for code, tolerance, _, runs in entries if runs]
     own = next((r["cpu_median"] for r in rows if r["code"] == "gstlib, load"), None)
     for r in rows:
-        r["ratio"] = r["cpu_median"] / own if own else ""
+        r["ratio"] = r["cpu_median"] / own if own else None
     return rows
 
 
-# Of several runs, the largest counts.
-LARGEST = "peak_mb", "added_mb", "gap_error", "force_error"
-
-
-def row(code, tolerance, _, runs):
+def row(code, tolerance, runs):
+    """The row of a code with these runs."""
+    table = pd.DataFrame(runs)
     return {
         "code": code.label,
         "control": code.control,
-        "cpu_median": statistics.median(run.cpu for run in runs),
-        "cpu_min": min(run.cpu for run in runs),
-        "ratio": "",
-        "wall_median": statistics.median(run.wall for run in runs),
-        "wall_min": min(run.wall for run in runs),
+        "cpu_median": table.cpu.median(),
+        "cpu_min": table.cpu.min(),
+        "ratio": None,
+        "wall_median": table.wall.median(),
+        "wall_min": table.wall.min(),
         "iterations": runs[0].iterations,
         "convolutions": runs[0].convolutions,
-        **{name: max(getattr(run, name) for run in runs) for name in LARGEST},
+        **table[LARGEST].max(),
         "contact_fraction": runs[0].contact_fraction,
         "tolerance": tolerance,
         "reached": "yes" if all(run.reached for run in runs) else "no",
@@ -251,44 +248,28 @@ def row(code, tolerance, _, runs):
 
 
 def measure_growth(case, runs, calibration, keep):
-    """Rows, one for each code, size and seed; `keep` stores them after each."""
+    """Measure each code, size and seed; `keep` stores the rows after each."""
     rows = []
     reached = {}
     for label, sizes, seeds, cut_off in runs:
         code = CODES[label]
-        first = calibration.tolerances.get(("rough-76", label), code.start)
+        first = calibration.tolerances.get(("rough-76", label), LOOSEST)
         for size in sizes:
             for seed in seeds:
                 surface = Surface("rough", size, seed, cut_off)
+                # a finer grid starts with what the coarser one needed
+                tolerance = reached.get((label, seed, cut_off), first)
                 try:
                     levels = {"load": [case.pressure]}
                     if code.control == "displacement":
                         levels = levels_of(surface, case.pressure, 1)
-                    tolerance = reached.get((label, seed, cut_off), first)
-                    for _ in range(8):
-                        result = run(code, surface, levels, tolerance)
-                        say(
-                            f"{case.name} {size}² seed {seed}", label, tolerance, result
-                        )
-                        if result.reached:
-                            # a finer grid starts with what the coarser one needed
-                            reached[label, seed, cut_off] = tolerance
-                            break
-                        tolerance /= RUNG
-                    else:
-                        tolerance *= RUNG
+                    name = f"{case.name} {size}² seed {seed}"
+                    attempt = attempts(name, code, surface, levels)
+                    tolerance, result = tightened(tolerance, attempt)
                 except (RunError, UnavailableError) as problem:
                     print(f"peer {label}: not available ({problem})", flush=True)
                     continue
-                entry = row(code, tolerance, 1, [result])
+                reached[label, seed, cut_off] = tolerance
+                entry = row(code, tolerance, [result])
                 rows.append({"size": size, "seed": seed, "cut_off": cut_off, **entry})
                 keep(rows)
-    return rows
-
-
-def say(case, label, tolerance, result):
-    print(
-        f"{case}: {label}, tolerance {tolerance:.1e}: CPU {result.cpu:.2f} s, gap error "
-        f"{result.gap_error:.1e}{'' if result.reached else ' (missed)'}",
-        flush=True,
-    )

@@ -6,14 +6,12 @@ with by naming the cases that are left.
 """
 
 import argparse
-import csv
 import json
-import math
-import time
 
+import pandas as pd
 from age import record
 from cases import CASES, CODES, Growth
-from environments import ENVIRONMENTS, UnavailableError
+from environments import UnavailableError, interpreter
 from machine import describe
 from measure import Calibration, measure_case, measure_growth
 from report import write_report
@@ -24,14 +22,12 @@ def main():
     chosen = arguments()
     cases = [CASES[name] for name in chosen.case or CASES]
     if not chosen.report:
-        start = time.monotonic()
-        available = check_environments(cases, chosen)
-        calibration = Calibration(RESULTS / "calibration.csv", chosen.calibrate)
+        available = check_environments(cases)
+        calibration = Calibration(RESULTS / "calibration.csv")
         for case in cases:
             print(f"\n{case.title}", flush=True)
             measure(case, chosen, available, calibration)
             write_report(RESULTS)
-        print(f"\n{(time.monotonic() - start) / 60:.1f} minutes", flush=True)
     write_report(RESULTS)
 
 
@@ -44,29 +40,27 @@ def measure(case, chosen, available, calibration):
         return is_chosen and CODES[label].environment in available
 
     if isinstance(case, Growth):
-        grids = [grids for grids in entries(case, chosen) if wanted(grids.code)]
+        grids = [grids for grids in case.runs if wanted(grids.code)]
         measure_growth(case, grids, calibration, lambda rows: write_table(path, rows))
     else:
-        labels = list(filter(wanted, entries(case, chosen)))
+        labels = list(filter(wanted, case.codes))
         rows = measure_case(case, labels, calibration, chosen.repeats)
         if rows:
             write_table(path, rows)
 
 
-def entries(case, chosen):
-    """What is measured in a case: labels of codes, or `Grids`."""
-    of_case = case.runs if isinstance(case, Growth) else case.codes
-    return of_case + (case.more if chosen.all else ())
-
-
-def check_environments(cases, chosen):
-    """Environments that can be used; says which cannot, and why."""
-    every = [entry for case in cases for entry in entries(case, chosen)]
-    needed = {CODES[getattr(entry, "code", entry)].environment for entry in every}
+def check_environments(cases):
+    """Environments that can be used; prints which cannot, and why."""
+    labels = (
+        [grids.code for grids in case.runs] if isinstance(case, Growth) else case.codes
+        for case in cases
+    )
     available = []
-    for name in filter(needed.__contains__, ENVIRONMENTS):
+    for name in dict.fromkeys(
+        CODES[label].environment for of in labels for label in of
+    ):
         try:
-            ENVIRONMENTS[name].interpreter()
+            interpreter(name)
             available.append(name)
         except UnavailableError as problem:
             print(f"peer {name}: not available ({problem})", flush=True)
@@ -74,31 +68,21 @@ def check_environments(cases, chosen):
     machine = describe(available)
     if path.exists():
         # Tables of cases that are not measured this time still stand.
-        earlier = json.loads(path.read_text(encoding="utf-8"))
-        machine["codes"] = {**earlier["codes"], **machine["codes"]}
+        machine["codes"] = (
+            json.loads(path.read_text("utf-8"))["codes"] | machine["codes"]
+        )
     path.write_text(json.dumps(machine, indent=2) + "\n", encoding="utf-8")
     return available
 
 
 def write_table(path, rows):
     """Rows as CSV, rounded to the digits that mean something."""
-
-    def rounded(key, value):
-        if value is None or (isinstance(value, float) and math.isnan(value)):
-            return ""
-        if not isinstance(value, float):
-            return value
-        if key.endswith("_mb"):
-            return round(value)
-        digits = 2 if key.endswith("_error") else 3
-        return f"{value:.{digits}g}"
-
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(
-            {key: rounded(key, value) for key, value in r.items()} for r in rows
-        )
+    table = pd.DataFrame(rows).convert_dtypes()
+    for name in table.select_dtypes("Float64"):
+        digits = 2 if name.endswith("_error") else 3
+        shown = "{:.0f}" if name.endswith("_mb") else f"{{:.{digits}g}}"
+        table[name] = table[name].astype(object).map(shown.format, na_action="ignore")
+    table.to_csv(path, index=False, lineterminator="\n")
     record(path)
 
 
@@ -113,12 +97,6 @@ def arguments():
     )
     parser.add_argument(
         "--repeats", type=int, default=15, help="at most so many (default 15)"
-    )
-    parser.add_argument(
-        "--all", action="store_true", help="slow codes and sizes, other builds too"
-    )
-    parser.add_argument(
-        "--calibrate", action="store_true", help="search all tolerances afresh"
     )
     parser.add_argument("--report", action="store_true", help="tables and figure only")
     return parser.parse_args()

@@ -4,6 +4,7 @@ Needs this project's environment only: ``python -m pytest benchmarks``.
 """
 
 import numpy as np
+import pandas as pd
 import pytest
 from cases import CODES, GOAL
 from evaluate import displacement, evaluate, kernel, periodic_displacement
@@ -95,14 +96,16 @@ def test_runner_of_gstlib(label, steps, periodic):
 
 
 def test_growth_is_taken_surface_by_surface():
-    counts = (
+    names = ["size", "seed", "cut_off", "convolutions"]
+    counts = [
         (256, 0, 4, 20),
         (256, 1, 4, 30),
         (512, 0, 4, 40),
         (512, 1, 4, 30),
         (512, 0, 8, 25),
-    )
-    names = "code", "size", "seed", "cut_off", "convolutions"
-    rows = [dict(zip(names, ("a", *count), strict=True)) for count in counts]
-    factors = {("a", 512, 4): (pytest.approx(2**0.5), 2.0), ("a", 512, 8): (1.25, 1.25)}
-    assert growth_factors(rows) == factors
+    ]
+    factors = growth_factors(pd.DataFrame(counts, columns=names).assign(code="a"))
+    assert factors == {
+        ("a", 512, 4): (pytest.approx(2**0.5), 2.0),
+        ("a", 512, 8): (1.25, 1.25),
+    }

@@ -1,7 +1,7 @@
 """What every runner does: read a task, solve and measure, write the fields and a record.
 
 A runner is a script that the interpreter of its own code runs, in a fresh process for each
-measurement: ``python codes/slippy_solvers.py task.json``. It needs numpy and its code only, and no
+measurement: ``python codes/run_slippy.py task.json``. It needs numpy and its code only, and no
 newer Python than 3.10.
 
 The task (JSON) names `problem` (npz: heights (mm), spacing (mm), contact_modulus (MPa), periodic:

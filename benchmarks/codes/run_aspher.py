@@ -11,7 +11,6 @@ NESTED = {
     "fft": {"backend": "fft"},
     "mixed": {"backend": "fft", "precision": "float_then_double"},
     "h2": {"backend": "h2"},
-    "h2-active": {"backend": "h2", "active_set": True},
 }
 
 
