@@ -3,7 +3,6 @@
 import json
 import shutil
 import zipfile
-from pathlib import Path
 
 import meshio
 import numpy as np
@@ -105,27 +104,24 @@ def test_a_gis_lays_the_grids_where_the_patches_lie(finished_tiny, exported):
     np.testing.assert_allclose(cells[::-1], 1e3 * expected.values, rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["pressure", "loss"])
-def test_the_tool_shows_its_colours_elsewhere(exported, name):
+@pytest.mark.parametrize(
+    ("name", "column"), [("pressure", "pressure_MPa"), ("loss", "loss_um")]
+)
+def test_the_tool_shows_its_colours_elsewhere(exported, name, column):
     """In m and linear colours, as GLB has them; beside them lies the scale."""
     (shown,) = trimesh.load(exported / f"tool_{name}.glb").geometry.values()
     tool = meshio.read(exported / "tool.ply")
+    fields = tool.point_data
     assert shown.extents == pytest.approx(np.ptp(tool.points, axis=0) / 1e3, rel=1e-5)
-    assert shown.visual.material.metallicFactor == 0
     linear = shown.visual.vertex_attributes["color"][:, :3] / 255
     colours = 255 * trimesh.visual.color.linear_to_srgb(linear)
     step = 7  # half of one between the darkest linear colours
-    fields = tool.point_data
-    unit = {"pressure": "pressure_MPa", "loss": "loss_um"}[name]
-    highest = colours[fields[f"scalar_{unit}"].argmax()]
+    highest = colours[fields[f"scalar_{column}"].argmax()]
     bar = np.asarray(Image.open(exported / f"tool_{name}.png").convert("RGB"))
     assert np.abs(bar - highest).max(axis=-1).min() < step
     is_stone = np.abs(colours - STONE).max(axis=1) < step
     assert is_stone[fields["scalar_patch"] == 0].all() == (name == "loss")
     assert not is_stone.all()
-    if name == "pressure":
-        own = trimesh.load(exported / "tool.ply", process=False).visual.vertex_colors
-        assert np.abs(colours - own[:, :3]).max() < step
 
 
 def test_a_zip_has_figures_tables_and_methods_for_a_paper(
@@ -135,20 +131,18 @@ def test_a_zip_has_figures_tables_and_methods_for_a_paper(
     command = "export", str(results), "--zip", str(target)
     assert finished_tiny.gst(*command).returncode == 0
     with zipfile.ZipFile(target) as archive:
-        names = set(archive.namelist())
-        for pattern in FIGURES_AND_TABLES:
-            for file in results.glob(pattern):
-                name = file.relative_to(results).as_posix()
-                assert archive.read(name) == file.read_bytes()
-                names.discard(name)
-        methods = archive.read("methods.txt").decode()
-    assert {Path(name).parts[0] for name in names} <= {"methods.txt", "figures"}
+        content = {name: archive.read(name) for name in archive.namelist()}
+    for pattern in FIGURES_AND_TABLES:
+        for file in results.glob(pattern):
+            name = file.relative_to(results).as_posix()
+            assert content.pop(name) == file.read_bytes()
+    methods = content.pop("methods.txt").decode()
+    assert all(name.startswith("figures/") for name in content)
     assert methods == (exported / "methods.txt").read_text("utf-8")
     assert "with 550 N" in methods
-    assert "by Archard's law" in methods
-    content = target.read_bytes()
+    before = target.read_bytes()
     again = finished_tiny.gst(*command)
-    assert (again.returncode, target.read_bytes()) == (2, content)
+    assert (again.returncode, target.read_bytes()) == (2, before)
 
 
 def test_the_tool_keeps_its_coordinates_and_shows_pressure_and_patches(
@@ -213,23 +207,10 @@ def _name_elsewhere(study):
     _reseal(study, name)
 
 
-def _unrecorded(study):
-    record = study.results / "logs/solve_macroscale.json"
-    _edit(record, lambda content: content["outputs"].pop("macroscale/contact.h5"))
-
-
-def _without_a_section(study):
-    provenance = study.results / "provenance.json"
-    _edit(provenance, lambda record: record["config"].pop("material"))
-    _reseal(study, "provenance.json")
-
-
 # What is done to a study, or to the folder to export into, and what is then refused by name.
 HOSTILE = {
     "private.stl": _foreign_mesh,
     "outside the export": _name_elsewhere,
-    "contact.h5": _unrecorded,
-    "that no study writes so": _without_a_section,
     "tool.ply": lambda study: (study.folder / "to/tool.ply").touch(),
     "a.x3p": lambda study: (study.folder / "to/a.x3p").symlink_to("../private"),
 }

@@ -94,27 +94,6 @@ def test_stale_results_are_not_certified_without_the_records_of_snakemake(tiny):
     assert not list(tiny.folder.glob("*.zip"))
 
 
-def test_nothing_outside_the_results_is_deleted(tiny):
-    """By a run on a copy of the results, whose records another program might have made."""
-    first, other = tiny.results, tiny.folder / "results-b"
-    shutil.copytree(first, other)
-    shutil.rmtree(tiny.folder / ".snakemake")
-    (first / "wear/1/7.h5").unlink()
-    before = {file: file.stat().st_mtime_ns for file in first.rglob("*")}
-    tiny.change(results=other.name)
-    text = tiny.gst("study", tiny.config, "--plan").stdout
-    assert text.splitlines()[-1] == "Nothing to do."
-    assert tiny.gst("study", tiny.config).returncode == 0
-    assert {file: file.stat().st_mtime_ns for file in first.rglob("*")} == before
-    assert (other / "wear/1/7.h5").is_file()
-    (other / "wear").rename(tiny.folder / "elsewhere")
-    (other / "wear").symlink_to(tiny.folder / "elsewhere")
-    refused = tiny.gst("study", tiny.config)
-    assert refused.returncode == 2
-    assert "results-b/wear: is a link to" in refused.stderr
-    assert (tiny.folder / "elsewhere/1/7.h5").is_file()
-
-
 def test_ctrl_c_ends_a_run_in_a_sentence(study):
     """As in a terminal, where it reaches every process of the command's group."""
     gst = Path(sys.executable).with_name("gst")
@@ -137,25 +116,6 @@ def test_ctrl_c_ends_a_run_in_a_sentence(study):
     assert text.endswith("Repeat the same command to continue from there.\n")
     assert len(text.splitlines()) < 8
     assert not (study.results / LOCK).exists()
-
-
-def test_a_first_run_writes_in_place_of_no_file(study):
-    """Also the plan says so; what a study would not write is in nobody's way."""
-    mine, beside = (
-        study.results / "figures/overview.png",
-        study.results / "figures/photo.jpg",
-    )
-    mine.parent.mkdir(parents=True)
-    for file in (mine, beside):
-        file.write_text("mine")
-    for options in ([], ["--plan"]):
-        result = study.gst("study", study.config, *options)
-        assert result.returncode == 2
-        assert f"ERROR: {mine.relative_to(study.folder)}: " in result.stderr
-    files = [file for file in study.results.rglob("*") if file.is_file()]
-    assert sorted(files) == [mine, beside]
-    mine.unlink()
-    assert study.gst("study", study.config, "--plan").returncode == 0
 
 
 def test_a_study_folder_runs_no_code_of_its_own(study):

@@ -16,7 +16,6 @@ import pytest
 import trimesh
 from specimens import merged
 
-from gst.config.poses import read_poses
 from gst.config.reading import read_config
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
@@ -230,16 +229,6 @@ def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(
 # --- Physics -----------------------------------------------------------------------------------
 
 
-def test_the_force_acts_where_it_is_said(stored):
-    contact = stored("macroscale/contact")
-    pressure = contact.pressure
-    area = np.prod(spacing_of(contact))
-    assert float(pressure.sum() * area) == pytest.approx(550, rel=1e-6)
-    for axis, at in {"x": 3.2, "y": 2.0}.items():
-        centre = float((pressure * contact[axis]).sum() / pressure.sum())
-        assert centre == pytest.approx(at, abs=1e-5)
-
-
 def test_two_stones_yield_and_slide_as_their_compliances_say(stored, table):
     """Johnson, Contact Mechanics, §4.2 and §7.2."""
     poisson, young = np.array([0.1, 0.4]), np.array([60e3, 30e3])
@@ -258,24 +247,6 @@ def test_two_stones_yield_and_slide_as_their_compliances_say(stored, table):
         assert float(contact.contact_modulus) == pytest.approx(1 / normal, rel=1e-12)
         moved_um = 0.3 * tangential / normal * cases["study", patch, "displacement"]
         assert grinding["tangential displacement"] == pytest.approx(moved_um, rel=1e-4)
-
-
-def test_every_pose_is_pressed_as_the_table_says(studied, stored):
-    exposure = stored("gesture/exposure")
-    poses = read_poses(studied.folder / "poses.csv", size_mm=5.0)
-    area = float(np.prod(spacing_of(exposure)))
-    pressure = exposure.pressure
-    forces = pressure.sum(["y", "x"]).values * area
-    np.testing.assert_allclose(forces, poses.force_N, rtol=1e-6)
-    for axis, start in {"x": 3.2, "y": 2.0}.items():  # the force goes with the tool
-        at = (pressure * exposure[axis]).sum(["y", "x"]) * area / forces
-        np.testing.assert_allclose(at, start + poses[f"{axis}_mm"], atol=1e-5)
-    far = np.hypot(exposure.y - 2.5, exposure.x - 2.5)
-    expected = 0.0
-    for pose, pressed in zip(poses.itertuples(), pressure.values, strict=True):
-        slid = np.hypot(pose.sliding_mm, np.radians(pose.turning_deg) * far)
-        expected = expected + pose.weight * slid * pressed
-    np.testing.assert_allclose(exposure.exposure, expected, rtol=1e-9)
 
 
 def test_wear_follows_the_gesture(stored, table):

@@ -109,41 +109,24 @@ class Run:
         }
 
 
-def freeze(job: str) -> None:
-    """Stop every process of a job but Slurm's own, as when a file system hangs."""
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            environment = (folder / "environ").read_bytes().split(b"\0")
-            name = (folder / "comm").read_text().strip()
-            if f"SLURM_JOB_ID={job}".encode() in environment and name != "slurmstepd":
-                os.kill(int(folder.name), signal.SIGSTOP)
-        except OSError:
-            continue  # it has ended meanwhile, or is none of ours
-
-
 def test_a_study_with_faults_of_jobs_is_the_one_of_one_machine(finished_tiny, tmp_path):
-    """Two jobs are given too little memory, one hangs past its time limit, one is cancelled; a
-    second attempt mends them."""
+    """Two jobs are given too little memory, and one is cancelled; a second attempt mends them."""
     study = fresh(tmp_path / "study")
     memory = "prepare_scans:mem_mb=100 * attempt ** 4"
-    minutes = "grid_macroscale:runtime=attempt ** 5"  # 1, and 32
-    run = Run(study, "run", "--set-resources", memory, minutes)
+    run = Run(study, "run", "--set-resources", memory)
     try:
-        frozen = run.job("grid_macroscale", running=True)
-        freeze(frozen)
         starved = [run.job(f"prepare_scans/{epoch}_1") for epoch in ("T0", "T1")]
         cancelled = run.job("register_patches", running=True)
         subprocess.run(["scancel", cancelled], check=True)
         assert run.finish() == 0, run.log.read_text()
     finally:
         run.kill()
-    assert "DUE TO TIME LIMIT" in run.log_of(frozen)
     assert all("exceeded memory limit" in run.log_of(job) for job in starved)
     states = run.states()
     assert states[cancelled] == "CANCELLED"
-    faulty = {frozen, cancelled, *starved}
+    faulty = {cancelled, *starved}
     others = [states[job] for job in run.submitted() if job not in faulty]
-    assert others == ["COMPLETED"] * (len(run.submitted()) - 4)
+    assert others == ["COMPLETED"] * (len(run.submitted()) - 3)
     # short jobs are grouped, and nothing but the target is left to the machine that submits
     assert 5 < len(others) < 20
     assert set(re.findall(r"localrule (\w+)", run.record())) == {"all", "pass_inputs"}
