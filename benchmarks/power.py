@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from runner import RESULTS, options, pooled, save
-from scipy.stats import beta
+from scipy.stats import binomtest
 from specimens import (
     BY_RULE,
     LAWS,
@@ -42,7 +42,6 @@ OF_BARE, OF_INTERLAYER = (*BY_RULE, LAWS[0]), (BY_RULE[0], *LAWS)
 WITH_INTERLAYER = ", with an interlayer"
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5)
 SHOWN = 0.05  # the level whose rates are printed
-_TAIL = 0.025  # on either side of a 95 % interval
 _PREDICTOR, _EXTENT = "pressure_MPa", "loss_fraction"
 _PAIR = f"spearman({_PREDICTOR}, {_EXTENT})"
 # ASSUME: what can be had with fewer patches is that of so many drawn at random from a specimen's.
@@ -85,29 +84,27 @@ def p_values(study, *, seed):
     correlation of pressure and loss is also taken over so many patches ``drawn`` at random.
     """
     tables = asked(lambda study: study.scored(seed=seed, resamples=_RESAMPLES), study)
-    patches = tables["patches"]
     summary = tables["summary"]
     summary = summary.assign(statistic=statistic_names(summary))
     rows = []
-    own = own_model(list(summary.model))
-    for row in summary[summary.model.isin(["", own])].itertuples():
-        name = row.statistic
+    own = summary[summary.model.isin(["", own_model(list(summary.model))])]
+    for row in own.itertuples():
+        name, p = row.statistic, row.p_value
         if name.startswith(("gain", "relative")):
-            better = row.value > 0 if name.startswith("gain") else row.value < 1
-            for side, there in (("better", better), ("worse", not better)):
-                p = row.p_value / 2 if there else 1 - row.p_value / 2
-                rows.append((f"{side}: {name}", np.nan, row.n, p))
+            is_better = row.value > 0 if name.startswith("gain") else row.value < 1
+            better = p / 2 if is_better else 1 - p / 2
+            rows.append((f"better: {name}", np.nan, row.n, better))
+            rows.append((f"worse: {name}", np.nan, row.n, 1 - better))
         elif name.startswith(("tested", "spearman")):
-            rows.append((name, np.nan, row.n, row.p_value))
+            rows.append((name, np.nan, row.n, p))
     generator = np.random.default_rng(seed)
-    statistics = patch_statistics(patches, study.registration, study.selected)
+    statistics = patch_statistics(tables["patches"], study.registration, study.selected)
     statistics = statistics[statistics.in_statistics]
     order = generator.permutation(len(statistics))
     for drawn in (count for count in _PATCH_COUNTS if count <= len(statistics)):
-        chosen = statistics.iloc[np.sort(order[:drawn])]
-        pair = rank_correlation(
-            chosen, _PREDICTOR, _EXTENT, Draws(generator, _RESAMPLES)
-        )
+        few = statistics.iloc[np.sort(order[:drawn])]
+        draws = Draws(generator, _RESAMPLES)
+        pair = rank_correlation(few, _PREDICTOR, _EXTENT, draws)
         rows.append((_PAIR, drawn, pair.n, pair.p_value))
     return pd.DataFrame(rows, columns=["test", "drawn", "patches", "p_value"])
 
@@ -116,38 +113,23 @@ def rejection_rates(p_values):
     """How often each test claims a relation, at each of `LEVELS`.
 
     `p_values` are those of `p_values`, with the specimen's ``seed`` and the placement of its
-    ``wear``. A specimen may have several rows for a test, one for each patch. A row without a
-    p-value is no trial. The result has ``test, drawn, wear, level, claims, of, specimens, rate,
-    low, high``: 95 % Clopper-Pearson interval. Patches of one specimen are no independent trials:
-    for these the number of trials is the effective one, by the spread between specimens (Korn and
-    Graubard 1998, Surv. Methodol. 24:193).
+    ``wear``. A row without a p-value is no trial, and the rows of tests of single patches, which
+    an earlier program made, are left out. The result has ``test, drawn, wear, level, claims, of,
+    specimens, rate, low, high``: 95 % Clopper-Pearson interval.
     """
-    rows = []
+    trials = p_values.dropna(subset="p_value")
+    trials = trials[trials.test.str.contains("(", regex=False)]
     kinds = ["test", "drawn", "wear"]
-    trials = p_values.dropna(subset="p_value").groupby(kinds, sort=False, dropna=False)
-    for kind, group in trials:
-        counts = group.groupby("seed").size().to_numpy(float)
+    rows = []
+    for kind, group in trials.groupby(kinds, sort=False, dropna=False):
         for level in LEVELS:
-            claims = (group.p_value <= level).groupby(group.seed).sum().to_numpy(float)
+            claims = int((group.p_value <= level).sum())
+            interval = binomtest(claims, len(group)).proportion_ci()
             row = dict(zip(kinds, kind, strict=True)) | {"level": level}
-            rows.append(row | rate_of(claims, counts))
+            row |= {"claims": claims, "of": len(group)}
+            row |= {"specimens": group.seed.nunique(), "rate": claims / len(group)}
+            rows.append(row | interval._asdict())
     return pd.DataFrame(rows)
-
-
-def rate_of(claims, counts):
-    """The rate of claims (specimens,) among as many tests, with its interval."""
-    rate = claims.sum() / counts.sum()
-    trials = counts.sum()
-    row = {"claims": int(claims.sum()), "of": int(trials), "specimens": len(counts)}
-    between = ((claims - rate * counts) ** 2).sum() / trials**2
-    between *= len(counts) / max(len(counts) - 1, 1)
-    if between > 0:  # else nothing but claims, or none: no sign of clustering
-        independent = rate * (1 - rate) / max(trials - 1, 1)
-        trials = min(trials, trials * independent / between)
-    few, many = rate * trials, trials - rate * trials  # need not be whole
-    low = beta.ppf(_TAIL, few, many + 1) if few > 0 else 0.0
-    high = beta.ppf(1 - _TAIL, few + 1, many) if many > 0 else 1.0
-    return row | {"rate": rate, "low": low, "high": high}
 
 
 def main(arguments=None):
@@ -163,24 +145,16 @@ def main(arguments=None):
     )
     if not chosen.tables:
         config = specimen_config(*chosen.config)
-        make = partial(
-            specimen_p_values, config, worn_patches(config), wears=chosen.wears
-        )
-        tasks = [
-            (chosen.first_seed + number, interlayer)
-            for interlayer, count in (
-                (False, chosen.specimens),
-                (True, chosen.interlayers),
-            )
-            for number in range(count)
-        ]
+        patches = worn_patches(config)
+        make = partial(specimen_p_values, config, patches, wears=chosen.wears)
+        tasks = [(chosen.first_seed + k, False) for k in range(chosen.specimens)]
+        tasks += [(chosen.first_seed + k, True) for k in range(chosen.interlayers)]
         for rows in pooled(make, tasks, chosen.processes):
             save(chosen.output, rows)
     rates = rejection_rates(read_table(chosen.output))
     rates = rates[rates.level == SHOWN].round(3)
-    whole = rates[rates.drawn.isna()]
     columns = ["test", "wear", "claims", "of", "specimens", "rate", "low", "high"]
-    print(whole[columns].to_string(index=False))
+    print(rates[rates.drawn.isna()][columns].to_string(index=False))
     few = rates[rates.drawn.notna() & (rates.wear == "summits")]
     print(few[["test", "drawn", "rate", "low", "high"]].to_string(index=False))
 

@@ -7,9 +7,8 @@ import pandas as pd
 import power
 import pytest
 import yaml
-from power import LEVELS, OF_BARE, OF_INTERLAYER, main, p_values, rejection_rates
+from power import OF_BARE, OF_INTERLAYER, main, p_values, rejection_rates
 from runner import ROOT
-from scipy.stats import binomtest
 from specimens import BY_RULE, WEARS, merged, specimen_config, specimen_studies
 
 from gst.config.reading import config_problems
@@ -26,50 +25,16 @@ DEFAULT, TINY = (
 CONFIG = merged(DEFAULT, TINY)
 
 
-def rates_of(by_specimen):
-    """Rates by level, for lists of the p-values of each specimen."""
-    rows = [(seed, p) for seed, values in enumerate(by_specimen) for p in values]
-    table = pd.DataFrame(rows, columns=["seed", "p_value"])
-    return rejection_rates(table.assign(test="f1", drawn=np.nan, wear="")).set_index(
-        "level"
-    )
-
-
-def exact_interval(claims, trials):
-    return binomtest(int(claims), trials).proportion_ci(method="exact")
-
-
-def test_one_trial_a_specimen_is_counted_as_it_is():
-    drawn = np.append(np.random.default_rng(1).random(39), 0.05)  # at a level: a claim
-    rates = rates_of([*drawn[:, None], [np.nan]])  # a missing p-value is no trial
-    assert list(rates.index) == list(LEVELS)
-    for level, row in rates.iterrows():
-        claims = int((drawn <= level).sum())
-        assert (row.claims, row.of, row.specimens, row.rate) == (
-            claims,
-            40,
-            40,
-            claims / 40,
-        )
-        assert (row.low, row.high) == pytest.approx(
-            exact_interval(claims, 40), abs=1e-9
-        )
-
-
-def test_trials_that_repeat_each_other_count_once_and_independent_ones_each():
-    """Ten patches of a specimen with one p-value tell no more than one patch would."""
-    drawn = np.random.default_rng(2).random((30, 1))
-    once, tenfold = (
-        rates_of(np.repeat(drawn, times, axis=1)).loc[0.3] for times in (1, 10)
-    )
-    assert tenfold.rate == once.rate
-    assert tenfold[["low", "high"]].to_list() == pytest.approx(
-        [once.low, once.high], abs=0.01
-    )
-    row = rates_of(np.random.default_rng(3).random((200, 10))).loc[0.3]
-    assert row.high - row.low == pytest.approx(
-        np.ptp(exact_interval(row.claims, 2000)), rel=0.1
-    )
+def test_claims_are_counted_at_each_level():
+    p = [0.05, 0.2, 0.9, np.nan]  # one is at a level, and one is no trial
+    rows = pd.DataFrame({"p_value": p, "seed": range(4)})
+    rates = rejection_rates(rows.assign(test="gain(f1)", drawn=np.nan, wear=""))
+    rates = rates.set_index("level")
+    assert rates.claims[[0.02, 0.05, 0.2]].to_list() == [0, 1, 2]
+    assert set(rates["of"]) == {3}
+    # Clopper and Pearson: the least and the largest rate that explain no claim of three
+    assert rates.low[0.02] == 0
+    assert rates.high[0.02] == pytest.approx(1 - 0.025 ** (1 / 3))
 
 
 def test_the_specimens_are_those_of_a_study_that_can_be_run():
@@ -104,15 +69,11 @@ class Scored:
             ("rigid", "mean(mcc)", 0.5, np.nan),
             ("", "spearman(pressure_MPa, loss_fraction)", 0.9, 0.001),
         ]
-        summary = separated(
-            pd.DataFrame(rows, columns=["model", "statistic", "value", "p_value"])
-        )
-        columns = columns_of("validation_summary")
+        columns = ["model", "statistic", "value", "p_value"]
+        summary = separated(pd.DataFrame(rows, columns=columns))
+        summary = summary.reindex(columns=columns_of("validation_summary")).assign(n=9)
         patches = self.patches.assign(contact_fraction=0.1, predicted_loss_um=0.1)
-        return {
-            "patches": patches,
-            "summary": summary.reindex(columns=columns).assign(n=9),
-        }
+        return {"patches": patches, "summary": summary}
 
 
 def test_a_difference_is_claimed_on_the_side_where_it_lies():
@@ -135,35 +96,22 @@ def test_a_difference_is_claimed_on_the_side_where_it_lies():
 def test_the_later_studies_share_what_precedes_use_and_nothing_else(is_inferred):
     """The contact does not, where the wear says how the tool was used."""
     config = CONFIG if is_inferred else merged(CONFIG, {"use": None})
-    row = {
-        "patch": ["a"],
-        "x_mm": 2.5,
-        "y_mm": 2.5,
-        "rotation_deg": 0.0,
-        "t0": "a",
-        "t1": "b",
-    }
-    patches = pd.DataFrame(row | {"crop_x_mm": np.nan, "crop_y_mm": np.nan})
+    row = {"patch": "a", "x_mm": 2.5, "y_mm": 2.5, "rotation_deg": 0.0, "t0": "a"}
+    row |= {"t1": "b", "crop_x_mm": np.nan, "crop_y_mm": np.nan}
     stages = {}
-    for wear, study in specimen_studies(config, patches, 3):
-        assert "worn_square" not in vars(study)
-        study.worn_square = wear  # as if it had been asked for
+    for wear, study in specimen_studies(config, pd.DataFrame([row]), 3):
         stages[wear] = {
             "change": study.changes["a"],
             "T0": study.prepared["a", "T0"],
             "T1": study.prepared["a", "T1"],
             "contact": study.contacts["a"],
-            "square": study.contact,
             "pressures": study.pressures,
-            "selected": study.selected,
         }
     assert tuple(stages) == BY_RULE
-    of_use = set() if is_inferred else {"contact", "square", "pressures"}
+    shared = {"T0"} if is_inferred else {"T0", "contact", "pressures"}
     first, *others = stages.values()
     for other in others:
-        assert {stage for stage in first if other[stage] is first[stage]} == {
-            "T0"
-        } | of_use
+        assert {stage for stage in first if other[stage] is first[stage]} == shared
         assert not any(other[stage].equals(first[stage]) for stage in ("change", "T1"))
 
 
