@@ -1,6 +1,6 @@
 """Does a sound study stop, or believe a match that is wrong? For docs/explanation/evidence.md.
 
-    python benchmarks/false_stops.py [--seeds 5201 5240] [--processes 2]
+    python benchmarks/false_stops.py [--seeds 5201 5202 ...] [--processes 2]
     python benchmarks/false_stops.py --tables
 
 Synthetic stones of fresh seeds go through the study up to the inference of the use. All their files
@@ -41,14 +41,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import yaml
-from runner import RESULTS, add_rows, by_seed, in_file, options
+from runner import RESULTS, run_stones
 from specimens import merged, specimen_config, study_of, worn_patches
 
 from gst.check.checking import check_study
 from gstlib.change.selection import exchanged_epochs
 from gstlib.coupling.placement import ALL
 from gstlib.errors import raise_unless_accepted
-from gstlib.io.tables import read_table
 from gstlib.specimen.generate import make_specimen, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import relocation
@@ -224,31 +223,14 @@ def summary(rows):
 
 
 def stops(rows):
-    """A line for each message with which a study stops."""
+    """The messages with which studies stop."""
     messages = rows.set_index(["seed", "patch"])[STAGES].stack()
-    return [
-        f"{seed}, patch {patch}, {stage}: {message}"
-        for (seed, patch, stage), message in messages.dropna().items()
-    ]
+    return messages.dropna().rename("message").to_frame()
 
 
-def main():
-    seeds = {
-        "type": int,
-        "nargs": 2,
-        "default": (STOPPED, SEEDS[-1]),
-        "help": "these alone",
-    }
-    chosen = options(__doc__, ROWS, seeds=seeds)
-    if not chosen.tables:
-        (first, last), there = chosen.seeds, in_file(chosen.output)
-        wanted = [seed for seed in (STOPPED, *SEEDS) if first <= seed <= last]
-        tasks = [(seed,) for seed in wanted if seed not in there]
-        add_rows(chosen.output, stone_rows, tasks, chosen.processes, order=by_seed)
-    rows = read_table(chosen.output)
-    print(summary(rows).to_string(float_format="%.4g"))
-    print("\n".join(stops(rows)))
+def tables(rows):
+    return summary(rows), stops(rows)
 
 
 if __name__ == "__main__":
-    main()
+    run_stones(__doc__, ROWS, stone_rows, tables, [STOPPED, *SEEDS])

@@ -16,9 +16,10 @@ docs/explanation/evidence.md from them.
 from dataclasses import replace
 
 import numpy as np
-from runner import RESULTS, means
+import pandas as pd
+from runner import RESULTS, means, run_stones
 from specimens import changed
-from strikes import loaded_contacts, run, solved, stone
+from strikes import SEEDS, loaded_contacts, solved, stone
 from use import ASPECT
 
 from gstlib.conditions import study_radius
@@ -148,7 +149,7 @@ def rows_of(seed):
     ]
     stated = as_stated(study)
     rows += [*against_two_radii(stated), *on_wider_faces(stated), tilting(stated)]
-    return [{"seed": seed} | row for row in rows]
+    return pd.DataFrame([{"seed": seed} | row for row in rows]).round(4)
 
 
 def summary(rows):
@@ -157,4 +158,4 @@ def summary(rows):
 
 
 if __name__ == "__main__":
-    run(__doc__, rows_of, ROWS, summary)
+    run_stones(__doc__, ROWS, rows_of, lambda rows: [summary(rows).round(3)], SEEDS)

@@ -89,9 +89,19 @@ def by_seed(rows):
     return rows.sort_values("seed", kind="stable", ignore_index=True)
 
 
-def in_file(file, column="seed"):
-    """The values that a column of a file of rows has; none if there is no file."""
-    return set(read_table(file)[column]) if file.exists() else set()
+def run_stones(text, file, rows_of, show, seeds):
+    """Make the rows of each stone that a file lacks, and print the tables of all rows.
+
+    ``rows_of(seed)`` makes the rows of one stone, and ``show(rows)`` the tables. `text` and `file`
+    are those of `options`.
+    """
+    chosen = options(text, file, seeds=list(seeds))
+    if not chosen.tables:
+        there = set(read_table(chosen.output).seed) if chosen.output.exists() else ()
+        tasks = [(seed,) for seed in chosen.seeds if seed not in there]
+        add_rows(chosen.output, rows_of, tasks, chosen.processes, order=by_seed)
+    for table in show(read_table(chosen.output)):
+        print(table.to_string(), end="\n\n")
 
 
 def means(rows, keys, count):

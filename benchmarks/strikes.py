@@ -13,12 +13,12 @@ to `results/strikes.csv`; `--tables` prints the table of docs/explanation/eviden
 import warnings
 
 import numpy as np
+import pandas as pd
 from power import CONFIG
-from runner import RESULTS, means, options, pooled, save
+from runner import RESULTS, means, run_stones
 from specimens import merged, specimen_config, specimen_studies, worn_patches
 
 from gstlib.bem import ContactWarning, solve_contact
-from gstlib.io.tables import read_table
 from gstlib.specimen.randomness import ROLL_OFF_MM, self_affine_field, stream
 
 ROWS = RESULTS / "strikes.csv"
@@ -92,11 +92,12 @@ def loaded_contacts(study):
 
 def rows_of(seed):
     """A row for each patch of one stone, roughness and kind of positions."""
-    return [
+    rows = [
         row
         for patch, contact in loaded_contacts(stone(seed)).items()
         for row in struck(contact, patch, seed)
     ]
+    return pd.DataFrame(rows).round(4)
 
 
 def struck(contact, patch, seed):
@@ -141,16 +142,5 @@ def summary(rows):
     return means(rows, ["positions", "rms_um"], "patches")
 
 
-def run(text, rows_of, file, summary):
-    """Make the rows of both stones, unless only the tables are asked for, and print their means."""
-    chosen = options(text, file, seeds=SEEDS)
-    if not chosen.tables:
-        for rows in pooled(
-            rows_of, [(seed,) for seed in chosen.seeds], chosen.processes
-        ):
-            save(chosen.output, rows.round(4))
-    print(summary(read_table(chosen.output)).round(3).to_string(index=False))
-
-
 if __name__ == "__main__":
-    run(__doc__, rows_of, ROWS, summary)
+    run_stones(__doc__, ROWS, rows_of, lambda rows: [summary(rows).round(3)], SEEDS)

@@ -14,10 +14,9 @@ from the rows alone.
 import numpy as np
 import pandas as pd
 import xarray as xr
-from runner import RESULTS, add_rows, by_seed, in_file, options
+from runner import RESULTS, run_stones
 from specimens import asked, specimen_config, specimen_studies, worn_patches
 
-from gstlib.io.tables import read_table
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.inference import Draws, exchange_p_value, mean_of, ratio_of_sums
 from gstlib.validation.summary import score_wear
@@ -60,14 +59,14 @@ def scored(study, strengths):
     return tables["wear"].merge(counted, on="patch")
 
 
-def rows_of(seed, strengths):
+def rows_of(seed):
     """Rows of one stone, worn in both ways."""
     config = specimen_config()
+    strengths = STRENGTHS if seed in SEEDS[:WITH_STRENGTHS] else ()
+    studies = specimen_studies(config, worn_patches(config), seed, WORN_BY)
     tables = [
         scored(study, strengths).assign(seed=seed, worn_by=worn_by)
-        for worn_by, study in specimen_studies(
-            config, worn_patches(config), seed, WORN_BY
-        )
+        for worn_by, study in studies
     ]
     return pd.concat(tables, ignore_index=True)
 
@@ -124,21 +123,9 @@ def _shown(estimate):
     return f"{estimate.value:.2f} [{estimate.low:.2f}, {estimate.high:.2f}]"
 
 
-def main():
-    chosen = options(__doc__, RESULT, seeds=list(SEEDS))
-    if not chosen.tables:
-        first = chosen.seeds[:WITH_STRENGTHS]
-        there = in_file(chosen.output)
-        tasks = [
-            (seed, STRENGTHS if seed in first else ())
-            for seed in chosen.seeds
-            if seed not in there
-        ]
-        add_rows(chosen.output, rows_of, tasks, chosen.processes, order=by_seed)
-    rows = read_table(chosen.output)
-    for table in (model_table(rows), strength_table(rows)):
-        print(table.to_string(index=False), end="\n\n")
+def tables(rows):
+    return model_table(rows), strength_table(rows)
 
 
 if __name__ == "__main__":
-    main()
+    run_stones(__doc__, RESULT, rows_of, tables, SEEDS)
