@@ -12,17 +12,24 @@ T1 is misplaced, and the turn; a pair counts as lost from half a point on.
 
 import math
 import time
+from functools import partial
+from importlib.util import find_spec
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy.ndimage
 from runner import RESULTS, options, save
+from skimage.registration import phase_cross_correlation
+from skimage.transform import EuclideanTransform
 
 from gstlib.change.registration import register
 from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import remove_plane
 
-SPACING = 1.66e-3
+# Points along a side, and their distance, mm.
+SIZE, SPACING = 512, 1.66e-3
 # Farthest shift, as a share of the field, and largest turn, degrees.
 SHIFT, TURN = 0.2, 2.0
 CONDITIONS = {
@@ -66,16 +73,9 @@ def scans(size, *, shift, turn, seed, wear=0.0, spikes=0.0, tilt=1e-3, noise=0.1
     for heights in (stone[middle, middle], after):
         measured = heights + noise * rng.standard_normal(heights.shape)
         spike = rng.random(heights.shape) < spikes
-        epochs.append(level(measured + spike * rng.uniform(5e-3, 30e-3, heights.shape)))
+        measured += spike * rng.uniform(5e-3, 30e-3, heights.shape)
+        epochs.append(remove_plane(make_surface(measured, SPACING))[0].values)
     return epochs
-
-
-def level(heights):
-    """Heights less their least-squares plane."""
-    y, x = np.indices(heights.shape).reshape(2, -1) / len(heights) - 0.5
-    design = np.stack([np.ones(y.size), y, x], axis=1)
-    plane = np.linalg.lstsq(design, heights.ravel(), rcond=None)[0]
-    return heights - (design @ plane).reshape(heights.shape)
 
 
 def gstlib_register(t0, t1):
@@ -99,8 +99,6 @@ def detail(heights):
 
 def masked_correlation(t0, t1):
     """scikit-image: the whole-point shift at the peak of the correlation over the overlap."""
-    from skimage.registration import phase_cross_correlation
-
     factor = max(1, len(t0) // 256)
     coarse0, coarse1 = (detail(h)[::factor, ::factor] for h in (t0, t1))
     everywhere = np.ones(coarse0.shape, dtype=bool)
@@ -116,8 +114,6 @@ def masked_correlation(t0, t1):
 
 def upsampled_correlation(t0, t1):
     """scikit-image: then the phase correlation of the common part, upsampled a hundredfold."""
-    from skimage.registration import phase_cross_correlation
-
     shift = masked_correlation(t0, t1).shift.astype(int)
     for _ in range(3):
         part0, part1 = common(detail(t0), detail(t1), shift)
@@ -143,19 +139,16 @@ def common(a, b, shift):
 
 def from_matrix(matrix, centre):
     """Pose from the matrix (x, y, 1) of T0's points to T1's."""
-    centre = np.array([centre, centre, 1.0])
-    x, y, _ = np.linalg.solve(matrix, centre) - centre
+    x, y = EuclideanTransform(matrix).inverse([centre, centre])[0] - centre
     return Pose(np.array([y, x]), math.atan2(matrix[0, 1], matrix[0, 0]))
 
 
 def to_matrix(pose, centre):
     """Matrix (x, y, 1) of T0's points to T1's."""
-    cosine = math.cos(pose.turn)
-    sine = math.sin(pose.turn)
-    matrix = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    y, x = pose.shift
-    matrix[:2, 2] = centre - matrix[:2, :2] @ [centre + x, centre + y]
-    return matrix
+    turned = EuclideanTransform(rotation=-pose.turn)
+    moved = EuclideanTransform(translation=-centre - pose.shift[::-1])
+    back = EuclideanTransform(translation=[centre, centre])
+    return (moved + turned + back).params
 
 
 def stackreg(t0, t1):
@@ -164,16 +157,13 @@ def stackreg(t0, t1):
 
     start = masked_correlation(t0, t1).shift.astype(int)
     side = min(size - abs(s) for size, s in zip(t0.shape, start, strict=True))
-    part0, part1 = (
-        part[:side, :side] for part in common(smooth(t0), smooth(t1), start)
-    )
-    matrix = np.asarray(StackReg(StackReg.RIGID_BODY).register(part0, part1))
-    first0 = np.maximum(start, 0)
-    first1 = np.maximum(-start, 0)
-    of_t0 = np.eye(3)
-    of_t1 = np.eye(3)
-    of_t0[:2, 2], of_t1[:2, 2] = -first0[::-1], first1[::-1]
-    return from_matrix(of_t1 @ matrix @ of_t0, (len(t1) - 1) / 2)
+    parts = common(smooth(t0), smooth(t1), start)
+    parts = [part[:side, :side] for part in parts]
+    matrix = np.asarray(StackReg(StackReg.RIGID_BODY).register(*parts))
+    cut0, cut1 = np.eye(3), np.eye(3)
+    cut0[:2, 2] = -np.maximum(start, 0)[::-1]
+    cut1[:2, 2] = np.maximum(-start, 0)[::-1]
+    return from_matrix(cut1 @ matrix @ cut0, (len(t1) - 1) / 2)
 
 
 def smooth(heights):
@@ -185,16 +175,15 @@ def smooth(heights):
 def settled(t0, t1, pose):
     """T1 with the plane of what did not change taken off, and the mask of that on T0's grid."""
     centre = (len(t1) - 1) / 2
-    v, u = np.indices(t0.shape)
     matrix = to_matrix(pose, centre)
+    v, u = np.indices(t0.shape)
     x, y, _ = np.einsum("ij,jkl->ikl", matrix, np.stack([u, v, np.ones(u.shape)]))
     moved = scipy.ndimage.map_coordinates(t1, [y, x], order=1, cval=np.nan)
     inside = np.isfinite(moved)
     left = (moved - t0)[inside]
     # in T1's coordinates, where the plane is taken off
-    design = np.stack(
-        [np.ones(left.size), y[inside] - centre, x[inside] - centre], axis=1
-    )
+    along = np.stack([y[inside] - centre, x[inside] - centre], axis=1)
+    design = np.column_stack([np.ones(left.size), along])
     plane = np.array([np.median(left), 0.0, 0.0])
     for _ in range(10):
         off = left - design @ plane
@@ -207,44 +196,55 @@ def settled(t0, t1, pose):
     return t1 - plane[0] - plane[1] * rows - plane[2] * columns, mask
 
 
+def refined(t0, t1, step, stages):
+    """The pose after steps with a library, from the coarse shift.
+
+    Each stage has an option of the library, and whether the heights are compared without the
+    points that disagree; otherwise the detail is. ``step(pose, images, mask, option)`` returns a
+    matrix; the mask, on the grid of T0, is missing where all points count. Heights are in µm.
+    """
+    pose = masked_correlation(t0, t1)
+    for option, is_trimmed in stages:
+        images, mask = (detail(t0), detail(t1)), None
+        if is_trimmed:
+            flat, mask = settled(t0, t1, pose)
+            images = smooth(t0), smooth(flat)
+        matrix = step(pose, [1e3 * image for image in images], mask, option)
+        pose = from_matrix(matrix, (len(t1) - 1) / 2)
+    return pose
+
+
 def ecc(t0, t1):
     """OpenCV: enhanced correlation coefficient, Euclidean motion, trimmed."""
     import cv2
 
-    pose = masked_correlation(t0, t1)
-    centre = (len(t1) - 1) / 2
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-7)
-    # the detail, from smooth to fine; then the heights, without what disagrees
-    for smoothing, trim in ((13, False), (5, False), (5, True), (5, True), (5, True)):
-        warp = to_matrix(pose, centre)[:2].astype(np.float32)
-        if trim:
-            flat, mask = settled(t0, t1, pose)
-            a, b = (smooth(h) * 1e3 for h in (t0, flat))
-            # OpenCV's mask is one of the moving image
+
+    def step(pose, images, mask, smoothing):
+        a, b = (image.astype(np.float32) for image in images)
+        warp = to_matrix(pose, (len(b) - 1) / 2)[:2].astype(np.float32)
+        if mask is None:
+            mask = np.ones(b.shape, dtype=np.uint8)
+        else:  # OpenCV's mask is one of the moving image
             mask = cv2.warpAffine(mask, warp, b.shape[::-1], flags=cv2.INTER_NEAREST)
-        else:
-            a = detail(t0) * 1e3
-            b = detail(t1) * 1e3
-            mask = np.ones(t1.shape, dtype=np.uint8)
-        a = a.astype(np.float32)
-        b = b.astype(np.float32)
-        _, warp = cv2.findTransformECC(
-            a, b, warp, cv2.MOTION_EUCLIDEAN, stop, mask, smoothing
-        )
-        pose = from_matrix(np.vstack([warp, [0, 0, 1]]).astype(float), centre)
-    return pose
+        options = cv2.MOTION_EUCLIDEAN, stop, mask, smoothing
+        _, warp = cv2.findTransformECC(a, b, warp, *options)
+        return np.vstack([warp, [0, 0, 1]]).astype(float)
+
+    # from smooth to fine
+    stages = [(13, False), (5, False), (5, True), (5, True), (5, True)]
+    return refined(t0, t1, step, stages)
 
 
 def simpleitk(t0, t1):
     """SimpleITK: Euler transform; correlation of the detail, then trimmed least squares."""
     import SimpleITK as sitk  # noqa: N813
 
-    pose = masked_correlation(t0, t1)
-    centre = (len(t1) - 1) / 2
-    for factors, trim in (([4, 2, 1], False), ([1], True), ([1], True), ([1], True)):
+    def step(pose, images, mask, factors):
+        a, b = map(sitk.GetImageFromArray, images)
         transform = sitk.Euler2DTransform()
         # about the point that lies on T1's centre, so that shift and turn do not couple
-        transform.SetCenter([centre + pose.shift[1], centre + pose.shift[0]])
+        transform.SetCenter((len(t1) - 1) / 2 + pose.shift[::-1])
         transform.SetAngle(-pose.turn)
         transform.SetTranslation((-pose.shift[::-1]).tolist())
         method = sitk.ImageRegistrationMethod()
@@ -253,24 +253,21 @@ def simpleitk(t0, t1):
         method.SetOptimizerAsRegularStepGradientDescent(1.0, 1e-4, 200, 0.6)
         method.SetOptimizerScalesFromPhysicalShift()
         method.SetInitialTransform(transform, inPlace=True)
-        if trim:
-            flat, mask = settled(t0, t1, pose)
-            a, b = (smooth(h) * 1e3 for h in (t0, flat))
+        if mask is None:
+            method.SetMetricAsCorrelation()
+            method.SetInterpolator(sitk.sitkLinear)
+        else:
             method.SetMetricAsMeanSquares()
             method.SetInterpolator(sitk.sitkBSpline3)
             method.SetMetricFixedMask(sitk.GetImageFromArray(mask))
-        else:
-            a, b = (detail(h) * 1e3 for h in (t0, t1))
-            method.SetMetricAsCorrelation()
-            method.SetInterpolator(sitk.sitkLinear)
-        method.Execute(sitk.GetImageFromArray(a), sitk.GetImageFromArray(b))
-        origin = np.array(transform.TransformPoint([0.0, 0.0]))
+        method.Execute(a, b)
+        at = np.array([transform.TransformPoint(p) for p in ((0, 0), (1, 0), (0, 1))])
         matrix = np.eye(3)
-        matrix[:2, 0] = np.array(transform.TransformPoint([1.0, 0.0])) - origin
-        matrix[:2, 1] = np.array(transform.TransformPoint([0.0, 1.0])) - origin
-        matrix[:2, 2] = origin
-        pose = from_matrix(matrix, centre)
-    return pose
+        matrix[:2] = np.column_stack([at[1] - at[0], at[2] - at[0], at[0]])
+        return matrix
+
+    stages = [([4, 2, 1], False), ([1], True), ([1], True), ([1], True)]
+    return refined(t0, t1, step, stages)
 
 
 METHODS = {
@@ -285,54 +282,38 @@ METHODS = {
 
 def main():
     cases = {"type": int, "default": 10, "help": "pairs of scans a condition"}
-    size = {"type": int, "default": 512, "help": "points along a side"}
-    methods = {"nargs": "*", "default": [""], "help": "parts of names"}
-    rows = RESULTS / "registration.csv"
-    chosen = options(__doc__, rows, cases=cases, size=size, methods=methods)
+    chosen = options(__doc__, RESULTS / "registration.csv", cases=cases)
     if not chosen.tables:
-        tables = []
+        rows = []
         for label, (method, module) in METHODS.items():
-            if any(part in label for part in chosen.methods):
-                try:
-                    __import__(module)
-                except ImportError as error:
-                    print(f"{label}: not available ({error})")
-                    continue
-                tables += [
-                    measure(label, method, name, case, chosen.size)
-                    for name in CONDITIONS
-                    for case in range(chosen.cases)
-                ]
-                print(f"{label}: done", flush=True)
-        save(chosen.output, summary(pd.DataFrame(tables)), digits=3)
+            if find_spec(module) is None:
+                print(f"{label}: not available")
+                continue
+            for name, case in product(CONDITIONS, range(chosen.cases)):
+                rows.append(measure(label, method, name, case))
+            print(f"{label}: done", flush=True)
+        save(chosen.output, summary(pd.DataFrame(rows)), digits=3)
     print(pd.read_csv(chosen.output).to_string(index=False))
 
 
-def measure(label, method, condition, case, size):
+def measure(label, method, condition, case):
     """One pair of scans, laid by chance; the same for every method."""
     rng = np.random.default_rng([case, *condition.encode()])
     way, share, turn_deg = rng.uniform([0, 0, -TURN], [2 * math.pi, SHIFT, TURN])
-    shift = share * size * np.array([math.sin(way), math.cos(way)])
+    shift = share * SIZE * np.array([math.sin(way), math.cos(way)])
     turn = math.radians(turn_deg)
-    t0, t1 = scans(size, shift=shift, turn=turn, seed=case, **CONDITIONS[condition])
+    t0, t1 = scans(SIZE, shift=shift, turn=turn, seed=case, **CONDITIONS[condition])
+    row = {"method": label, "condition": condition}
     start = time.process_time()
     try:
         pose = method(t0, t1)
-        errors = (
-            float(np.hypot(*(pose.shift - shift))),
-            math.degrees(abs(pose.turn - turn)),
-        )
     except Exception as failure:  # whatever a library raises where it does not converge
-        print(
-            f"{label}, {condition}, case {case}: {str(failure).strip().splitlines()[-1]}"
-        )
-        errors = math.inf, math.inf
-    row = {
-        "method": label,
-        "condition": condition,
-        "cpu_s": time.process_time() - start,
-    }
-    return row | dict(zip(("error_points", "turn_error_deg"), errors, strict=True))
+        print(f"{label}, {condition}, case {case}: {failure}")
+        pose = Pose(np.full(2, np.inf), np.inf)
+    row["cpu_s"] = time.process_time() - start
+    row["error_points"] = float(np.hypot(*(pose.shift - shift)))
+    row["turn_error_deg"] = math.degrees(abs(pose.turn - turn))
+    return row
 
 
 def summary(table):
@@ -340,15 +321,14 @@ def summary(table):
     whole = table.assign(condition="of all")
     groups = pd.concat([table, whole]).groupby(["method", "condition"], sort=False)
     errors = groups.error_points
+    p95 = partial(np.quantile, q=0.95, method="inverted_cdf")
     columns = {
         "cases": errors.size(),
         "error_median_points": errors.median(),
-        "error_p95_points": errors.apply(
-            lambda e: sorted(e)[math.ceil(0.95 * len(e)) - 1]
-        ),
+        "error_p95_points": errors.apply(p95),
         "error_largest_points": errors.max(),
-        "within_a_fifth": errors.apply(lambda e: (e < 0.2).mean()),
-        "lost": errors.apply(lambda e: (~(e < LOST)).mean()),
+        "within_a_fifth": errors.apply(lambda error: (error < 0.2).mean()),
+        "lost": errors.apply(lambda error: (error >= LOST).mean()),
         "turn_error_median_deg": groups.turn_error_deg.median(),
         "cpu_s_median": groups.cpu_s.median(),
     }

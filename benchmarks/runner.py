@@ -64,15 +64,16 @@ def pooled(make, tasks, processes):
         )
 
 
-def add_rows(file, make, tasks, processes, *, order):
+def add_rows(file, make, tasks, processes, *, order=None, digits=None):
     """Add the rows of each task to those of a file as soon as they are made.
 
     ``order(rows)`` sorts them. The rows of an interrupted run are kept.
     """
     earlier = [read_table(file)] if file.exists() else []
     for made in pooled(make, tasks, processes):
-        rows = order(pd.concat([*earlier, made], ignore_index=True))
-        save(file, rows, adds=bool(earlier))
+        rows = pd.concat([*earlier, made], ignore_index=True)
+        rows = order(rows) if order else rows
+        save(file, rows, digits=digits, adds=bool(earlier))
 
 
 def save(file, rows, *, digits=None, adds=False):

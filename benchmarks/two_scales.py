@@ -6,8 +6,8 @@ The study presses a coarse face and small patches, and the paper a square alone.
 against the stone at rest: the true face under the true force, and in it one contact of the true
 square at the scans' resolution. A *case* is a set of errors (`TRIALS`), a form of the active tool
 and how far, in mm along each axis, the true load point lies from the middle, where the study
-takes it to be. Every case gives a row for each variant, written as soon as it is found; a case that
-the rows hold already is not computed again. Then the tables of the seeds are printed.
+takes it to be. Every case gives a row for each variant. A specimen that the rows have in the last
+case of a plan is not made again. Then the tables of the seeds are printed.
 
 - ``forms``: three forms and three distances, scans of 6.64 µm (20 s of CPU a specimen);
 - ``errors``: one error changed at a time, 200 mm, likewise (30 s);
@@ -22,13 +22,14 @@ import numpy as np
 import pandas as pd
 import trimesh
 import xarray as xr
-from runner import RESULTS, ROOT, options, save
+from runner import RESULTS, add_rows, options
 from specimens import changed, merged, specimen_config, take
 
-from gst.config.patches import read_patches
+from gst.config.reading import read_study
 from gstlib.coupling.intervals import Errors, Macroscale, draw_point, pressure_intervals
 from gstlib.coupling.placement import ALL
 from gstlib.coupling.pressures import patch_pressures
+from gstlib.io.tables import read_table
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.microscale.patches import EQUILIBRIUM, PAPER
 from gstlib.specimen.generate import within_square
@@ -36,12 +37,7 @@ from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import place_scans, sample, take_scan
 from gstlib.specimen.stone import Stone
 from gstlib.study import Study
-from gstlib.surfaces.footprints import (
-    PatchPosition,
-    footprint_weights,
-    places_of,
-    square_of,
-)
+from gstlib.surfaces.footprints import PatchPosition, places_of, square_of
 from gstlib.surfaces.grid import make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 from gstlib.validation.single_scale import (
@@ -219,96 +215,53 @@ def volume_error(pressures, lost):
     return float(abs(kappa * pressures - lost).sum() / lost.sum())
 
 
-class Predicted(NamedTuple):
-    """What a study says of a stone under one active tool, and what is true of its scans."""
-
-    study: Study
-    places: pd.DataFrame
-    contacts: dict
-
-    @classmethod
-    def by(cls, study, places):
-        contacts = {
-            variant: {patch: study.contact_in(variant, patch) for patch in places.patch}
-            for variant in (EQUILIBRIUM, PAPER)
-        }
-        return cls(study, places, contacts)
-
-    @property
-    def size_mm(self):
-        return self.study.config["square"]["size_mm"]
-
-    @property
-    def patch_mm(self):
-        return self.study.config["scans"]["size_mm"]
-
-    @property
-    def force(self):
-        return self.study.config["load"]["force_N"]
-
-    def reference(self, truth):
-        """The true contact of every scan."""
-        scan = self.study.prepared[self.places.patch[0], "T0"].height
-        return patches_of_reference(truth.pressure, places_of(self.places), scan)
-
-
-def rows_of(predicted, truth):
-    """How far each variant is from the truth."""
-    study, places, contacts = predicted
-    reference = predicted.reference(truth)
+def rows_of(study, places, contacts, truth):
+    """How far each variant is from the truth: a row for each."""
+    size_mm = study.config["square"]["size_mm"]
+    reference = reference_of(study, places, truth)
     true = reference.pressure.values
-    lost = losses(truth, predicted)
+    patch_mm = {"size_mm": study.config["scans"]["size_mm"]}
+    lost = patch_pressures(truth.lost, places, **patch_mm).pressure_MPa  # mm, in fact
+    at_rest = patch_pressures(truth.contact.pressure, places, **patch_mm)
+    table = study.pressures
     rows = {}
-    for variant, (pressures, field) in pressures_by_variant(predicted, truth).items():
-        square = square_of(field, predicted.size_mm)
-        rows[variant] = misplaced(pressures.to_numpy(), true, predicted) | {
+    for variant, pressures, field in (
+        (EQUILIBRIUM, table.pressure_MPa, study.contact.pressure),
+        (PAPER, table.square_pressure_MPa, study.square_contact.pressure),
+        (TRUE, at_rest.pressure_MPa, truth.contact.pressure),
+    ):
+        square = square_of(field, size_mm)
+        rows[variant] = misplaced(pressures.to_numpy(), true, study.config) | {
             "square_N": float(square.sum() * np.prod(spacing_of(field))),
             "peak_MPa": float(square.max()),
             "edge_of_square": edge_fraction(square),
             "edge_of_face": edge_fraction(field) if variant != PAPER else np.nan,
-            "volume_error": volume_error(pressures.to_numpy(), lost),
+            "volume_error": volume_error(pressures.to_numpy(), lost.to_numpy()),
         }
-    table = two_scales_table(contacts, reference.expand_dims("draw"))
-    pooled = table[table.patch == ALL].set_index("variant")
-    for variant, scores in pooled[SCORES].iterrows():
-        rows.setdefault(variant, {}).update(scores)
+    scores = two_scales_table(contacts, reference.expand_dims("draw"))
+    pooled = scores[scores.patch == ALL].set_index("variant")[SCORES]
+    for variant, row in pooled.iterrows():
+        rows.setdefault(variant, {}).update(row)
     rows[EQUILIBRIUM] |= tilt_errors(study.composite, places)
     rows[EQUILIBRIUM] |= {"patches": len(true), "loaded": (true > LOADED_MPA).sum()}
     return rows
 
 
-def losses(truth, predicted):
-    """True mean loss of each patch, mm."""
-    places = places_of(predicted.places).values()
-    weights = [
-        footprint_weights(truth.lost, place, predicted.patch_mm) for place in places
-    ]
-    return np.array([np.average(truth.lost.values, weights=each) for each in weights])
+def reference_of(study, places, truth):
+    """The true contact of every scan."""
+    scan = study.prepared[places.patch[0], "T0"].height
+    return patches_of_reference(truth.pressure, places_of(places), scan)
 
 
-def pressures_by_variant(predicted, truth):
-    """The pressures of the patches, and the field that they are taken from."""
-    study = predicted.study
-    field = truth.contact.pressure
-    pressures = study.pressures
-    true = patch_pressures(field, predicted.places, size_mm=predicted.patch_mm)
-    return {
-        EQUILIBRIUM: (pressures.pressure_MPa, study.contact.pressure),
-        PAPER: (pressures.square_pressure_MPa, study.square_contact.pressure),
-        TRUE: (true.pressure_MPa, field),
-    }
-
-
-def misplaced(pressures, true, predicted):
+def misplaced(pressures, true, config):
     """Share of the force on the wrong patch: of that on patches, and of all."""
     shares = ratio(pressures, pressures.sum()) - ratio(true, true.sum())
-    patch_mm2 = predicted.patch_mm**2
+    patch_mm2 = config["scans"]["size_mm"] ** 2
     errors_N = (pressures - true) * patch_mm2
-    elsewhere_N = -errors_N.sum()
-    all_N = abs(errors_N).sum() + abs(elsewhere_N)
+    all_N = abs(errors_N).sum() + abs(errors_N.sum())
     return {
         "misplaced": abs(shares).sum() / 2,
-        "misplaced_of_all": all_N / 2 / predicted.force,
+        "misplaced_of_all": all_N / 2 / config["load"]["force_N"],
         "true_N": true.sum() * patch_mm2,
     }
 
@@ -329,65 +282,61 @@ def tilt_errors(composite, places):
     }
 
 
-def held_by_intervals(predicted, truth, error_mm):
+def held_by_intervals(study, places, truth, error_mm):
     """How many true pressures lie in their intervals, of all patches and of those under load.
 
     The study knows the load point up to `error_mm` along each axis.
     """
-    study = predicted.study
-    size_mm = predicted.size_mm
-    errors = study.config["uncertainty"] | CAN_BE_KNOWN
+    config = study.config
+    errors = Errors(**config["uncertainty"] | CAN_BE_KNOWN)
     limits = pressure_intervals(
         Macroscale(study.face, study.composite, None),
         study.pressures,
-        study.config["material"],
-        Errors(**errors)._replace(load_point_mm=error_mm),
-        force_N=predicted.force,
-        load_point=(size_mm / 2, size_mm / 2),
-        patch_mm=predicted.patch_mm,
-        seed=study.config["seed"],
+        config["material"],
+        errors._replace(load_point_mm=error_mm),
+        force_N=config["load"]["force_N"],
+        load_point=2 * (config["square"]["size_mm"] / 2,),
+        patch_mm=config["scans"]["size_mm"],
+        seed=config["seed"],
     )
-    true = predicted.reference(truth).pressure.values
+    true = reference_of(study, places, truth).pressure.values
     held = (limits.low_MPa <= true) & (true <= limits.high_MPa)
     return {"held": held.sum(), "loaded_held": held[true > LOADED_MPA].sum()}
 
 
-def specimen(config, seed, cases, bounded):
-    """The rows of each case of one specimen."""
-    size_mm = config["square"]["size_mm"]
-    patches = read_patches(
-        ROOT / config["patches"],
-        size_mm=size_mm,
-        patch_size_mm=config["scans"]["size_mm"],
-    ).assign(t1="")  # they are scanned before use alone
+def specimen(plan, seed):
+    """The rows of one specimen in all cases of a plan."""
+    changes, cases, bounded = PLANS[plan]
+    config = merged(specimen_config(), changes | {"use": None})
     config = merged(config, {"specimen": {"seed": seed}})
+    config["microscale"]["tolerance"] = 1e-6  # no point of contact changes
+    patches = read_study(config, "config").assign(t1="")  # scanned before use alone
     parameters = SpecimenParameters(**config["specimen"])
-    stone = Stone(parameters, size_mm)
+    stone = Stone(parameters, config["square"]["size_mm"])
     surface = stone.heights().astype(np.float32)
     truths = {}
-    for trial, of_trial in groupby(cases, lambda case: case.trial):
+    tables = []
+    for (trial, radius_mm), group in groupby(cases, lambda case: case[:2]):
         study, places = study_of(merged(config, TRIALS[trial]), surface, patches)
-        for radius_mm, of_form in groupby(of_trial, lambda case: case.radius_mm):
-            predicted = Predicted.by(under(study, radius_mm), places)
-            for case in of_form:
-                form = radius_mm, case.distance_mm
-                if form not in truths:
-                    truths[form] = truth_of(
-                        predicted.study, stone, surface, case.distance_mm
-                    )
-                rows = rows_of(predicted, truths[form])
-                if case in bounded:
-                    rows[EQUILIBRIUM] |= held_by_intervals(
-                        predicted, truths[form], case.distance_mm
-                    )
-                table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(
-                    "variant"
+        study = under(study, radius_mm)
+        contacts = {
+            variant: {patch: study.contact_in(variant, patch) for patch in places.patch}
+            for variant in (EQUILIBRIUM, PAPER)
+        }
+        for case in group:
+            form = radius_mm, case.distance_mm
+            if form not in truths:
+                truths[form] = truth_of(study, stone, surface, case.distance_mm)
+            rows = rows_of(study, places, contacts, truths[form])
+            if case in bounded:
+                rows[EQUILIBRIUM] |= held_by_intervals(
+                    study, places, truths[form], case.distance_mm
                 )
-                values = dict(
-                    zip(KEY, [parameters.scan_points, seed, *case], strict=True)
-                )
-                table = table.reset_index().assign(**values)
-                yield table[[*KEY, *table.columns.drop(KEY)]]
+            table = pd.DataFrame.from_dict(rows, orient="index")
+            keys = dict(zip(KEY, [parameters.scan_points, seed, *case], strict=True))
+            tables.append(table.rename_axis("variant").reset_index().assign(**keys))
+    made = pd.concat(tables, ignore_index=True)
+    return made[[*KEY, *made.columns.drop(KEY)]]
 
 
 def interval(part, whole):
@@ -422,32 +371,26 @@ def summary(rows):
     return pd.DataFrame(summaries)
 
 
-def missing_cases(rows, seed, scan_points, cases):
-    """Cases of a specimen that the rows do not hold."""
-    there = rows[(rows.seed == seed) & (rows.scan_points == scan_points)][
-        [*Case._fields]
-    ]
-    return [case for case in cases if not (there == case).all(axis=1).any()]
+def is_made(rows, plan, seed):
+    """Whether rows have the last case of a plan of one specimen."""
+    changes, cases, _ = PLANS[plan]
+    points = merged(specimen_config(), changes)["specimen"]["scan_points"]
+    return (rows[KEY] == [points, seed, *cases[-1]]).all(axis=1).any()
 
 
 def main():
     plans = {"nargs": "*", "choices": PLANS, "default": []}
     chosen = options(__doc__, ROWS, plan=plans, seeds=SEEDS)
-    rows = pd.DataFrame(columns=[*KEY, "held", "loaded_held"])
-    if adds := chosen.output.exists():
-        rows = pd.read_csv(chosen.output)
-    for plan in chosen.plan:
-        changes, cases, bounded = PLANS[plan]
-        config = merged(specimen_config(), changes | {"use": None})
-        config["microscale"]["tolerance"] = 1e-6  # no point of contact changes
-        for seed in chosen.seeds:
-            cases_left = missing_cases(
-                rows, seed, config["specimen"]["scan_points"], cases
-            )
-            for made in specimen(config, seed, cases_left, bounded):
-                rows = pd.concat([rows, made], ignore_index=True)
-                save(chosen.output, rows, digits=5, adds=adds)
-            print(f"{plan}, seed {seed}: done", flush=True)
+    rows = pd.DataFrame(columns=KEY)
+    if chosen.output.exists():
+        rows = read_table(chosen.output)
+    tasks = [
+        (plan, seed)
+        for plan, seed in product(chosen.plan, chosen.seeds)
+        if not is_made(rows, plan, seed)
+    ]
+    add_rows(chosen.output, specimen, tasks, chosen.processes, digits=5)
+    rows = read_table(chosen.output)
     table = summary(rows[rows.seed.isin(chosen.seeds)])
     for columns in TABLES:
         print(table[[*OF_ROW, "specimens", *columns]].to_string(index=False))
