@@ -83,7 +83,26 @@ def measure_texture(
                 patch,
             )
         rows += [{"patch": patch, **row} for row in of_patch]
+    _warn_of_noise(scans, s_filter_um)
     return pd.DataFrame(rows)
+
+
+def _warn_of_noise(scans: Mapping[str, xr.Dataset], s_filter_um: float) -> None:
+    """Warn if the noise of single points passes the S-filter of scans from `prepare_scan`."""
+    shortest = {
+        patch: scans[patch].attrs.get("shortest_trusted_um", 0.0) for patch in scans
+    }
+    noisy = [patch for patch, length in shortest.items() if not length <= s_filter_um]
+    if noisy:
+        _log.warning(
+            "on %d of %d scans, noise has more than half the power at some wavelengths above "
+            "texture.s_filter_um (%g µm), first on patch %s: compare shortest_trusted_um in "
+            "preprocessing.csv, and raise the filter to it",
+            len(noisy),
+            len(shortest),
+            s_filter_um,
+            noisy[0],
+        )
 
 
 def texture_rows(

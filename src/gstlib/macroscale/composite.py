@@ -38,6 +38,7 @@ from gstlib.surfaces.footprints import (
 )
 from gstlib.surfaces.grid import axis_coordinates, described, spacing_of
 from gstlib.surfaces.leveling import Plane, fit_plane, remove_plane
+from gstlib.surfaces.spectrum import radial_spectrum
 
 __all__ = [
     "compose",
@@ -155,7 +156,7 @@ def compose_surface(
         under = height.copy(data=on_patch(spline, place, height.shape, patch_mm))
         beyond = height.values - remove_plane(under)[0].values
         even = resize_local_mean(beyond, 2 * (min(shape),))
-        frequency, density = _density(even, patch_mm)
+        frequency, density = radial_spectrum(even, 2 * (patch_mm / min(shape),))
         densities.append(density)
         coarse.append(resize_local_mean(height.values, 2 * (points,)))
     spectrum = xr.DataArray(
@@ -320,20 +321,6 @@ def _plane_errors(
     unseen = np.einsum("ijk,j->ik", blocks, along) / (along @ along)
     variance = slopes.var(axis=0, ddof=1).mean(axis=1)
     return 1e3 * np.sqrt(variance + (unseen**2).mean())
-
-
-def _density(heights: np.ndarray, side_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Power spectral density (mm⁴) of heights (n, n), over all directions, by frequency (1/mm)."""
-    count = len(heights)
-    step = side_mm / len(heights)
-    taper = np.hanning(count + 2)[1:-1]
-    window = taper[:, None] * taper / (taper**2).mean()
-    power = np.abs(scipy.fft.fft2((heights - heights.mean()) * window)) ** 2
-    along = scipy.fft.fftfreq(count, step)
-    ring = np.rint(np.hypot(along[:, None], along) * side_mm).astype(int).ravel()
-    mean = np.bincount(ring, power.ravel()) / np.bincount(ring)
-    rings = np.arange(1, count // 2 + 1)
-    return rings / side_mm, mean[rings] * (step / count) ** 2
 
 
 def _random_field(

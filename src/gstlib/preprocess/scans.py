@@ -14,6 +14,7 @@ from gstlib.io.scans import cut_scan, whole_scan
 from gstlib.preprocess.outliers import median_outliers, window_outliers
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.surfaces.leveling import remove_plane
+from gstlib.surfaces.spectrum import shortest_trusted
 
 __all__ = [
     "check_unmeasured",
@@ -42,6 +43,7 @@ _DONE = [
     "tilt_y_mrad",
     "Sq_before_um",
     "Sq_after_um",
+    "shortest_trusted_um",
 ]
 
 # ASSUME: Orientation of scans. Once a mould is undone, the rows of a scan run along the square's +y
@@ -86,7 +88,8 @@ def prepare_scan(
         ``outlier_k`` (the rule's threshold), ``outlier_scale_um`` (of `median_outliers`, with that
         rule only), ``tilt_x_mrad``, ``tilt_y_mrad`` (of the plane removed), ``Sq_before_um``
         (r.m.s. of the measured heights about their mean), ``Sq_after_um`` (of the prepared
-        heights), and the texts of the raw scan.
+        heights), ``shortest_trusted_um`` (see `gstlib.surfaces.spectrum.shortest_trusted`), and the
+        texts of the raw scan.
 
     Raises
     ------
@@ -163,6 +166,7 @@ def prepare_scan(
             "tilt_y_mrad": plane.tilt_y_mrad,
             "Sq_before_um": MM_TO_UM * float(np.nanstd(raw.values)),
             "Sq_after_um": MM_TO_UM * float(np.std(level.values)),
+            "shortest_trusted_um": MM_TO_UM * shortest_trusted(level),
         },
     )
 

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from gstlib.change.texture import _scale_limited, texture_rows
+from gstlib.change.texture import _scale_limited, measure_texture, texture_rows
 from gstlib.surfaces.grid import make_surface
 
 UM = 1e-3  # mm
@@ -137,3 +137,14 @@ def test_without_a_comparison_t0_stands_alone_and_whole(is_reliable, covered):
     rows = texture_rows(before, registered(after, is_reliable), **FILTERS)
     assert rows == texture_rows(before, None, **FILTERS)
     assert (rows[0]["epoch"], rows[0]["size_x_mm"]) == ("T0", SIZE * UM)
+
+
+@pytest.mark.parametrize(
+    ("trusted_um", "is_noisy"), [(4.0, False), (9.0, True), (np.nan, True)]
+)
+def test_noise_that_passes_the_filter_is_reported(caplog, trusted_um, is_noisy):
+    heights = surface(np.random.default_rng(1).standard_normal((40, 40)), 1.0)
+    scan = heights.to_dataset(name="height")
+    scan.attrs["shortest_trusted_um"] = trusted_um
+    measure_texture({"7": scan}, {}, s_filter_um=8.0, l_filter_um=None)
+    assert ("patch 7" in caplog.text) == is_noisy
