@@ -89,7 +89,7 @@ def step_of(field: Any, dim: str, stated: Any = None) -> float:
                 f"the dimension {dim} has no coordinates (mm): give them"
             )
         return float(stated)
-    axis = field[dim]
+    axis = field.coords.variables[dim]  # in half the time of field[dim]
     if (units := axis.attrs.get("units", "mm")) != "mm":
         raise ContactInputError(f"the coordinate {dim} is in {units}: convert it to mm")
     step = _mean_step(dim, axis.values)
