@@ -19,6 +19,7 @@ __all__ = [
     "LARGEST_TABLE",
     "cannot_read",
     "cannot_write",
+    "check_input",
     "check_regular",
     "check_size",
 ]
@@ -68,6 +69,22 @@ def check_size(path: str | Path, largest: int = _LARGEST) -> None:
             f"has {megabytes(size)} MB, and at most {megabytes(largest)} MB are read",
             "Export it again, smaller: this is more than any stone, scan or table needs.",
         )
+
+
+def check_input(path: Path, remedy: str) -> None:
+    """Refuse a file of the user that does not exist, is empty, or is too large.
+
+    Raises
+    ------
+    InputError
+    """
+    if path.is_dir():
+        raise InputError(path, "is a folder", "Give the path of one file in it.")
+    if not path.is_file():
+        raise InputError(path, "no such file", remedy)
+    if path.stat().st_size == 0:
+        raise InputError(path, "the file is empty", "Copy it, or export it, again.")
+    check_size(path)
 
 
 def megabytes(size: int) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 
 from gstlib.errors import NOTE, InputError
 from gstlib.io.containers import plain_zip
-from gstlib.io.files import check_size
+from gstlib.io.files import check_input
 from gstlib.io.gltf import MOST_PARTS, checked_header, position_accessors
 from gstlib.io.mesh_sizes import (
     STATED_UNITS,
@@ -159,23 +159,15 @@ def is_mesh(path: str | Path) -> bool:
 
 def _read_content(path: Path) -> bytes:
     """All bytes of a mesh's file, unless it would fill the memory."""
-    if path.is_dir():
-        raise InputError(path, "is a folder", "Give the path of the mesh in it.")
-    if not path.is_file():
-        raise InputError(
-            path, "no such file", "Correct the path of the mesh in the config."
-        )
+    check_input(path, "Correct the path of the mesh in the config.")
     if path.suffix.lower() not in _READ:
         problem = f"'{path.suffix}' is not a mesh format that is read here"
         raise InputError(
             path, problem, f"Export the mesh as one of {', '.join(_READ)}."
         )
-    check_size(path)
     if zipfile.is_zipfile(path):
         return _check_parts(path, plain_zip(path))
-    if not (content := path.read_bytes()):
-        raise InputError(path, "the file is empty", "Copy it, or export it, again.")
-    return content
+    return path.read_bytes()
 
 
 def _check_parts(path: Path, content: io.BytesIO) -> bytes:
@@ -301,9 +293,9 @@ def _binary_stl(path: Path, content: bytes) -> PlainText:
     own, more = corners[:stated], corners[stated:]
     if stated and len(more):
         lowest, highest = own.min(axis=(0, 1)), own.max(axis=(0, 1))
-        is_inside = ((lowest <= more) & (more <= highest)).all(axis=(1, 2))
-        is_no_padding = more.any(axis=(1, 2))
-        if (is_inside & is_no_padding).any():
+        is_inside = (lowest <= more) & (more <= highest)
+        is_padding = ~more.any(axis=(1, 2))
+        if (is_inside.all(axis=(1, 2)) & ~is_padding).any():
             problem = f"states {stated} triangles, but more follow: it is damaged"
             raise InputError(path, problem, EXPORT_AGAIN)
     header = content[:80] + stated.to_bytes(4, "little")

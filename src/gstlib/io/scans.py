@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from gstlib.errors import NOTE, FaultError, InputError, refuse
-from gstlib.io.files import check_size
+from gstlib.io.files import check_input
 from gstlib.io.instruments import instrument_endings, plain_text, read_instrument_file
 from gstlib.io.plu import read_plu
 from gstlib.io.points import read_points
@@ -92,9 +92,8 @@ def read_scan(
 
     Notes
     -----
-    If a file has several height maps, the first is read, with a warning. There is also a warning if
-    many points share a height, or if the spacing seems to be computed with one point too few. If a
-    shared height is far from all others, its points count as unmeasured.
+    If a file has several height maps, the first is read, with a note. There is a warning if many
+    points share a height. If this height is far from all others, its points count as unmeasured.
 
     Examples
     --------
@@ -113,15 +112,7 @@ def read_scan(
         raise InputError(
             path, f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}."
         )
-    if path.is_dir():
-        raise InputError(path, "is a folder", "Give the path of one scan in it.")
-    if not path.is_file():
-        raise InputError(
-            path, "no such file", "Correct the name in the patch table, or the folder."
-        )
-    if path.stat().st_size == 0:
-        raise InputError(path, "the file is empty", "Copy it, or export it, again.")
-    check_size(path)
+    check_input(path, "Correct the name in the patch table, or the folder.")
     ending = path.suffix.lower()
     if read_text := _TEXT_READERS.get(ending):
         raw, steps, length, attrs = read_text(path, unit, spacing_um)
@@ -134,8 +125,7 @@ def read_scan(
     if steps is not None and length is not None:
         steps_mm = steps[0] * length, steps[1] * length
     if length is None or steps_mm is None:
-        has_spacing = steps is not None or spacing_um is not None
-        raise _not_stated(path, unit=length is None, spacing=not has_spacing)
+        raise _not_stated(path, unit=length is None, spacing=not (steps or spacing_um))
     spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in steps_mm)
     with np.errstate(all="ignore"):  # overflows are refused below
         heights = raw * length
@@ -144,7 +134,6 @@ def read_scan(
     _mind_held(path, heights)
     _check_plausible(path, heights, spacing, states_unit=attrs["unit_stated"] == "yes")
     _refuse_lost_block(path, heights)
-    _mind_step_too_few(path, heights.shape, spacing)
     attrs = {name: plain_text(value) for name, value in attrs.items()}
     if "layer" in attrs:
         _log.log(NOTE, "%s: only %s, is read", path, attrs["layer"])
@@ -179,28 +168,6 @@ def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:
         f"Set {', and '.join(keys.values())}, or export the scan in a format that states them "
         "(.plu, .plux, .sur, .x3p, .al3d, ...).",
     )
-
-
-def _mind_step_too_few(
-    path: Path, shape: tuple[int, ...], spacing: tuple[float, ...]
-) -> None:
-    """Warn if the points would be square with the length divided by n points, not n - 1."""
-    dy, dx = spacing
-    if min(shape) > 1:
-        true_y, true_x = (
-            step * (n - 1) / n for step, n in zip(spacing, shape, strict=True)
-        )
-        oblongness = abs(dx / dy - 1)
-        if oblongness > 1e-5 and abs(true_x / true_y - 1) < 0.1 * oblongness:
-            _log.warning(
-                "%s: its points are %.5g × %.5g µm apart, as if a length of n points had been "
-                "divided by n - 1. The right spacing would be %.5g µm. Export the scan in another "
-                "format and compare",
-                path,
-                1e3 * dx,
-                1e3 * dy,
-                1e3 * true_x,
-            )
 
 
 def cut_scan(

@@ -7,8 +7,6 @@ reads the first revision of the standard only, and takes seconds to import.
 
 import contextlib
 import datetime
-import hashlib
-import logging
 import re
 import zipfile
 from collections.abc import Callable
@@ -22,8 +20,6 @@ from gstlib.io.containers import read_member
 from gstlib.io.stage import RawMap, stage_attrs
 
 __all__ = ["read_x3p"]
-
-_log = logging.getLogger(__name__)
 
 # Heights of each data type: whole steps, and floating-point numbers.
 _STEPS = {"I": "<i2", "L": "<i4"}
@@ -56,8 +52,8 @@ def read_x3p(path: Path) -> RawMap:
             raise InputError(path, problem, _EXPORT_AGAIN)
         ny, nx = (int(_text(root, f"Record3/MatrixDimension/Size{a}")) for a in "YX")
         # for a stack of maps, this fails
-        stored = _stored(path, root, read).reshape(ny, nx)
-        is_measured = _mask(path, root, read, ny * nx).reshape(ny, nx)
+        stored = _stored(root, read).reshape(ny, nx)
+        is_measured = _mask(root, read, ny * nx).reshape(ny, nx)
     dx, x = _scale(path, root, "X")
     dy, y = _scale(path, root, "Y")
     step, lowest = _scale(path, root, "Z")
@@ -112,43 +108,25 @@ def _scale(path: Path, root: ElementTree.Element, axis: str) -> tuple[float, flo
     return float(increment), float(root.findtext(f"{where}/Offset") or 0)
 
 
-def _stored(
-    path: Path, root: ElementTree.Element, read: Callable[[str], bytes]
-) -> np.ndarray:
+def _stored(root: ElementTree.Element, read: Callable[[str], bytes]) -> np.ndarray:
     """The stored heights of all points, in steps or m."""
     listed = root.find("Record3/DataList")
     if listed is None or root.findtext("Record3/DataLink/PointDataLink"):
         content = read(_text(root, "Record3/DataLink/PointDataLink"))
-        _mind_sum(path, root, content, "PointData")
         data_type = _text(root, "Record1/Axes/CZ/DataType").upper()
         return np.frombuffer(content, (_STEPS | _NUMBERS)[data_type])
     return np.array([cell.text or "nan" for cell in listed.findall("Datum")], float)
 
 
 def _mask(
-    path: Path, root: ElementTree.Element, read: Callable[[str], bytes], count: int
+    root: ElementTree.Element, read: Callable[[str], bytes], count: int
 ) -> np.ndarray:
     """Whether each of the points (count,) is measured, in one bit each."""
     name = root.findtext("Record3/DataLink/ValidPointsLink")
     if not name:
         return np.ones(count, bool)
-    content = read(name)
-    _mind_sum(path, root, content, "ValidPoints")
-    octets = np.frombuffer(content, "u1").reshape((count + 7) // 8)
+    octets = np.frombuffer(read(name), "u1").reshape((count + 7) // 8)
     return np.unpackbits(octets, count=count, bitorder="little").astype(bool)
-
-
-def _mind_sum(path: Path, root: ElementTree.Element, content: bytes, tag: str) -> None:
-    """Warn if the MD5 sum of a member differs from the index. Zeros mean a missing sum."""
-    stated = root.findtext(f"Record3/DataLink/MD5Checksum{tag}", "").lower()
-    own = hashlib.md5(content, usedforsecurity=False).hexdigest()
-    if re.fullmatch("(?!0+$)[0-9a-f]{32}", stated) and stated != own:
-        _log.warning(
-            "%s: its %s do not have the MD5 sum in its main.xml, so they may be damaged. "
-            "Compare the file with the original one",
-            path,
-            tag,
-        )
 
 
 def _instrument(root: ElementTree.Element) -> dict[str, str]:

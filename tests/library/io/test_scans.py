@@ -45,16 +45,6 @@ def test_a_plu_is_read_back_by_the_library_that_reads_the_instruments_own(
     assert topography.unit == "µm"
 
 
-def test_a_length_divided_by_one_point_too_few_is_warned_of(tmp_path, caplog):
-    heights = np.random.default_rng(1).random((60, 96)) * 1e-3
-    write_plu(tmp_path / "a.plu", heights, (1.801e-3, 1.8e-3))
-    read_scan(tmp_path / "a.plu")
-    assert not caplog.records
-    write_plu(tmp_path / "a.plu", heights, (1.8515e-3 * 60 / 59, 1.8515e-3 * 96 / 95))
-    read_scan(tmp_path / "a.plu")
-    assert "1.8515 µm" in caplog.text
-
-
 # --- x3p ----------------------------------------------------------------------------------------
 
 
