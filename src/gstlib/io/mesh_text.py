@@ -16,12 +16,13 @@ from gstlib.errors import InputError
 __all__ = [
     "EXPORT_AGAIN",
     "PlainText",
+    "check_count",
     "plain_obj",
     "plain_off",
     "plain_ply",
     "plain_stl",
+    "unit_word",
 ]
-__all__ += ["unit_word"]
 
 EXPORT_AGAIN = "Export the mesh again as triangles (binary STL or PLY)."
 # Bytes of a face in an OBJ: of a thousand corners, which trimesh needs a thousand times for.
@@ -101,7 +102,7 @@ def plain_off(path: Path, content: bytes) -> PlainText:
         raise _no_header(path)
     vertices, faces = map(int, header.groups())
     rows = text[header.end() :].splitlines()
-    _check_rows(path, len(rows), vertices + faces)
+    check_count(path, len(rows), vertices + faces, "rows")
     # a face begins with the count of its corners
     counts = [row.partition(b" ")[0] for row in rows[vertices:]]
     triangles = sum(int(count) - 2 for count in counts if count.isdigit())
@@ -131,7 +132,7 @@ def plain_ply(path: Path, content: bytes) -> PlainText:
     rows = body.splitlines()
     elements = [*_elements(kept)]
     stated = sum(count for _, count, _ in elements)
-    _check_rows(path, len(rows), stated)
+    check_count(path, len(rows), stated, "rows")
     faces, left = 0, iter(rows)
     for name, count, is_list in elements:
         corners = [
@@ -217,9 +218,10 @@ def _corners(path: Path, row: bytes, is_list: Sequence[bool]) -> int:
     raise InputError(path, problem, EXPORT_AGAIN)
 
 
-def _check_rows(path: Path, count: int, stated: int) -> None:
-    if count != stated:
-        problem = f"has {count} rows, but states {stated}: it is cut or damaged"
+def check_count(path: Path, count: int, stated: int | None, what: str) -> None:
+    """Refuse a file that contains another number of something than it states."""
+    if stated not in (None, count):
+        problem = f"has {count} {what}, but states {stated}: it is cut or damaged"
         raise InputError(path, problem, EXPORT_AGAIN)
 
 

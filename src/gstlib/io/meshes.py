@@ -29,6 +29,7 @@ from gstlib.io.mesh_sizes import (
 from gstlib.io.mesh_text import (
     EXPORT_AGAIN,
     PlainText,
+    check_count,
     plain_obj,
     plain_off,
     plain_ply,
@@ -287,7 +288,8 @@ def _binary_stl(path: Path, content: bytes) -> PlainText:
     if stated in _STREAMED and count > 0 and not left:
         stated = count
     elif stated > count:
-        raise _other_count(path, max(count, 0), stated)
+        needed = _STL_HEADER + stated * _RECORD.itemsize
+        check_count(path, len(content), needed, "bytes")
     end = _STL_HEADER + stated * _RECORD.itemsize
     corners = np.frombuffer(content, _RECORD, count, _STL_HEADER)["corners"]
     own, more = corners[:stated], corners[stated:]
@@ -330,18 +332,12 @@ def _load(path: Path, content: bytes) -> tuple[list[_Part], str | None, bool]:
         problem = f"states a unit that 3MF does not have, {word!r}"
         raise InputError(path, problem, "Export it again, in millimeter.")
     count = sum(len(part.faces) for part in parts)
-    if plain.faces not in (None, count):
-        raise _other_count(path, count, plain.faces)
+    check_count(path, count, plain.faces, "triangles")
     if count == 0:
         raise InputError(
             path, "the mesh has no faces", "Export it again, with its triangles."
         )
     return parts, STATED_UNITS.get(word), plain.is_ended
-
-
-def _other_count(path: Path, count: int, stated: int | None) -> InputError:
-    problem = f"{count} triangles can be read, but the file states {stated}: it is cut or damaged"
-    return InputError(path, problem, EXPORT_AGAIN)
 
 
 def _scene(content: bytes, kind: str) -> "trimesh.Scene":

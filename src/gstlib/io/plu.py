@@ -16,10 +16,10 @@ from gstlib.errors import FaultError, InputError, refuse
 from gstlib.io.files import write_whole
 from gstlib.io.stage import RawMap, stage_attrs
 
-__all__ = ["PLU_UNMEASURED_UM", "read_plu", "write_plu"]
+__all__ = ["read_plu", "write_plu"]
 
 # The instrument's own mark of an unmeasured point.
-PLU_UNMEASURED_UM = 1000001.0
+_UNMEASURED_UM = 1000001.0
 
 _HEADER = 508  # bytes, with the rows and columns of the first layer
 _LARGEST_SIDE = 1 << 16
@@ -55,13 +55,7 @@ def read_plu(path: Path) -> RawMap:
         highest height differs from the stated one.
     """
     content = path.read_bytes()
-    size = len(content)
-    if size < _HEADER:
-        raise InputError(
-            path,
-            f"{size} bytes are less than a .plu header: the file is truncated",
-            "Export or copy the scan again.",
-        )
+    _check_size(path, content, _HEADER)
     (kind,) = struct.unpack_from("<I", content, 428)
     ny, nx = struct.unpack_from("<2I", content, 500)
     is_map = min(ny, nx) > 0 and max(ny, nx) < _LARGEST_SIDE
@@ -72,19 +66,13 @@ def read_plu(path: Path) -> RawMap:
             f"topography (type {_TYPE_TOPOGRAPHY})",
             "Export the whole topography, or correct the file's ending.",
         )
-    needed = _HEADER + 4 * ny * nx + _ENDS.size
-    if size < needed:
-        raise InputError(
-            path,
-            f"{ny} × {nx} points take {needed} bytes, but the file has {size}: it is truncated",
-            "Export or copy the scan again.",
-        )
+    end = _HEADER + 4 * ny * nx
+    _check_size(path, content, end + _ENDS.size)
     stored = np.frombuffer(content, "<f4", ny * nx, _HEADER).reshape(ny, nx)
     with np.errstate(invalid="ignore"):  # some bytes are no numbers
         heights = stored.astype(float)
-    heights[heights == PLU_UNMEASURED_UM] = np.nan
-    ends = _ENDS.unpack_from(content, needed - _ENDS.size)
-    _check_ends(path, heights, ends)
+    heights[heights == _UNMEASURED_UM] = np.nan
+    _check_ends(path, heights, _ENDS.unpack_from(content, end))
     dx, dy, x, y = struct.unpack_from("<4f", content, 404)
     (objective,) = struct.unpack_from("<I", content, 440)
     layers, version, instrument = content[489:492]
@@ -107,6 +95,12 @@ def read_plu(path: Path) -> RawMap:
     return heights, (dy, dx), 1e-3, attrs
 
 
+def _check_size(path: Path, content: bytes, needed: int) -> None:
+    if len(content) < needed:
+        problem = f"takes {needed} bytes, but has {len(content)}: it is truncated"
+        raise InputError(path, problem, "Export or copy the scan again.")
+
+
 def _check_ends(path: Path, heights: np.ndarray, stated: tuple[float, float]) -> None:
     """Refuse heights with missing or added bytes, after which other bytes follow.
 
@@ -116,7 +110,7 @@ def _check_ends(path: Path, heights: np.ndarray, stated: tuple[float, float]) ->
     if not measured.size:
         return
     lowest, highest = float(measured.min()), float(measured.max())
-    none = {-PLU_UNMEASURED_UM, PLU_UNMEASURED_UM}
+    none = {-_UNMEASURED_UM, _UNMEASURED_UM}
     if stated[0] not in none | {lowest} or stated[1] not in none | {highest}:
         problem = (
             f"holds heights from {lowest:g} to {highest:g} µm, but states {stated[0]:g} to "
@@ -158,7 +152,7 @@ def write_plu(
     heights_um = np.asarray(heights, dtype=float) * 1e3
     values = heights_um.astype("<f4")
     stored = values.copy()
-    stored[np.isnan(values)] = PLU_UNMEASURED_UM
+    stored[np.isnan(values)] = _UNMEASURED_UM
     is_measured = np.isfinite(values)
     measured = values[is_measured] if is_measured.any() else stored
     lowest, highest = float(measured.min()), float(measured.max())

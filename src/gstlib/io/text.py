@@ -7,7 +7,7 @@ from coordinates in the first row and column.
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -94,43 +94,29 @@ def read_matrix(
     `unit` and `spacing_um` are from the config, and coordinates must agree with them.
     """
     table = read_table(path)
-    header = "\n".join(table.header)
     if table.is_split:
         problem = (
             "blank lines or comments divide its rows into blocks, like several maps"
         )
         raise InputError(path, problem, "Keep one map in each file.")
     numbers = numbers_in(path, table)
-    ny, nx = numbers.shape
-    grid = {name.lower(): cell for name, cell in _ESRI.findall(header)}
-    is_grid = {"ncols", "nrows"} <= grid.keys()
-    stated = {}
-    for name, number, symbol in _GWYDDION.findall(header):
-        count = float(number.replace(",", ".") or 1)
-        stated[name] = count * HEADER_UNITS[symbol]
-    is_stated = len(stated) == 3
-    if is_grid or is_stated:  # and nothing but heights follows
+    header = "\n".join(table.header)
+    raw = _esri_grid(path, header, numbers) or _gwyddion_map(header, numbers)
+    if raw is not None:  # and nothing but heights follows the header
         refuse_odd_decimals(path, table.rows, table.mark)
         refuse_corner(path, table)
-    if is_grid:
-        return _esri_grid(path, grid, numbers)
-    is_list = nx == 3 < ny or (nx <= _MOST_COLUMNS and ny > _LONG * nx)
-    if nx < 3 or (is_list and not is_stated):
+        return raw
+    ny, nx = numbers.shape
+    is_long = nx <= _MOST_COLUMNS and ny > _LONG * nx
+    if nx < 3 or nx == 3 < ny or is_long:
         raise InputError(
             path,
             f"has {nx} columns and {ny} rows, as profiles and points have, not a map",
             "If it holds points x, y, z, change its ending to .xyz; else export the whole map.",
         )
-    if is_stated:
-        length = stated["Value"]
-        steps = stated["Height"] / ny / length, stated["Width"] / nx / length
-        return numbers, steps, length, {}
     refuse_statements(path, [*table.header, table.corner], unit)
-    return (
-        *_without_coordinates(path, table, numbers, step_in_units(unit, spacing_um)),
-        None,
-        {},
-    )
+    step = step_in_units(unit, spacing_um)
+    return *_without_coordinates(path, table, numbers, step), None, {}
 
 
 def refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> None:
@@ -172,12 +158,8 @@ def _without_coordinates(
         refuse_corner(path, table)
     steps = _steps_between(path, ticks, numbers[0, 0], config_step)
     heights = numbers[int(has_x) :, int(has_y) :]
-    again = (
-        [_ticks(path, lines) for lines in (heights, heights.T)]
-        if has_x or has_y
-        else []
-    )
-    if any(each is not None for each in again):
+    rest = (heights, heights.T) if has_x or has_y else ()
+    if any(_ticks(path, lines) is not None for lines in rest):
         problem = "has two rows or columns of coordinates in one direction"
         raise InputError(path, problem, "Keep one of them, or none.")
     rows = table.rows[int(has_x) :]
@@ -302,14 +284,31 @@ def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) ->
         )
 
 
-def _esri_grid(path: Path, header: Mapping[str, str], heights: np.ndarray) -> RawMap:
+def _gwyddion_map(header: str, heights: np.ndarray) -> RawMap | None:
+    """Heights, spacing and unit, if the header is that of Gwyddion."""
+    stated = {}
+    for name, number, symbol in _GWYDDION.findall(header):
+        count = float(number.replace(",", ".") or 1)
+        stated[name] = count * HEADER_UNITS[symbol]
+    if len(stated) < 3:
+        return None
+    ny, nx = heights.shape
+    length = stated["Value"]
+    steps = stated["Height"] / ny / length, stated["Width"] / nx / length
+    return heights, steps, length, {}
+
+
+def _esri_grid(path: Path, header: str, heights: np.ndarray) -> RawMap | None:
     """Heights and spacing of an ESRI ASCII grid, whose first row has the highest y."""
+    cells = {name.lower(): cell for name, cell in _ESRI.findall(header)}
+    if not {"ncols", "nrows"} <= cells.keys():
+        return None
     try:
-        stated = {name: float(cell.replace(",", ".")) for name, cell in header.items()}
+        stated = {name: float(cell.replace(",", ".")) for name, cell in cells.items()}
         shape = stated["nrows"], stated["ncols"]
-        spacing = [
+        dy, dx = (
             stated[name if name in stated else "cellsize"] for name in ("dy", "dx")
-        ]
+        )
     except (KeyError, ValueError) as error:
         problem = f"the header of an ESRI grid does not contain a number for {error}"
         raise InputError(path, problem, "Export the grid again.") from error
@@ -322,4 +321,4 @@ def _esri_grid(path: Path, header: Mapping[str, str], heights: np.ndarray) -> Ra
             "Export it again, with one row of the grid a line.",
         )
     heights[heights == stated.get("nodata_value", _ESRI_UNMEASURED)] = np.nan
-    return heights[::-1], (spacing[0], spacing[1]), None, {}
+    return heights[::-1], (dy, dx), None, {}

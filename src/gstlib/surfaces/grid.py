@@ -61,18 +61,14 @@ def make_surface(
     steps = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
     if not (np.isfinite(steps).all() and (steps > 0).all()):
         raise ValueError(f"spacing must be positive and finite, not {spacing}")
-    dy, dx = steps
-    ny, nx = heights.shape
-    y_attrs, x_attrs = (
-        {"units": "mm", "long_name": f"{axis} position"} for axis in "yx"
-    )
+    coords = {}
+    for axis, count, step in zip("yx", heights.shape, steps, strict=True):
+        attrs_of_axis = {"units": "mm", "long_name": f"{axis} position"}
+        coords[axis] = (axis, axis_coordinates(count, step), attrs_of_axis)
     return xr.DataArray(
         heights,
         dims=("y", "x"),
-        coords={
-            "y": ("y", axis_coordinates(ny, dy), y_attrs),
-            "x": ("x", axis_coordinates(nx, dx), x_attrs),
-        },
+        coords=coords,
         name="height",
         attrs={"units": "mm", "long_name": long_name, **attrs},
     )

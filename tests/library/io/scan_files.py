@@ -104,16 +104,9 @@ def write_sdf(path, heights, spacing):
     path.write_bytes(header + values.astype("<f8").tobytes())
 
 
-# Of 512 bytes: mark and kind; names; coding; steps and points; increments; axes and units; time;
-# what follows; the stage.
-SUR_HEADER = struct.Struct(
-    "<12sHHHH 30s30s HHHHH8xH iiiiI fff 48x 16s16s16s 16s16s16s fffHHH12x 7Hf I6x HH128s fff 34x"
-)
-
-
 def write_sur(path, heights, spacing, kind=2, compressed=False, stage_mm=(0, 0)):
     """Steps along x in mm, along y in µm; heights in nm, in steps of 1 pm."""
-    ny, nx = heights.shape
+    (ny, nx), (dy, dx), (x, y) = heights.shape, spacing, stage_mm
     steps = np.round(heights * 1e9)
     unmeasured = np.isnan(steps)
     lowest = 0 if unmeasured.all() else int(np.nanmin(steps))
@@ -122,18 +115,22 @@ def write_sur(path, heights, spacing, kind=2, compressed=False, stage_mm=(0, 0))
     if compressed:
         packed = zlib.compress(content)
         content = struct.pack("<III", 1, len(content), len(packed)) + packed
-    units = [b"mm", b"\xb5m", b"nm"]
-    header = SUR_HEADER.pack(
-        *(b"DSCOMPRESSED" if compressed else b"DIGITAL SURF", 0, 1, 1, kind),
-        *(b"a stone", b"a profiler"),
-        *(0, 2, 0, int(unmeasured.any()), 1, 32),
-        *(lowest, int(values.max(initial=0)), nx, ny, nx * ny),
-        *(spacing[1], spacing[0] * 1e3, 1e-3),
-        *(*units, *units, 1, 1, 1),
-        *(1, 0, 0, 13, 40, 11, 19, 4, 2021, 1, 1.0),
-        *(len(content) * compressed, len(comment), 0, b""),
-        *(stage_mm[0], stage_mm[1] * 1e3, 0),
-    )
+    size = nx, ny, nx * ny
+    parts = [
+        (0, "12s", b"DSCOMPRESSED" if compressed else b"DIGITAL SURF"),
+        (18, "H", kind),
+        (50, "30s", b"a profiler"),
+        (86, "H", int(unmeasured.any())),
+        (98, "H5i", 32, lowest, int(values.max(initial=0)), *size),
+        (120, "3f", dx, dy * 1e3, 1e-3),
+        (180, "16s16s16s16s16s16s", *2 * [b"mm", b"\xb5m", b"nm"]),
+        (306, "7H", 13, 40, 11, 19, 4, 2021, 1),  # the time
+        (334, "H", len(comment)),
+        (466, "2f", x, y * 1e3),
+    ]
+    header = bytearray(512)
+    for at, kinds, *numbers in parts:
+        struct.pack_into(f"<{kinds}", header, at, *numbers)
     path.write_bytes(header + comment + content)
 
 
@@ -161,10 +158,8 @@ def matrix_writer(separator, unmeasured, point="."):
 
 
 # 32-bit words that mean trouble: extreme integers, infinity and NaN
-WHOLE = 1, 2**31 - 1, 2**31, 2**32 - 1
-NUMBERS = math.nan, math.inf, 1e30
-WORDS = [struct.pack("<I", number) for number in WHOLE]
-WORDS += [struct.pack("<f", number) for number in NUMBERS]
+WORDS = [struct.pack("<I", number) for number in (1, 2**31 - 1, 2**31, 2**32 - 1)]
+WORDS += [struct.pack("<f", number) for number in (math.nan, math.inf, 1e30)]
 TEXTS = [b"nan", b"-1", b"1e999", b"99999999999", b"\0", b",", b"\n", b"#", b"<a>"]
 
 
@@ -175,15 +170,13 @@ def damaged(draw, content):
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = {name: archive.read(name) for name in archive.namelist()}
         name = draw(st.sampled_from(sorted(members)))
-        return zipped(
-            members | {name: draw(damaged(members[name]))}, zipfile.ZIP_STORED
-        )
-    in_header = st.integers(0, min(len(content), 600))
-    place = draw(in_header | st.integers(0, len(content)))
+        members[name] = draw(damaged(members[name]))
+        return zipped(members, zipfile.ZIP_STORED)
+    in_header, anywhere = (st.integers(0, min(len(content), n)) for n in (600, 1 << 30))
+    start = draw(in_header | anywhere)
+    new = draw(st.sampled_from([b"", bytes(400), *WORDS, *TEXTS]))
     lost = draw(st.sampled_from([0, 1, 4, 400, len(content)]))
-    odd = st.sampled_from([b"", bytes(400), *WORDS, *TEXTS])
-    new = draw(odd | st.binary(max_size=9))
-    return content[:place] + new + content[place + lost :]
+    return content[:start] + new + content[start + lost :]
 
 
 @dataclass(frozen=True)

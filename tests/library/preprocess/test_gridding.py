@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
 from gstlib.errors import InputError, accepting
 from gstlib.macroscale.face import grid_macroscale, thin_stone
-from gstlib.preprocess import use_face
 from gstlib.preprocess.mesh import grid_mesh, gridding_table
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import Frame
@@ -188,23 +186,6 @@ def test_on_a_smooth_surface_a_smooth_interpolation_is_best():
     table = gridding_table(best)
     assert table.interpolation[table.chosen].tolist() == [chosen]
     assert_array_equal(table.left_out_rms_um, 1e3 * rms)
-
-
-def test_errors_are_those_of_a_group_left_out(monkeypatch):
-    mesh = sheet(smooth)
-    monkeypatch.setattr(use_face, "_MARGIN_MM", 9.0)  # the cloud is the whole sheet
-    surface = gridded(mesh, interpolation="linear")
-    places, z = mesh.vertices[:, :2], mesh.vertices[:, 2]
-    inside = np.flatnonzero((np.abs(places - 2.5) <= 2.5).all(axis=1))
-    assert_array_equal(surface.vertex_x, places[inside, 0])
-    assert_array_equal(surface.vertex_y, places[inside, 1])
-    group = np.random.default_rng(1).permutation(len(inside)) % 8 == 3
-    left = inside[group]
-    others = np.setdiff1d(np.arange(len(z)), left)
-    predicted = LinearNDInterpolator(places[others], z[others])(places[left])
-    assert_allclose(surface.left_out_error[group], z[left] - predicted, atol=1e-12)
-    everywhere = np.sqrt(np.mean(surface.left_out_error**2))
-    assert_allclose(surface.left_out_rms, [everywhere])
 
 
 # --- The face around the square ----------------------------------------------------------------
