@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from runner import RESULTS, options, save
 
-from gstlib.bem import load_path, measure_roughness
+from gstlib.bem import load_path
 from gstlib.bem.closed_forms import persson_contact_fraction
 from gstlib.io.tables import read_table
 from gstlib.specimen.randomness import self_affine_field
@@ -39,20 +39,25 @@ def measured(shortest, seed):
         roll_off=ROLL_OFF,
         shortest=shortest / COUNT,
     )
-    surface = measure_roughness(heights, 1 / COUNT, periodic=True)
+    heights = heights - heights.mean()
+    # Moments of the spectrum: of heights, slopes and curvatures (P. R. Nayak, 1971).
+    along = 2 * np.pi * np.fft.fftfreq(COUNT, 1 / COUNT)
+    squared = np.add.outer(along**2, along**2)
+    waves = np.abs(np.fft.fft2(heights)) ** 2 / COUNT**4
+    m0, m2, m4 = ((squared**power * waves).sum() for power in range(3))
     rows = []
     for load in LOADS:
-        pressure = load * surface.slope
+        pressure = load * np.sqrt(m2)
         options = {"target_pressure": pressure, "steps": 1, "periodic": True}
         path = load_path(heights, 1 / COUNT, 1.0, **options)
         row = {
             "shortest": shortest,
             "seed": seed,
             "load": load,
-            "nayak": surface.nayak,
+            "nayak": 1.5 * m0 * m4 / m2**2,
             "contact": path.final.corrected_fraction,
-            "stiffness": path.stiffness[0] / pressure * surface.height,
-            "gap": float(path.final.gap.mean()) / surface.height,
+            "stiffness": path.stiffness[0] / pressure * np.sqrt(m0),
+            "gap": float(path.final.gap.mean()) / np.sqrt(m0),
         }
         rows.append(row)
     return rows

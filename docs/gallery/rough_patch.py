@@ -11,12 +11,13 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gstlib.bem import contact_modulus, load_path, measure_roughness
+from gstlib.bem import contact_modulus, load_path
 from gstlib.bem.closed_forms import BUSH_SLOPE, PERSSON_SLOPE
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.specimen.randomness import self_affine_field
+from gstlib.surfaces.grid import spacing_of
 
 file = Path("rough_patch.plu")
 if not file.exists():  # self-affine, 0.85 mm wide, with an r.m.s. height of 2 µm
@@ -32,7 +33,9 @@ path = load_path(height, contact_modulus=modulus, target_pressure=22.0, steps=12
 
 # Theories of rough contact predict the area A under small loads: A/A₀ = κ p/(E* h′), with the
 # r.m.s. slope h′, and κ = √(8/π) (Persson) or √(2π) (Bush, Gibson and Thomas).
-load = path.mean_pressure / (modulus * measure_roughness(height).slope)
+steps = [np.diff(height.values, axis=axis) for axis in (0, 1)]
+slope = np.sqrt(sum((step**2).mean() for step in steps)) / spacing_of(height)[0]
+load = path.mean_pressure / (modulus * slope)
 print(f"contact: {100 * path.contact_fraction[-1]:.2f} % of the patch")
 print(f"highest pressure: {float(path.final.pressure.max()):.0f} MPa")
 theories = f"{PERSSON_SLOPE:.2f} and {BUSH_SLOPE:.2f}"

@@ -6,19 +6,20 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from gstlib.bem import contact_modulus, solve_contact
-from gstlib.bem.closed_forms import Wave
 from gstlib.surfaces.grid import make_surface
 
 n, side, waves = 256, 1.0, 4  # elements, mm
 modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa
-wave = Wave(1e-3, side / waves, modulus)  # an amplitude of 1 µm
+amplitude, wavelength = 1e-3, side / waves  # mm
+full_contact = np.pi * modulus * amplitude / wavelength  # MPa, mean pressure
 
 x = (np.arange(n) + 0.5) * side / n
-profile = wave.amplitude * np.cos(2 * np.pi * x / wave.wavelength)
+profile = amplitude * np.cos(2 * np.pi * x / wavelength)
 surface = make_surface(np.tile(profile, (n, 1)), side / n)
 
 # %%
-loads = wave.full_contact_pressure * np.linspace(0.02, 0.98, 13)
+shares = np.linspace(0.02, 0.98, 13)
+loads = full_contact * shares
 periodic, free = (
     [
         solve_contact(
@@ -32,7 +33,8 @@ areas, free_areas = (
     np.array([state.contact_fraction for state in states])
     for states in (periodic, free)
 )
-exact = np.array([wave.contact_fraction(load) for load in loads])
+# Westergaard (Johnson, Contact Mechanics, sect. 13.2): area and pressure
+exact = 2 / np.pi * np.arcsin(np.sqrt(shares))
 difference = np.abs(areas - exact).max()
 half = len(loads) // 2
 print(f"largest difference of periodic and Westergaard: {difference:.3f}")
@@ -49,7 +51,9 @@ left.set(xlabel="mean pressure (MPa)", ylabel="contact fraction")
 left.legend()
 right.plot(x, periodic[half].pressure[n // 2], label="periodic")
 right.plot(x, free[half].pressure[n // 2], label="free")
-right.plot(x, wave.pressure(x, loads[half]), "k--", label="Westergaard")
+inside = np.maximum(shares[half] - np.sin(np.pi * x / wavelength) ** 2, 0)
+pressure = 2 * full_contact * np.abs(np.cos(np.pi * x / wavelength)) * np.sqrt(inside)
+right.plot(x, pressure, "k--", label="Westergaard")
 right.set(xlabel="x (mm)", ylabel="pressure (MPa)", ylim=(0, 6 * loads[half]))
 right.legend()
 figure.savefig("waves.png", dpi=120)

@@ -9,8 +9,6 @@ from .halfspace import contact_modulus as contact_modulus
 from .layer import Layer as Layer
 from .loading import LoadPath as LoadPath
 from .loading import load_path as load_path
-from .roughness import Roughness as Roughness
-from .roughness import measure_roughness as measure_roughness
 from .solver import solve_contact as solve_contact
 from .state import ContactState as ContactState
 from .wear import ThirdBody as ThirdBody

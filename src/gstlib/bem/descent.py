@@ -1,11 +1,12 @@
 """The iterations: bound-constrained conjugate gradients on the elements that may be in contact."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from .halfspace import APPROXIMATION_ERROR
-from .window import dot
+from .window import Window, dot
 
 __all__ = ["MAX_ITERATIONS", "descend"]
 
@@ -31,6 +32,7 @@ _PATIENCE = 80
 _LARGE_ERROR = 0.3
 
 
+@dataclass
 class _Response:
     """The displacement (mm) of a pressure (MPa) on a window, followed change by change.
 
@@ -38,13 +40,10 @@ class _Response:
     admissible one by the last cut, and `field` from its displacement by `error` at most.
     """
 
-    def __init__(self, window, pressure, field, error):
-        self.window, self.pressure, self.field, self.error = (
-            window,
-            pressure,
-            field,
-            error,
-        )
+    window: Window
+    pressure: np.ndarray
+    field: np.ndarray
+    error: float
 
     def compute(self, pressure):
         """The displacement of a pressure, approximately."""
