@@ -1,19 +1,17 @@
 """Properties of a state and a path, fields like the heights, and doubts about the input."""
 
 import warnings
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 from bem_reference import MODULUS, self_affine
 
-from gstlib.bem import ContactInputError, ContactWarning, load_path, solve_contact
+from gstlib.bem import ContactInputError, ContactWarning, solve_contact
 
 N, SIDE = 96, 0.85
 SPACING = SIDE / N
 HEIGHTS = self_affine(N, seed=3, roll_off=0.05)
-SURFACE = HEIGHTS, SPACING, MODULUS
 # A piece of a surface with waves longer than it.
 PIECE = self_affine(2 * N, seed=1, length=2 * SIDE, roll_off=2 * SIDE)[:N, :N]
 INCLINED = 0.5 * SPACING * np.arange(N)[:, None] + HEIGHTS
@@ -24,16 +22,6 @@ SCAN = xr.DataArray(
     attrs={"units": "mm", "instrument": "confocal"},
 )
 LOAD = {"contact_modulus": MODULUS, "mean_pressure": 20.0}
-
-
-def test_the_rim_is_the_outer_three_elements():
-    state = solve_contact(PIECE, SPACING, MODULUS, mean_pressure=60.0)
-    outer = np.ones((N, N), bool)
-    outer[3 : N - 3, 3 : N - 3] = False
-    share = state.pressure[outer].sum() / state.pressure.sum()
-    assert state.rim_fraction == pytest.approx(share)
-    assert state.rim_area == pytest.approx(outer.mean())
-    assert replace(state, periodic=True).rim_fraction == 0
 
 
 @pytest.mark.parametrize(
@@ -83,9 +71,3 @@ def test_a_data_array_says_its_spacing_and_gets_its_like():
 def test_heights_without_a_certain_size_are_refused(change):
     with pytest.raises(ContactInputError):
         solve_contact(**({"heights": SCAN} | LOAD | change))
-
-
-def test_tables_have_the_units_in_their_names():
-    path = load_path(*SURFACE, target_pressure=20.0, steps=3)
-    np.testing.assert_allclose(path.table().displacement_um, 1e3 * path.displacement)
-    np.testing.assert_allclose(path.table().stiffness_MPa_per_um, 1e-3 * path.stiffness)

@@ -49,21 +49,6 @@ def test_a_step_is_a_contact_behind_springs():
     )
 
 
-@pytest.mark.parametrize(
-    ("body", "within"),
-    [(None, 0.25), (ThirdBody(Layer(300.0, 0.3, 0.3), 0.5, 30.0), 0.35)],
-)
-def test_error_is_of_first_order_in_the_step(body, within):
-    """Of the stone alone, and with the third body in turn."""
-    depths = [
-        wear_path(*SURFACE, **WEAR, steps=steps, third_body=body).depth
-        for steps in (4, 8, 16)
-    ]
-    coarse = np.linalg.norm(depths[1] - depths[0])
-    fine = np.linalg.norm(depths[2] - depths[1])
-    assert coarse / fine == pytest.approx(2, abs=within)
-
-
 def test_a_wave_in_full_contact_wears_flat_exponentially():
     """At the rate q E*/2 for each κ, as the pressure of a wave of amplitude a is a q E*/2."""
     size, amplitude, steps = 128, 1e-4, 20

@@ -152,20 +152,6 @@ def test_a_square_placed_in_a_larger_contact_has_its_pressures(
     np.testing.assert_allclose(contact.pressure, expected, atol=1e-3 * scale)
 
 
-def test_a_scan_turned_by_any_angle_lies_on_the_turned_plane(larger):
-    """Its plane (mm) at its own points is that of the larger one, where they lie on it."""
-    piece = make_surface(np.zeros((12, 12)), 0.1)
-    place = PatchPosition(1.6, 1.4, 33.0)
-    faces = placed_faces(piece, None, larger, place, size_mm=1.2)
-    u = (np.arange(12) - 5.5) * 0.1
-    v = u[:, None]
-    y, x = place.points(v, u)
-    laid = faces.plane.slope_y * v + faces.plane.slope_x * u
-    slope_y, slope_x = slopes(larger)
-    expected = slope_y * (y - place.y_mm) + slope_x * (x - place.x_mm)
-    np.testing.assert_allclose(laid, expected, atol=1e-12)
-
-
 def test_the_square_at_the_faces_resolution_is_the_face_again(larger):
     """The reference, placed in the face: its plane, its surroundings, its share of the force."""
     square = square_of(larger.interface.height, SIZE)

@@ -112,22 +112,6 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
     assert abs(u[raised] - (20.5 * step - PATCH / 2)).max() < step
 
 
-@pytest.mark.parametrize("points", [POINTS, POINTS + 1])
-def test_the_spectrum_is_that_of_scans_turned_a_quarter(points):
-    """Waves along x and along y count alike."""
-    along = axis_coordinates(points, PATCH / points)
-    grooves = np.broadcast_to(
-        1e-3 * np.sin(2 * np.pi * 9 * along / PATCH), 2 * (points,)
-    )
-    flat = mesh_surface()
-    flat["height"] = 0 * flat.height
-    densities = []
-    for heights in (grooves, grooves.T):
-        scan = make_surface(heights, PATCH / points).to_dataset(name="height")
-        densities.append(on_face(flat, dict.fromkeys(PLACES.patch, scan)).density)
-    np.testing.assert_allclose(*densities, rtol=1e-9, atol=1e-20)
-
-
 def test_the_mesh_errors_have_the_size_of_the_left_out_errors():
     face = mesh_surface(error=2e-3)
     drawn = draw_mesh_errors(face, face.height, 50, np.random.default_rng(0))

@@ -67,28 +67,12 @@ def test_a_sound_contact_raises_no_doubt(options):
         ),
         (FAR, {"load_point": (4.0, 4.0), "size_mm": 1.0}, "only .* in the square"),
         (TRIANGLE, {"patch_mm": 0.49}, r"0.49 mm is 4.9 elements"),
+        # a flat punch bears far more at its edges than their share of the area
+        (np.zeros((COUNT, COUNT)), {"load_point": None}, "[2-9]. % of the force acts"),
+        (TRIANGLE, {"force": 0.5, "load_point": (1.83, 3.0)}, r"only 0\.0.* mm inside"),
+        (TRIANGLE + 0.25 * Y, {}, "tilted by 2[45]. mrad"),
+        (TRIANGLE + 0.25 * X, {}, "tilted by 2[45]. mrad"),
     ],
 )
 def test_a_doubt_names_its_cause(height, options, doubt):
     assert any(re.search(doubt, sentence) for sentence in doubts(height, **options))
-
-
-def number_after(words, sentence):
-    return float(re.search(words + r"([\d.e+]+)", sentence)[1])
-
-
-def test_load_at_the_edge_of_what_is_pressed():
-    (doubt,) = doubts(np.zeros((COUNT, COUNT)), load_point=None)
-    # a flat punch bears far more at its edges than their share of the area
-    assert number_after("", doubt) > 100 * (1 - 0.96**2)
-
-
-def test_a_force_near_the_outline_of_what_touches():
-    (doubt,) = doubts(TRIANGLE, force=0.5, load_point=(1.83, 3.0))
-    assert number_after("only ", doubt) < 0.02 * SIDE
-
-
-@pytest.mark.parametrize("along", [Y, X])
-def test_a_stone_that_rests_steeply(along):
-    (doubt,) = doubts(TRIANGLE + 0.25 * along)
-    assert number_after("tilted by ", doubt) == pytest.approx(250, rel=0.05)

@@ -1,7 +1,6 @@
 """Many poses of a stone on another: known sums."""
 
 import numpy as np
-import pandas as pd
 from contacts import around, tiles
 from contacts import pressed as press
 
@@ -49,29 +48,15 @@ def posed(poses, mesh=FACE, shown=()):
     )
 
 
-def assert_is_contact(fields, counterface, load_point):
-    """The only pose is the contact at rest with a face, pressed in a place (y, x)."""
-    alone = press(HEIGHT, counterface, mean_pressure=20.0, load_point=load_point)
-    np.testing.assert_allclose(
-        fields.pressure_sum, alone.pressure, rtol=1e-4, atol=1e-3
-    )
-
-
 def test_a_pose_is_a_contact_at_rest_with_the_shifted_face():
     """A shift by whole elements takes the face from beside the square, without interpolation."""
     pose = stroke().iloc[:1].assign(x_mm=3 * SPACING, y_mm=-2 * SPACING)
     rows, columns = (slice(AROUND + by, AROUND + by + COUNT) for by in (2, -3))
     over = HEIGHT.copy(data=FACE.values[rows, columns])
     load_point = MIDDLE[0] - 2 * SPACING, MIDDLE[1] + 3 * SPACING
-    assert_is_contact(posed(pose), over, load_point)
-
-
-def test_a_stone_without_a_mesh_is_moved_by_its_point_of_force():
-    """To move a paraboloid is to tilt it, and at rest it finds its tilt itself."""
-    pose = stroke().iloc[:1].assign(x_mm=0.2, y_mm=-0.1)
-    load_point = MIDDLE[0] - 0.1, MIDDLE[1] + 0.2
-    moved = rounded_counterface(HEIGHT, 50.0, load_point)
-    assert_is_contact(posed(pose, mesh=None), moved, load_point)
+    alone = press(HEIGHT, over, mean_pressure=20.0, load_point=load_point)
+    pressure = posed(pose).pressure_sum
+    np.testing.assert_allclose(pressure, alone.pressure, rtol=1e-4, atol=1e-3)
 
 
 def test_batches_add_up_to_the_whole():
@@ -115,8 +100,7 @@ def test_a_pose_in_which_the_stone_tips_over_wears_nothing():
 
 def test_a_hand_wanders_normally_and_as_its_seed_says():
     settings = {"load_point_scatter_mm": 1.5, "poses": 4000, "force_N": FORCE}
-    poses, again, other = (scatter_poses(**settings, seed=seed) for seed in (3, 3, 4))
-    pd.testing.assert_frame_equal(poses, again)
+    poses, other = (scatter_poses(**settings, seed=seed) for seed in (3, 4))
     assert not poses.x_mm.equals(other.x_mm)
     points = poses[["x_mm", "y_mm"]]
     np.testing.assert_allclose(points.std(), 1.5, rtol=0.05)

@@ -62,29 +62,28 @@ def test_places_do_not_overlap_and_lie_in_the_square(fields):
 
 
 def test_controls_are_never_touched_and_lie_far_from_what_is(fields, caplog):
+    """The first lies as far as it can from all that is touched, measured between outlines."""
     rub(fields, 2.5, 0.5, 1.0, 5.0)
     for at in ((45, 30), (62, 58)):
-        fields["touched"][at] = (
-            1e-3  # one element of one pose, whose exposure rounds to 0
-        )
+        # one element of one pose, whose exposure rounds to 0
+        fields["touched"][at] = 1e-3
     places = propose_places(fields, **SIZES)
     controls = places[places.kind == CONTROL]
     assert len(controls) == COUNTS[CONTROL]
     assert (controls[["touched", "exposure_N_per_mm"]] == 0).all(axis=None)
-    # each lies as far (between outlines) from what is touched and from the places before as it can
-    rubbed = np.argwhere(fields.touched.values > 0) * ELEMENT - 2.0 + ELEMENT / 2
+    exposed = places[places.kind == EXPOSED][["y_mm", "x_mm"]].to_numpy()
+    touched = np.argwhere(fields.touched.values > 0) * ELEMENT - 2.0 + ELEMENT / 2
+
+    def free(*centre):
+        near = abs(touched - centre).max(axis=1).min() - 0.35
+        return min(near, abs(exposed - centre).max(axis=1).min() - 0.8)
+
     along = np.arange(0.4, 4.61, ELEMENT)
-    centres = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1)
-    points = places[["y_mm", "x_mm"]].to_numpy()
-    for number in controls.index:
-        apart = [abs(centres - at).max(axis=-1) - 0.35 for at in rubbed]
-        apart += [abs(centres - at).max(axis=-1) - 0.8 for at in points[:number]]
-        free = np.min(apart, axis=0)
-        own = abs(centres - points[number]).max(axis=-1) < 1e-6
-        assert free[own] == pytest.approx(free.max())
-    assert (
-        "exposed positions fit" in caplog.text
-    )  # the one spot holds fewer than are asked for
+    farthest = max(free(y, x) for y in along for x in along)
+    first = controls.iloc[0]
+    assert free(first.y_mm, first.x_mm) == pytest.approx(farthest)
+    # the one spot holds fewer than are asked for
+    assert "exposed positions fit" in caplog.text
 
 
 def test_patches_of_broken_elements_are_summed_exactly(fields):
