@@ -70,7 +70,7 @@ from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.composite import compose_surface
 from gstlib.macroscale.equilibrium import solve_at_load
 from gstlib.macroscale.face import grid_macroscale
-from gstlib.microscale.patches import PAPER, Microscale, solve_patch
+from gstlib.microscale.patches import PAPER, Microscale, solve_patches
 from gstlib.preprocess.scans import crop_of, prepare_patch
 from gstlib.settings import Settings
 from gstlib.use.outcome import as_used, pressures_of_use, use_of_study
@@ -269,16 +269,18 @@ class Study:
 
     def contact_in(self, variant: str, patch: str) -> Contact:
         """Contact of a patch at its own pressure in a variant of the coupling."""
-        return solve_patch(
-            self.prepared[patch, "T0"],
+        settings = self.settings["solve_patches"] | {"steps": None}
+        ((_, _, contact),) = solve_patches(
+            {patch: self.prepared[patch, "T0"]},
             self.pressures,
-            Microscale(**self.settings["solve_patches"]),
-            patch,
-            variant,
+            Microscale(**settings),
+            variants=[variant],
             composite=self.composite,
             contact=self.contact,
             counterface=self.counterface,
         )
+        assert isinstance(contact, Contact)  # without steps there is no path
+        return contact
 
     def scored(self, **drawn: Any) -> dict[str, pd.DataFrame]:
         """The tables of `score_wear`, for the losses from `predict_wear`.

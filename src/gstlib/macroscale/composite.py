@@ -20,7 +20,7 @@ a prediction inside a patch (docs/explanation/evidence.md).
 # Reason: All of them show the same surface.
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 
 import numpy as np
 import pandas as pd
@@ -55,6 +55,8 @@ _PLANE_POINTS = 24
 _PLANE_DRAWS = 50
 # Sides, in patches, of the field on which the tilt of detail is measured.
 _TILT_PATCHES = 24
+# Columns of a plane.
+_PLANE = [field.name for field in fields(Plane)]
 # Positions and planes of patches: unit and long name of each number.
 _LYING = {
     "x_mm": ("mm", "centre along x"),
@@ -166,14 +168,18 @@ def compose_surface(
         attrs={"units": "mm4", "long_name": "power spectral density beyond the mesh"},
     )
     generator = np.random.default_rng([seed, 0])
-    planes = [plane_under(spline, place, patch_mm) for place in places.values()]
+    table = pd.DataFrame(
+        [
+            asdict(plane_under(spline, place, patch_mm)) | place._asdict()
+            for place in places.values()
+        ]
+    )
     error = _plane_errors(face, places, spectrum, patch_mm, placement_um, generator)
-    tilt = 1e3 * np.array([np.hypot(plane.slope_y, plane.slope_x) for plane in planes])
-    is_known = tilt > np.sqrt(2) * error
-    planes = [
-        plane if sure else Plane(plane.offset, 0.0, 0.0)
-        for plane, sure in zip(planes, is_known, strict=True)
-    ]
+    table["tilt_mrad"] = 1e3 * np.hypot(table.slope_y, table.slope_x)
+    table["tilt_error_mrad"] = error
+    table["known"] = table.tilt_mrad > np.sqrt(2) * error
+    table.loc[~table.known, ["slope_y", "slope_x"]] = 0.0
+    planes = (Plane(*row[1:]) for row in table[_PLANE].itertuples())
     laid = zip(places.values(), planes, coarse, strict=True)
     level = compose_grid(face.height, laid, patch_mm, spectrum, seed)
     level.attrs = {"units": "mm", "long_name": "height of the composite surface"}
@@ -189,13 +195,6 @@ def compose_surface(
         },
         coords={"patch": list(places)},
     )
-    table = pd.DataFrame(
-        [
-            asdict(plane) | place._asdict()
-            for place, plane in zip(places.values(), planes, strict=True)
-        ]
-    )
-    table = table.assign(tilt_mrad=tilt, tilt_error_mrad=error, known=is_known)
     lying = xr.Dataset({name: ("patch", table[name]) for name in _LYING})
     return composite.assign(described(lying, _LYING).data_vars)
 

@@ -89,18 +89,15 @@ class Gesture(NamedTuple):
     load_point: tuple[float, float]
     poses: pd.DataFrame
 
-    def over(self, height: xr.DataArray, place: PatchPosition) -> xr.DataArray:
-        """The active tool over a face (y, x), mm, in a pose."""
-        if self.mesh is None:
-            return self.counterface
-        return face_in_pose(self.mesh, height, place, size_mm=self.size_mm)
-
     def case(self, height: xr.DataArray, pose: Any, modulus: float) -> Case:
         """The case that is pressed in a pose, a row of `poses`."""
         place = PatchPosition(pose.y_mm, pose.x_mm, pose.rotation_deg)
         load_point = self.load_point[0] + pose.y_mm, self.load_point[1] + pose.x_mm
         load = Load.of_force(pose.force_N, height, load_point)
-        return Case(Interface(height, self.over(height, place)), load, modulus)
+        over = self.counterface
+        if self.mesh is not None:
+            over = face_in_pose(self.mesh, height, place, size_mm=self.size_mm)
+        return Case(Interface(height, over), load, modulus)
 
 
 def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFrame:

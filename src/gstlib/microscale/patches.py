@@ -29,7 +29,6 @@ __all__ = [
     "PAPER",
     "Microscale",
     "microscale_tables",
-    "solve_patch",
     "solve_patches",
     "with_interface_stiffness",
 ]
@@ -136,27 +135,6 @@ def solve_patches(
                 *loaded, steps=settings.steps, maximum_displacement_um=most_um, **solved
             )
             yield patch, variant, with_interface_stiffness(path)
-
-
-def solve_patch(
-    scan: xr.Dataset,
-    pressures: pd.DataFrame,
-    settings: Microscale,
-    patch: str,
-    variant: str,
-    **around: Any,
-) -> Contact:
-    """The contact of one patch at its pressure in one variant, without the path to it.
-
-    `scan` is its prepared T0. The other parameters are as in `solve_patches`.
-    """
-    settings = settings._replace(steps=None)
-    solved = solve_patches(
-        {patch: scan}, pressures, settings, variants=[variant], **around
-    )
-    ((_, _, contact),) = solved
-    assert isinstance(contact, Contact)  # without steps there is no path
-    return contact
 
 
 LOAD_PATHS = (

@@ -160,7 +160,7 @@ class WornSquare(NamedTuple):
         """The interlayer as the solver takes it."""
         if self.interlayer is None:
             return None
-        return Layer(*(float(self.interlayer[name]) for name in _OF_LAYER))
+        return _layer(*(float(self.interlayer[name]) for name in _OF_LAYER))
 
     def along(self, patch: str, ratio: float) -> xr.Dataset:
         """The path along which a patch wears, whose steps do not depend on its own loss."""
@@ -171,6 +171,12 @@ class WornSquare(NamedTuple):
     def fitted_to(self) -> list[str]:
         """The patches that κ is fitted to."""
         return self.path.patch.values[np.isfinite(self.path.measured.values)].tolist()
+
+
+@cache
+def _layer(*constants: float) -> Layer:
+    """One layer for all contacts with these constants, because it keeps a table."""
+    return Layer(*constants)
 
 
 def layer_of(interlayer: Mapping[str, float]) -> Layer:
@@ -267,7 +273,9 @@ def wear_square(
     path = described(path, _DESCRIBED)
     if law != ARCHARD:
         path.attrs["wear_law"] = [*law]
-    return WornSquare(path, interlayer and _before_use(contact, interlayer))
+    if interlayer is None:
+        return WornSquare(path, None)
+    return WornSquare(path, _before_use(contact, interlayer))
 
 
 def wear_contact(contact: Contact, source: str, **options: Any) -> WearPath:
