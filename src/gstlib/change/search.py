@@ -149,8 +149,7 @@ class Details(NamedTuple):
         """The best match: the peak of the masked correlation at the best of a few rotations."""
         matches = []
         for overlap in sorted({least_overlap, max(least_overlap, _LARGE_OVERLAP)}):
-            shift = self._peak(self.reference, self.moving, overlap)
-            match = self._turned(shift)
+            match = self._peak(self.reference, self.moving, overlap)
             if self.determine(match):
                 return match
             matches.append(match)
@@ -159,12 +158,11 @@ class Details(NamedTuple):
             best.is_beyond_chance
         ):  # striae that match: finer details show where along them
             _, direction = self.compare_slopes(best.pose)
-            along = [
-                np.einsum("i,i...->...", direction, slopes) for slopes in self.slopes
-            ]
-            a, b = map(np.nan_to_num, along)
-            shift = self._peak(a, b, least_overlap)
-            match = self._turned(shift)
+            along = (
+                np.nan_to_num(np.einsum("i,i...->...", direction, slopes))
+                for slopes in self.slopes
+            )
+            match = self._peak(*along, least_overlap)
             if self.determine(match):
                 return match
         return best
@@ -202,8 +200,8 @@ class Details(NamedTuple):
         correlations, directions = scipy.linalg.eigh(shared + shared.T, own)
         return float(correlations[0]), directions[:, 0]
 
-    def _peak(self, a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
-        """The shift (y, x) at the peak of the correlation."""
+    def _peak(self, a: np.ndarray, b: np.ndarray, least_overlap: float) -> Match:
+        """The best match among some rotations at the peak of the correlation."""
         # Imported here, because only registration needs it, and its import is slow.
         from skimage.registration import phase_cross_correlation
 
@@ -215,11 +213,7 @@ class Details(NamedTuple):
             overlap_ratio=least_overlap,
         )
         # scikit-image measures from centre to centre; the shift here is from corner to corner.
-        return np.asarray(shift, dtype=float) + np.subtract(a.shape, b.shape) / 2
-
-    def _turned(self, shift: np.ndarray) -> Match:
-        """The best match at a shift among some rotations."""
-        a, b = self.reference, self.moving
+        shift = shift + np.subtract(a.shape, b.shape) / 2
         # Rotation about the middle of the moving surface or, beyond the reference, about the
         # nearest edge.
         middle = shift + np.subtract(b.shape, 1) / 2

@@ -159,18 +159,18 @@ def spatial_p_value(
 
     `permuted` is the p-value of the permutation test, exact for unrelated patches. Dutilleul's test
     uses Student's t, which is overconfident with few ranks. So the larger of the two p-values
-    counts. The test is two-sided; the p-value is NaN with fewer than 4 patches or constant values.
+    counts. The test is two-sided; the p-value is NaN with fewer than 4 patches.
     `places` (n, 2) are the coordinates of the patches, in any unit.
     """
     x = scipy.stats.rankdata(x)
     y = scipy.stats.rankdata(y)
-    if x.size < 4 or np.ptp(x) == 0 or np.ptp(y) == 0:
+    if x.size < 4:
         return math.nan
     freedom = max(_effective_patches(x, y, places), _FEWEST_EFFECTIVE) - 2
     correlation = float(np.clip(np.corrcoef(x, y)[0, 1], -1, 1))
     spread = math.sqrt((1 - correlation**2) / freedom)
     if not spread > 0:
-        return max(permuted, 0.0)
+        return permuted
     spatial = 2 * scipy.stats.t.sf(abs(correlation) / spread, freedom)
     return max(permuted, float(spatial))
 

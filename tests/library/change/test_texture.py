@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from gstlib.change.texture import _scale_limited, measure_texture, texture_rows
+from gstlib.specimen.randomness import self_affine_field
 from gstlib.surfaces.grid import make_surface
 
 UM = 1e-3  # mm
@@ -35,13 +36,8 @@ def waves(size, count):
 
 
 def rough(size=128):
-    """A Gaussian field with an exponential autocorrelation."""
-    lags = np.fft.fftfreq(size) * size
-    correlation = np.exp(-np.hypot(lags[:, None], lags) / 12)
-    spectrum = np.abs(np.fft.fft2(correlation))
-    noise = np.random.default_rng(0).standard_normal((size, size))
-    amplitude = np.fft.fft2(noise) * np.sqrt(spectrum)
-    return np.fft.ifft2(amplitude).real
+    waves = {"hurst_exponent": 0.8, "roll_off": 20.0}
+    return self_affine_field(np.random.default_rng(0), size, 1.0, **waves).astype(float)
 
 
 def test_egg_box():
