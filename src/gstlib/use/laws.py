@@ -98,16 +98,17 @@ def law_scores(
     prior = pressures(generator.standard_normal((_DRAWS, variables)))
     touched = prior[prior > 0]
     mean = float(touched.mean()) if touched.size else 0.0
-    scores, parameters = [], []
-    for parameter, law in _LAWS.values():
+
+    def scored(
+        parameter: str, law: Callable[[np.ndarray, float], Law]
+    ) -> tuple[np.ndarray, list[float]]:
+        """Score of each loss, and statistics of the parameter."""
         end = variables + bool(parameter)
 
-        def law_of(standard: np.ndarray, law: Callable = law, end: int = end) -> Law:
+        def law_of(standard: np.ndarray) -> Law:
             return law(standard[:, variables:end], mean)
 
-        def log_likelihood(
-            standard: np.ndarray, law_of: Callable = law_of, end: int = end
-        ) -> np.ndarray:
+        def log_likelihood(standard: np.ndarray) -> np.ndarray:
             evidence = replace(losses, law=law_of(standard))
             pressure = pressures(standard[:, :variables])
             return likelihood(evidence, pressure, standard[:, end:])
@@ -117,17 +118,18 @@ def law_scores(
             tempered(log_likelihood, size, _DRAWS, generator) for _ in range(_SAMPLES)
         ]
         samples = [sample for sample in drawn if sample is not None]
-        score = np.full(len(losses.depth_um), -np.inf)
-        statistics = [np.nan] * len(_STATISTICS)
-        if samples:
-            score = np.median([sample.log_score for sample in samples], axis=0)
-        if samples and parameter:
-            standard = np.concatenate([sample.standard for sample in samples])
-            values = np.ravel(getattr(law_of(standard), parameter))
-            weights = np.concatenate([sample.weights for sample in samples])
-            statistics = mean_and_limits(values, weights / len(samples))
-        scores.append(score)
-        parameters.append(statistics)
+        unknown = [np.nan] * len(_STATISTICS)
+        if not samples:
+            return np.full(len(losses.depth_um), -np.inf), unknown
+        score = np.median([sample.log_score for sample in samples], axis=0)
+        if not parameter:
+            return score, unknown
+        standard = np.concatenate([sample.standard for sample in samples])
+        values = np.ravel(getattr(law_of(standard), parameter))
+        weights = np.concatenate([sample.weights for sample in samples])
+        return score, mean_and_limits(values, weights / len(samples))
+
+    scores, parameters = zip(*(scored(*each) for each in _LAWS.values()), strict=True)
     return xr.Dataset(
         {
             "law_log_score": (("law", "patch"), np.array(scores)),

@@ -234,19 +234,6 @@ def test_pressures_that_vanish_beside_those_of_the_latest_strikes_are_none():
     assert StrikePressures.through(strikes, 0 * pressed).least == 0
 
 
-def test_strikes_that_scatter_are_not_taken_for_a_rounder_tool(face, patches, use):
-    """The wear is that of the mean over many strikes; one in a place is the control."""
-    offsets = 0.4 * np.random.default_rng(2).standard_normal((50, 2))
-    points = np.column_stack([POINT + offsets, np.full(50, np.log(RADIUS))])
-    pressure = use_pressures(points, face, patches, STATED, **SETTINGS).mean(axis=0)
-    scattered = infer(face, patches, Losses(0.01 * pressure))
-    mean, error = mean_and_error(scattered, "radius_mm")
-    assert abs(mean - np.log(RADIUS)) < 3 * error
-    mean, error = mean_and_error(scattered, "spread_mm")
-    assert abs(mean - 0.4) < 3 * error
-    assert mean > 2 * mean_and_error(use, "spread_mm")[0]
-
-
 def test_particles_have_the_weights_and_scores_of_the_sum_over_all():
     """One unknown, seen with one error at three places, one of which is far off."""
     seen, errors = np.array([0.3, 0.5, 2.5]), np.array([0.4, 0.5, 0.6])
