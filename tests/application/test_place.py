@@ -157,7 +157,6 @@ REFUSED = {
     "a foreign page": ("state", None, {"Origin": "http://evil.example"}, 403),
     "a way up": ("results/../study.yaml", None, {}, 403),
     "a link that leads out": ("results/link", None, {}, 403),
-    "a folder above the results": ("results/../", None, {}, 403),
     "a folder without a slash": ("results/tables", None, {}, 404),
     "a scan by its path": ("scan/../../secret", None, {}, 404),
     "a scan that is to be written": (
@@ -169,7 +168,7 @@ REFUSED = {
     "an upload": ("answers", {}, {"Content_Length": "3000000"}, 413),
     "a key that names a file": ("answers", {"inputs.mesh": "/etc/passwd"}, {}, 400),
     "a value that cannot be meant": ("answers", {"load.force_N": -1}, {}, 422),
-    "no number": ("answers", '{"load.force_N": NaN}', {}, 400),
+    "no JSON": ("answers", "{", {}, 400),
     "a patch less": ("places", places(BOTH[0]), {}, 422),
 }
 
@@ -243,23 +242,19 @@ def test_answers_are_written_and_comments_stay(server, study):
 
 def test_places_of_a_tool_without_scans_make_a_table(server, study):
     """Of which a copy is kept before a part is removed."""
-    (study / "patches.tsv").unlink()
     configure("patches.tsv", "null")
     saved(server, "places", places(row("1", 1, 2, grade=0), row("2", 3, 4)))
     table, text = study / "patches.csv", "patch;x_mm;y_mm;wear_grade\n1;1;2;0\n2;3;4;\n"
     assert table.read_text() == text
     assert written()["patches"] == "patches.csv"
-    rows = [row("2", 3, 4, grade=3), row("7", 1, 1, grade=1)]
-    (study / "patches.csv.bak").write_text("mine")
-    (study / "patches.csv.bak2").symlink_to(study / "none")
+    (study / "patches.csv.bak").symlink_to(study / "none")
     table.chmod(0o600)
-    assert saved(server, "places", places(*rows))["kept"] == "patches.csv.bak3"
-    kept = study / "patches.csv.bak3"
+    rows = [row("2", 3, 4, grade=3), row("7", 1, 1, grade=1)]
+    kept = study / saved(server, "places", places(*rows))["kept"]
     assert (kept.read_text(), stat.S_IMODE(kept.stat().st_mode)) == (text, 0o600)
-    assert (study / "patches.csv.bak").read_text() == "mine"
     assert not (study / "none").exists()
     assert ask(server, "state")[1]["patches"] == rows
-    assert saved(server, "places", places())["kept"] == "patches.csv.bak4"
+    assert saved(server, "places", places())["kept"]
     assert not table.exists()
     assert ask(server, "state")[1]["patches"] == []
 
@@ -293,13 +288,10 @@ def test_a_page_of_former_files_changes_nothing(server, study, edited):
 
 def test_one_of_many_saves_at_once_is_written(server):
     digest = digest_of(server.config)
-
-    def save_force(force):
-        status, _ = save(server, "answers", {"load.force_N": force}, digest)
-        return status
-
+    sent = [{"load.force_N": force} for force in range(1, 17)]
     with ThreadPoolExecutor(8) as threads:
-        statuses = [*threads.map(save_force, range(1, 17))]
+        answers = threads.map(lambda one: save(server, "answers", one, digest), sent)
+        statuses = [status for status, _ in answers]
     assert sorted(statuses) == [200] + [409] * 15
     assert written()["load"]["force_N"] == 1 + statuses.index(200)
 
@@ -316,13 +308,6 @@ def test_files_that_are_links_are_not_changed(server, study, name, path):
     assert (target.read_text(), file.is_symlink()) == (text, True)
 
 
-def test_a_new_table_does_not_take_the_place_of_a_link(server, study):
-    configure("patches.tsv", "null")
-    (study / "patches.csv").symlink_to(study / "none")
-    assert save(server, "places", places(row("1", 1, 2, grade=0)))[0] == 422
-    assert (study / "patches.csv").is_symlink()
-
-
 @pytest.mark.parametrize(
     ("name", "kind"), [("check", "symlink_to"), ("study", "hardlink_to")]
 )
@@ -337,38 +322,24 @@ def test_what_a_command_says_is_written_through_no_link(server, study, name, kin
 
 
 def test_a_cause_is_told_once_with_its_consent_and_its_cure(study):
-    found = _Causes()
+    causes, remedy = _Causes(), "Turn it."
     log = logging.Logger("of the test")
-    log.addHandler(found)
-    for pair in (("A", "B"), ("B", "C")):
+    log.addHandler(causes)
+    for pair in ("AB", "BC"):
         log.warning("patches %s and %s overlap", *pair)
     log.warning("set macroscale.face_mm to 14.4")
     for patch in "AB":
-        remedy = "Turn it."
-        found.add_fault(
-            FaultError("placement", f"patch {patch}", "is turned", remedy, [patch])
-        )
-    turn = {"rotation_deg": "90"}
+        causes.add_fault(FaultError("placement", patch, "is turned", remedy, [patch]))
     Path("patches.csv").write_text("patch;x_mm\nA;1\nB;2\n")
-    of_b = Cure(
-        "B is turned",
-        {},
-        lambda row: turn if row["patch"] == "B" else {},
-        "Turn",
-        "placement",
-    )
-    for cure in (
-        of_b,
-        Cure("it is thin", {"macroscale.face_mm": 14.4}),
-        Cure("x", {"a": 1}),
-    ):
-        found.add_cure(cure, "patches.csv")
-    overlaps, face, turned, alone = found.causes.values()
+    turn = {"B": {"rotation_deg": "90"}}
+    of_b = lambda row: turn.get(row["patch"], {})  # noqa: E731
+    causes.add_cure(Cure("B is turned", {}, of_b, "Turn", "placement"), "patches.csv")
+    causes.add_cure(Cure("it is thin", {"macroscale.face_mm": 14.4}), "patches.csv")
+    overlaps, face, turned = causes.causes.values()
     assert [len(each["more"]) for each in (overlaps, turned)] == [1, 1]
     assert turned["accept"] == ["placement:A", "placement:B"]
-    assert turned["cure"] == {"values": {}, "cells": {"B": turn}, "button": "Turn"}
+    assert turned["cure"] == {"values": {}, "cells": turn, "button": "Turn"}
     assert face["cure"]["values"] == {"macroscale.face_mm": 14.4}
-    assert (alone["level"], alone["cure"]["values"]) == ("warning", {"a": 1})
     assert "cure" not in overlaps
 
 
@@ -379,19 +350,18 @@ def test_what_cures_a_cause_is_written_while_the_check_holds(server, study):
         {"values": {}, "cells": {"B": {"x_mm": "2.5"}}, "button": "Move"},
     ]
     causes = [{"level": "warning", "text": "", "cure": cure} for cure in cures]
-    said = {"causes": causes, "digest": digest_of(server.config), "summary": ""}
-    Path(".snakemake/place_check.log").write_text(json.dumps(said))
+    check = {"causes": causes, "digest": digest_of(server.config), "summary": ""}
+    Path(".snakemake/place_check.log").write_text(json.dumps(check))
     assert ask(server, "report/check")[1]["changed"] is False
-    assert saved(server, "cure", 0)["kept"] == "study.yaml.bak"
+    saved(server, "cure", 0)
     assert written()["macroscale"] == {"face_mm": 14.4}
     saved(server, "answers", {"accept": ["overlap:B"]})
-    assert written()["accept"] == ["overlap:B"]
-    assert saved(server, "cure", 1)["kept"] == "patches.tsv.bak"
+    assert (study / saved(server, "cure", 1)["kept"]).read_text() == TABLE
     assert "B\t\t2,5\t2" in (study / "patches.tsv").read_text()
     assert ask(server, "report/check")[1]["changed"] is True
-    assert save(server, "cure", 2)[0] == 422
     saved(server, "answers", {"load.force_N": 100})
-    assert save(server, "cure", 0)[0] == 422
+    for number in (0, 2):
+        assert save(server, "cure", number)[0] == 422
 
 
 @pytest.mark.parametrize("name", ["check", "study"])
@@ -450,26 +420,19 @@ def test_a_server_whose_terminal_is_closed_leaves_no_token_and_no_lock(study):
     PlaceServer(Path("study.yaml")).server_close()
 
 
-@pytest.mark.parametrize("kind", ["vertices", "texture", "one"])
+@pytest.mark.parametrize("kind", ["vertices", "texture"])
 def test_the_stone_has_the_colours_of_its_mesh(study, kind):
     stone = trimesh.creation.icosphere(subdivisions=2, radius=10.0)
     is_up = stone.vertices[:, 2] > 0
-    red, blue = [255, 0, 0], [0, 0, 255]
+    rgb = np.where(is_up[:, np.newaxis], [255, 0, 0], [0, 0, 255]).astype(np.uint8)
+    stone.visual.vertex_colors = rgb
     if kind == "texture":
-        picture = Image.new("RGB", (2, 1), (0, 0, 255))
-        picture.putpixel((1, 0), (255, 0, 0))
         uv = np.column_stack([np.where(is_up, 0.99, 0.01), 0.5 + 0 * is_up])
+        picture = Image.fromarray(np.array([[[0, 0, 255], [255, 0, 0]]], np.uint8))
         stone.visual = trimesh.visual.TextureVisuals(uv=uv, image=picture)
-    else:
-        down = red if kind == "one" else blue
-        colours = np.where(is_up[:, np.newaxis], red, down)
-        stone.visual.vertex_colors = colours.astype(np.uint8)
     stone.export("stone.glb")
     configure("stone.ply", "stone.glb")
     data = stone_of(Path("study.yaml"))
-    if kind == "one":
-        assert data["colours"] is None
-        return
     rgb = np.frombuffer(base64.b64decode(data["colours"]), np.uint8).reshape(-1, 3)
     z = np.frombuffer(base64.b64decode(data["vertices"]), "<f4").reshape(-1, 3)[:, 2]
     np.testing.assert_array_equal(rgb[:, 0] > 128, z > 0)

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import yaml
 
 from gst.config.strict_yaml import as_yaml, parse_yaml
-from gst.config.user_tables import Record, alike, encoding_of, records_of
+from gst.config.user_tables import Record, column_names, encoding_of, records_of
 from gstlib.errors import ConfigError
 from gstlib.io.files import write_whole
 
@@ -170,15 +170,12 @@ def _flow(value: Any) -> str:
 
 
 def with_cells(
-    text: str,
-    cells: Cells,
-    more: Collection[Mapping[str, object]] = (),
-    renamed: Mapping[str, str] | None = None,
+    text: str, cells: Cells, more: Collection[Mapping[str, object]] = ()
 ) -> str:
     """The text of a table with some cells of its rows changed, and columns added where absent.
 
-    Rows may go, and `more` come at its end. `renamed` has other names of columns. Raises a
-    `ConfigError` if the table cannot be read, or has two columns of one name.
+    Rows may go, and `more` come at its end. Raises a `ConfigError` if the table cannot be read, or
+    has two columns of one name.
 
     >>> print(with_cells("# places\\npatch;x\\n1; 2,5\\n", lambda row: {"note": row["x"]}), end="")
     # places
@@ -193,7 +190,7 @@ def with_cells(
     rows = [record.cells for record in records if record.is_row]
     if not rows:
         return text
-    names = _names(rows[0], renamed or {})
+    names = column_names(_TABLE, rows[0])
     changes = [
         cells(dict(itertools.zip_longest(names, row[: len(names)], fillvalue="")))
         for row in rows[1:]
@@ -245,18 +242,6 @@ def _with_lines(text: str, lines: Sequence[str], line_end: str) -> str:
     for line in lines:
         text += f"{line}{line_end}" if is_ended else f"{line_end}{line}"
     return text
-
-
-def _names(header: Sequence[str], renamed: Mapping[str, str]) -> list[str]:
-    """The names of a table's columns, as `gst.config.user_tables` recognises them."""
-    names = [alike(name) for name in header]
-    names = [
-        renamed[n] if n in renamed and renamed[n] not in names else n for n in names
-    ]
-    if twice := [name for name in names if name and names.count(name) > 1]:
-        problem = f"has two columns named {twice[0]!r}"
-        raise ConfigError(_TABLE, problem, "Remove or rename one of them.")
-    return names
 
 
 def _plain(cell: str) -> str:

@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from gst.config.tables import columns_of
 from gst.config.user_tables import Problem, read_rows, rows_of
 from gstlib.surfaces.footprints import PatchPosition, outline, places_of
 
@@ -46,8 +45,7 @@ def read_patches(
     "10"). Names of scans become those in `scan_folder`, which is None for a synthetic specimen. A
     `ConfigError` lists all that is wrong, with line numbers.
     """
-    ignored = columns_of("places")
-    table = read_rows(path, "patches", renamed={"place": "patch"}, ignored=ignored)
+    table = read_rows(path, "patches")
     rows = table.rows
     problems = find_scans(rows, table.columns, scan_folder)
     outside = _out_of_square(rows, size_mm, patch_size_mm)

@@ -16,7 +16,7 @@ import itertools
 import math
 import re
 import unicodedata
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,6 +26,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
 from gst import ROOT
+from gst.config.tables import columns_of
 from gst.config.todo import is_to_do, sentence
 from gstlib.errors import ConfigError, InputError
 from gstlib.io.containers import plain_zip
@@ -86,23 +87,16 @@ class UserTable(NamedTuple):
             )
 
 
-def read_rows(
-    path: str | Path,
-    name: str,
-    *,
-    renamed: Mapping[str, str] | None = None,
-    ignored: Collection[str] = (),
-) -> UserTable:
+def read_rows(path: str | Path, name: str) -> UserTable:
     """Read a table whose rows the schema `name` describes, and check each row.
 
-    Columns are recognised in whatever case, and a column may not be given twice. `renamed` has
-    other names for some, which count if the schema's own are absent; the columns `ignored` are for
-    readers. Raises a `ConfigError` if it is no text, or has no rows, or not the columns.
+    A table of proposed places is a patch table, too; its other columns are for readers. Raises a
+    `ConfigError` if it is no text, or has no rows, or not the columns.
     """
     path, schema = Path(path), _schema(name)
     rules = schema["properties"]
     header, mark, lines = _read_lines(path)
-    columns = _columns(path, header, schema, renamed or {}, ignored)
+    columns = _columns(path, header, schema)
     numeric = {name for name, rule in rules.items() if rule["type"] != "string"}
     validator = Draft202012Validator(schema)
     rows: dict[int, dict[str, Any]] = {}
@@ -128,20 +122,12 @@ def read_rows(
     return UserTable(path, columns, rows_of(name, rows), problems)
 
 
-def _columns(
-    path: Path,
-    header: Sequence[str],
-    schema: Mapping[str, Any],
-    renamed: Mapping[str, str],
-    ignored: Collection[str],
-) -> list[str]:
+def _columns(path: Path, header: Sequence[str], schema: Mapping[str, Any]) -> list[str]:
     """The columns of a table by their names in the schema."""
     rules = schema["properties"]
-    names = {alike(name): name for name in [*ignored, *renamed, *rules]}
-    columns = [names.get(alike(column), column) for column in header]
-    for other, own in renamed.items():
-        if own not in columns:
-            columns = [own if column == other else column for column in columns]
+    ignored = columns_of("places") if "patch" in schema["required"] else []
+    names = {alike(name): name for name in [*ignored, *rules]}
+    columns = [names.get(name, name) for name in column_names(path, header)]
     missing = [column for column in schema["required"] if column not in columns]
     unknown = [column for column in columns if column not in {*rules, *ignored}]
     if missing or unknown:
@@ -151,6 +137,22 @@ def _columns(
             f"Known columns: {list(rules)}, separated by tabs, commas or semicolons.",
         )
     return columns
+
+
+def column_names(source: str | Path, header: Sequence[str]) -> list[str]:
+    """The names of columns in whatever capitals; that of a place is a patch.
+
+    Raises a `ConfigError`, which calls the table `source`, if a column is given twice.
+    """
+    names = [alike(column) for column in header]
+    if "patch" not in names:
+        names = ["patch" if name == "place" else name for name in names]
+    for n, name in enumerate(names):
+        if name and name in names[:n]:
+            same = f"{header[names.index(name)]!r} and {header[n]!r}"
+            problem = f"has two columns of one name, {same}"
+            raise ConfigError(source, problem, "Remove one of them, or rename it.")
+    return names
 
 
 def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
@@ -227,17 +229,9 @@ def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]
             f"the table has {count if count > 0 else 'no'} rows",
             f"Give a line of column names and at most {_MOST_ROWS} rows, a line each.",
         )
-    line, header = lines[0]
+    header = lines[0][1]
     while not header[-1]:  # as long as the widest row
         header.pop()
-    columns: dict[str, str] = {}
-    for column in header:
-        if other := columns.get(alike(column)):
-            problem = (
-                f"line {line}: a column is given twice, as {other!r} and as {column!r}"
-            )
-            raise ConfigError(path, problem, "Remove one of them, or rename it.")
-        columns[alike(column)] = column
     return header, mark, lines[1:]
 
 

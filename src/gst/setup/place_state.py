@@ -20,7 +20,6 @@ from gst.config.edited import Cells, save_text, text_of, with_cells, with_values
 from gst.config.patches import EPOCHS, cell_of, find_scans, no_patches
 from gst.config.reading import complete, read_unfinished, refuse_config, value_problems
 from gst.config.strict_yaml import parse_yaml
-from gst.config.tables import columns_of
 from gst.config.todo import TODO, is_to_do
 from gst.config.user_tables import read_rows
 from gst.page.viewer import coarsen, packed, stone_data
@@ -55,9 +54,7 @@ _ANSWERS = (
     "uncertainty.placement_um",
     "uncertainty.radius_log_sd",
 )
-# A table of places that the study proposes is a patch table, too.
-_RENAMED = {"place": "patch"}
-# Its name where a study begins without one, as `gst new` has it.
+# Name of the patch table where a study begins without one, as `gst new` has it.
 _TABLE = "patches.csv"
 # Decimals of a place (mm) and of a turn (degrees).
 DECIMALS = 3
@@ -163,8 +160,7 @@ def rows_of(config: Mapping) -> tuple[pd.DataFrame, bool]:
     """The rows of the patch table, whatever is still wrong with them, and if they have scans."""
     if config["patches"] is None:
         return no_patches(), False
-    ignored = columns_of("places")
-    table = read_rows(config["patches"], "patches", renamed=_RENAMED, ignored=ignored)
+    table = read_rows(config["patches"], "patches")
     has_scans = (
         not {"t0", "t1"}.isdisjoint(table.columns) or "wear_grade" not in table.columns
     )
@@ -341,7 +337,7 @@ def _write_cells(
         losses.append(_loses(row, new))
         return new
 
-    text = with_cells(text_of(file), changed, more, _RENAMED)
+    text = with_cells(text_of(file), changed, more)
     return _written(file, text, is_less=any(losses))
 
 
