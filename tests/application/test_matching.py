@@ -11,8 +11,7 @@ from stones import FINE, taken
 from gst.check.aligning import Fit, Refined, widened
 from gst.check.matching import Match, _elsewhere, match_map, match_together
 from gst.check.nearby import _Lying, _Shared, match_near
-from gst.setup.finding import find_on_map, find_on_stone
-from gst.setup.place_matching import _laid_alike
+from gst.setup.finding import _laid_alike, find_on_map, find_on_stone
 from gstlib import self_affine_field
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import coarser, make_surface

@@ -28,9 +28,9 @@ from stones import TURN, rough_stone, taken
 
 from gst.check.fixing import Cure
 from gst.check.matching import Match
+from gst.setup.finding import Matches, seen_in
 from gst.setup.place import PlaceServer
 from gst.setup.place_check import _Causes
-from gst.setup.place_matching import Matches, seen_in
 from gst.setup.place_scans import picture_of
 from gst.setup.place_state import digest_of, stone_of
 from gstlib.errors import FaultError, InputError

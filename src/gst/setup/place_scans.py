@@ -15,7 +15,7 @@ from gst.check.matching import Match
 from gst.check.sliding import sides_of, wrapped
 from gst.config.reading import read_unfinished
 from gst.config.todo import is_to_do
-from gst.setup.place_matching import (
+from gst.setup.finding import (
     Matches,
     corners_of,
     described,
