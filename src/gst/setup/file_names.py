@@ -95,7 +95,6 @@ class _Name:
     texts: list[str] = field(default_factory=list)  # of the marks
     repeat: int | None = None  # 0 if it has no number
     day: str = ""  # the date, as digits that sort
-    state: tuple[float, ...] = ()  # ranks of the kinds of marks that vary
     rank: int = 0  # among all files, lower before higher
 
     @property
@@ -205,23 +204,20 @@ def _rank(
     varying = [kind for kind in kinds if len(ranks[kind]) > 1]
     if not varying:
         return _rank_by_days(scans[0], places)
-    absent, earliest = {}, {}
-    for kind in varying:
-        present = [rank for rank in ranks[kind] if rank is not None]
-        # scans without the mark have the other epoch, and a repeat has the earliest
-        absent[kind] = -1.0 if min(present) > 0 else math.inf
-        earliest[kind] = min(
-            absent[kind] if None in ranks[kind] else math.inf, *present
-        )
-    texts: dict[tuple[float, ...], str] = {}
-    for file in files:
-        marks = (absent if file.repeat is None else earliest) | file.marks
-        state = tuple(marks[kind] for kind in varying)
-        texts.setdefault(state, ", ".join(file.texts) or "without it")
-        file.state = state
+    # scans without the mark have the other epoch
+    absent = {
+        kind: -1.0 if min(ranks[kind] - {None}) > 0 else math.inf for kind in varying
+    }
+
+    def state_of(file: _Name) -> tuple[float, ...]:
+        return tuple(file.marks.get(kind, absent[kind]) for kind in varying)
+
+    texts = {state_of(scan): ", ".join(scan.texts) or "without it" for scan in scans}
     states = sorted(texts)
     for file in files:
-        file.rank = states.index(file.state)
+        state = state_of(file)
+        # a repeat without the mark has the earliest
+        file.rank = states.index(state) if state in texts else 0
     shown = [f'"{texts[state]}"' for state in states]
     questions = []
     if len(states) > 2:

@@ -318,7 +318,7 @@ def _from_above(
     along = math.cos(turn) * x + math.sin(turn) * y
     along -= along @ normal / (normal @ normal) * normal
     height = np.median(points[is_near, 2])
-    centre = np.asarray(first.frame.origin) + x_mm * x + y_mm * y + height * up
+    centre = _on_stone(first.frame, y_mm, x_mm) + height * up
     frame = Frame(centre, along, normal)
     along, up, _ = frame.axes
     frame = replace(frame, origin=centre - half * (along + up))

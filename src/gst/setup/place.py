@@ -59,7 +59,7 @@ from gstlib.io.files import check_regular
 _FILES = dict.fromkeys(
     ("place.css", "place.html", "place.js", "square.js"), "gst.setup"
 )
-_FILES |= dict.fromkeys(("page.css", "viewer.js"), "gst.page")
+_FILES |= dict.fromkeys(("page.css", "viewer.js"), "gst.page") | {"three.js": ""}
 _JSON = "application/json"
 # Most bytes that a page sends: ten thousand patches.
 _MOST_SENT = 2_000_000
@@ -245,9 +245,7 @@ class PlaceServer(ThreadingHTTPServer):
         self.host = f"127.0.0.1:{self.server_port}"
         self.url = f"http://{self.host}/{self.token}/"
         self.commands = {name: _Command(name, config) for name in _COMMANDS}
-        self.mended: set[str] = (
-            set()
-        )  # digests of files that only cures and consent changed
+        self.mended = ""  # digest of files that only cures and consent changed
 
     def server_close(self) -> None:
         """Release the port and the folder."""
@@ -300,27 +298,27 @@ class PlaceServer(ThreadingHTTPServer):
         """Start a command, unless the other one runs."""
         command = _command(self, name)
         self.check_idle(but=name)
-        self.mended.clear()
+        self.mended = ""
         command.start()
 
-    def cure(self, number: int) -> dict[str, str | None]:
+    def cure(self, number: int) -> str | None:
         """Write the cure of a cause of the check into the files that were checked."""
         report = self.commands["check"].report()
         causes = report.get("causes", [])
-        is_other = report["changed"] and digest_of(self.config) not in self.mended
+        is_other = report["changed"] and digest_of(self.config) != self.mended
         if is_other or not 0 <= number < len(causes) or "cure" not in causes[number]:
             why = "The study has changed since the check. Check it again first."
             raise _RefusedError(HTTPStatus.UNPROCESSABLE_ENTITY, why)
-        return self.noted(save_cure(self.config, **causes[number]["cure"]))
+        kept = save_cure(self.config, **causes[number]["cure"])
+        self.mended = digest_of(self.config)
+        return kept
 
-    def answer(self, sent: Mapping[str, Any]) -> dict[str, str | None]:
+    def answer(self, sent: Mapping[str, Any]) -> str | None:
         """Save answers of the page; a fault that is accepted leaves the other cures valid."""
-        saved = save_answers(self.config, sent)
-        return self.noted(saved) if {*sent} == {"accept"} else saved
-
-    def noted(self, saved: dict[str, str | None]) -> dict[str, str | None]:
-        self.mended.add(saved["digest"] or "")
-        return saved
+        kept = save_answers(self.config, sent)
+        if {*sent} == {"accept"}:
+            self.mended = digest_of(self.config)
+        return kept
 
     def result(self) -> dict[str, Any]:
         """The address of the result's page, or None, and why it is missing or outdated."""
@@ -413,13 +411,10 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self) -> None:
         try:
-            name = self._asked_for()
-            if self.command == "GET" and (name or "place.html") in (
-                *_FILES,
-                "three.js",
-            ):
+            name = self._asked_for() or "place.html"
+            if self.command == "GET" and name in _FILES:
                 self.server.remove_redirect()  # a page has been opened
-                self._send_file(name or "place.html")
+                self._send_file(name)
                 return
             first, _, rest = name.partition("/")
             answers = _GET if self.command == "GET" else _POST
@@ -428,9 +423,11 @@ class _Handler(BaseHTTPRequestHandler):
             sent = self._sent(_SENT.get(first, {})) if self.command == "POST" else None
             what = sent if first in _SENT else rest
             with self.server.lock:
-                if first in _CHANGES or name in _CHANGES:
+                if first in _CHANGES:
                     self.server.check_digest(self.headers.get(_DIGEST))
                 content = answers[first](self.server, what)
+                if first in _CHANGES:  # and perhaps the copy of a file that lost a part
+                    content = {"digest": digest_of(self.server.config), "kept": content}
             self._send_content(content)
             if first == "end":  # its answer has been sent
                 self.server.shutdown()
@@ -483,7 +480,8 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(json.dumps({"error": why}).encode(), _JSON, status)
 
     def _send_file(self, name: str) -> None:
-        text = three_js() if name == "three.js" else shipped(name, _FILES[name])
+        room = _FILES[name]
+        text = shipped(name, room) if room else three_js()
         kind = mimetypes.guess_type(name)[0] or "text/plain"
         self._send(text.encode(), f"{kind}; charset=utf-8")
 

@@ -171,43 +171,36 @@ def rows_of(config: Mapping) -> tuple[pd.DataFrame, bool]:
     return rows, has_scans
 
 
-def save_answers(path: Path, values: Mapping[str, Any]) -> dict[str, str | None]:
+def save_answers(path: Path, values: Mapping[str, Any]) -> str | None:
     """Write values into the config, each by its key; they fit `SENT_ANSWERS`.
 
-    Every save returns the ``digest`` of the files after it, and in ``kept`` the name of a copy of
-    the file of which a part was removed. It raises a `ConfigError` if a value cannot be
-    meant.
+    Every save returns the name of a copy of the file of which a part was removed, if it was. It
+    raises a `ConfigError` if a value cannot be meant.
     """
     values = dict(values)
     of_pressure = _value(read_unfinished(path), "load.pressure_MPa")
     if "load.force_N" in values and of_pressure is not None:
         values["load.pressure_MPa"] = None  # exactly one of them
-    return _saved(path, _save_config(path, values))
+    return _save_config(path, values)
 
 
-def save_file(path: Path, patch: str, column: str, name: str) -> dict[str, str | None]:
+def save_file(path: Path, patch: str, column: str, name: str) -> str | None:
     """Write which scan a patch has at an epoch, or "" for none; they fit `SENT_FILE`.
 
     Raises a `ConfigError` if this is not asked for, or there is no such scan in the folder.
     """
     config = read_unfinished(path)
-    state = state_of(path)
-    is_asked = (patch, column) in [
-        (row["patch"], row["column"]) for row in state["asked"]
-    ]
+    state, asked = state_of(path), {"patch": patch, "column": column}
+    is_asked = any(asked.items() <= question.items() for question in state["asked"])
     if not is_asked or name not in ["", *state["files"]]:
         problem = f"does not need {column} of patch {patch}, or there is no scan {name}"
         raise ConfigError(config["patches"], problem, "Reload the page.")
-    cells = {column: cell_of(name)}
-    kept = _write_cells(
-        Path(config["patches"]), lambda row: cells if row["patch"] == patch else {}
-    )
-    return _saved(path, kept)
+    return _write_patches(config["patches"], {patch: {column: cell_of(name)}})
 
 
 def save_cure(
     path: Path, values: Mapping[str, Any], cells: Mapping[str, Any], **_: Any
-) -> dict[str, str | None]:
+) -> str | None:
     """Write the cure of a fault: values of the config by key, cells of the table by patch.
 
     The files are kept as they were beside them.
@@ -216,15 +209,15 @@ def save_cure(
     kept = [str(keep_copy(path))] if values else []
     if cells:
         kept.append(str(keep_copy(Path(table))))
-        _write_cells(Path(table), lambda row: cells.get(row["patch"], {}))
+        _write_patches(table, cells)
     if values:
         _save_config(path, values)
-    return _saved(path, " and ".join(kept))
+    return " and ".join(kept)
 
 
 def save_places(
     path: Path, square: Mapping[str, Any], rows: Sequence[Mapping]
-) -> dict[str, str | None]:
+) -> str | None:
     """Write the square and the patches' places, or the places of a tool without scans.
 
     The face around the square grows and shrinks with it.
@@ -261,11 +254,7 @@ def save_places(
     kept = _write_table(config["patches"], table)
     if rows:
         kept = _save_config(path, changed) or kept
-    return _saved(path, kept)
-
-
-def _saved(path: Path, kept: str | None) -> dict[str, str | None]:
-    return {"digest": digest_of(path), "kept": kept}
+    return kept
 
 
 def _save_config(path: Path, values: Mapping[str, Any]) -> str | None:
@@ -321,6 +310,11 @@ def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> str |
     left = {row["patch"]: row for row in rows}
     # each row takes its own out, and those that the table lacks come at its end
     return _write_cells(file, lambda row: left.pop(row["patch"], None), left.values())
+
+
+def _write_patches(table: str, cells: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """Write cells of patches into a table."""
+    return _write_cells(Path(table), lambda row: cells.get(row["patch"], {}))
 
 
 def _write_cells(

@@ -6,7 +6,7 @@ two readings, a cell of the patch table begins with `TODO` and the likely value 
 
 import logging
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -61,29 +61,26 @@ class Scan:
         return prepare_scan(coarser(self.coarse, times), maximum_unmeasured=1.0)
 
 
-def scans_in(paths: Iterable[Path]) -> tuple[Path, list[Path], list[Path]]:
+def scans_in(paths: Sequence[Path]) -> tuple[Path, list[Path], list[Path]]:
     """The folder of all scans, those in it, and other files there.
 
     Files that are named are scans, whatever their ending; in folders, the ending decides. Raises an
     `InputError` if there is no such file or folder, or no scan in it.
     """
-    scans: set[Path] = set()
-    others: set[Path] = set()
-    roots = set()
     for path in paths:
         if not path.exists():
             raise InputError(path, "no such file or folder", "Correct --scans.")
-        is_folder, path = path.is_dir(), path.resolve()
-        roots.add(path if is_folder else path.parent)
-        for file in path.rglob("[!.]*") if is_folder else [path]:
-            if file.is_file():
-                (scans if is_scan(file) or not is_folder else others).add(file)
-    root = Path(os.path.commonpath(sorted(roots)))
+    named = [path.resolve() for path in paths]
+    roots = [path if path.is_dir() else path.parent for path in named]
+    root = Path(os.path.commonpath(roots))
+    scans = {path for path in named if path.is_file()}
+    inside = (file for path in named if path.is_dir() for file in path.rglob("[!.]*"))
+    files = {file for file in inside if file.is_file()}
+    scans |= {file for file in files if is_scan(file)}
     if not scans:
-        raise InputError(
-            root, "contains no scan", "Name the folder of the scans as --scans."
-        )
-    return root, sorted(scans), sorted(others - scans)
+        remedy = "Name the folder of the scans as --scans."
+        raise InputError(root, "contains no scan", remedy)
+    return root, sorted(scans), sorted(files - scans)
 
 
 def read_scans(root: Path, paths: Sequence[Path]) -> tuple[list[Scan], list[str]]:
