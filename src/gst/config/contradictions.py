@@ -4,7 +4,6 @@ The config is whole, and its values can be used (`gstlib.settings`). Each proble
 its key, its value and the remedy.
 """
 
-import difflib
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -15,6 +14,7 @@ import pandas as pd
 from gst.config.patches import at_epoch, overlaps, scan_files
 from gstlib.conditions import load_force
 from gstlib.errors import ConfigError, FaultError
+from gstlib.settings.contradictions import near
 
 # Corners are clicked or typed: the square's sides may be off by this share.
 _SIDE_TOLERANCE = 0.1
@@ -147,10 +147,8 @@ def path_problem(path: str) -> str | None:
         return f"{path} is a pipe or a device, and not a file"
     folder = Path(path).parent
     there = [file.name for file in folder.iterdir()] if folder.is_dir() else []
-    near = difflib.get_close_matches(Path(path).name, there, n=1)
-    return f"{path} does not exist" + "".join(
-        f" (did you mean {name}?)" for name in near
-    )
+    hint = near(Path(path).name, there).strip()
+    return f"{path} does not exist" + f" ({hint})" * bool(hint)
 
 
 def _input_in_results(config: Mapping) -> str | None:

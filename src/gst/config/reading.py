@@ -24,7 +24,7 @@ from gst.config.patches import no_patches, read_patches
 from gst.config.poses import poses_of
 from gst.config.renamed import COUPLINGS, KEYS
 from gst.config.strict_yaml import read_yaml
-from gst.config.todo import is_to_do, left_in
+from gst.config.todo import is_to_do, sentence
 from gst.config.user_tables import cells_to_do, read_rows
 from gstlib.conditions import rounded_form
 from gstlib.errors import ConfigError, InputsError
@@ -63,7 +63,7 @@ def complete(config: Mapping) -> dict:
     In a section given in part, the other keys take their defaults. A null stays null, and a
     list replaces a default list. Nothing is checked: unknown keys and values of a wrong type stay.
     """
-    return _completed(config, _validator().schema)
+    return _completed(config, _schema())
 
 
 def _completed(value: Any, rule: Mapping) -> Any:
@@ -96,7 +96,14 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
     refuse_config(config_problems(config), source)
     if config["published"] is not None:
         read_rows(config["published"], "published").refuse()
-    patches = _patches_of(config)
+    patches = no_patches()
+    if config["patches"] is not None:
+        patches = read_patches(
+            config["patches"],
+            size_mm=config["square"]["size_mm"],
+            patch_size_mm=config["scans"]["size_mm"],
+            scan_folder=(config["inputs"] or {}).get("scan_folder"),
+        )
     refuse_config(_accepted_patches(config, [*patches.patch]), source)
     faults = improbable(config, patches)
     if stopping := [each for each in faults if not each.is_accepted(config["accept"])]:
@@ -109,17 +116,6 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
         problem = f"{config['patches']} names scans, and 'inputs' lacks scan_folder"
         raise ConfigError(source, problem, "Give the folder where they are.")
     return patches
-
-
-def _patches_of(config: Mapping) -> pd.DataFrame:
-    if config["patches"] is None:
-        return no_patches()
-    return read_patches(
-        config["patches"],
-        size_mm=config["square"]["size_mm"],
-        patch_size_mm=config["scans"]["size_mm"],
-        scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
-    )
 
 
 def _refuse_without_scans(config: Mapping, grades: pd.Series) -> None:
@@ -200,24 +196,22 @@ def config_problems(config: Mapping) -> list[str]:
     if unusable := [*_unusable_numbers(config)] or [*_to_do(config)]:
         return unusable
     # the contradictions rely on correct types
-    if errors := sorted(_validator().iter_errors(config), key=_order):
-        return list(
-            dict.fromkeys(map(_explain, errors))
-        )  # each missing key has an error
-    return [*_contradictions(config), *file_problems(config)]
-
-
-def _contradictions(config: Mapping) -> list[str]:
+    if errors := _errors(config):
+        # each missing key has an error
+        return list(dict.fromkeys(map(_explain, errors)))
+    contradictions = []
     try:
         Settings(**config)
     except SettingsError as error:
-        return [each["msg"] for each in error.errors()]
-    return []
+        contradictions = [each["msg"] for each in error.errors()]
+    return [*contradictions, *file_problems(config)]
 
 
 def _to_do(config: Mapping) -> Iterator[str]:
     """Values that `gst new` left to the user, in the config and its patch table."""
-    yield from left_in(config, _validator().schema)
+    for key, value, rule in _values(config, _schema()):
+        if is_to_do(value):
+            yield sentence(f"'{key}'", value, rule.get("description", ""))
     table = config.get("patches")
     if isinstance(table, str) and not is_to_do(table) and Path(table).is_file():
         yield from cells_to_do(table, "patches")
@@ -229,18 +223,19 @@ def read_unfinished(path: Path) -> dict:
     Raises a `ConfigError` if a value is of another type than its key has.
     """
     config = read_config(path)
-    errors = sorted(_validator().iter_errors(config), key=_order)
-    wrong = [error for error in errors if error.validator in ("type", "required")]
-    refuse_config(
-        [_explain(error) for error in wrong if not is_to_do(error.instance)], str(path)
-    )
+    problems = [
+        _explain(error)
+        for error in _errors(config)
+        if error.validator in ("type", "required") and not is_to_do(error.instance)
+    ]
+    refuse_config(problems, str(path))
     return config
 
 
 def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:
     """Problems of the values of these keys, each by itself, regardless of other problems."""
     problems = [*_unusable_numbers(config), *_impossible_texts(config)]
-    for error in sorted(_validator().iter_errors(config), key=_order):
+    for error in _errors(config):
         place = ".".join(_order(error))
         if any(place == key or place.startswith(f"{key}.") for key in keys):
             problems.append(_explain(error))
@@ -248,30 +243,44 @@ def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:
 
 
 @functools.cache
-def _validator() -> Draft202012Validator:
-    return Draft202012Validator(json_schema())
+def _schema() -> dict[str, Any]:
+    return json_schema()
 
 
-def _values(section: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Every value that is no section and no list, with its key."""
+def _errors(config: Mapping) -> list[ValidationError]:
+    """What the schema refuses, in the order of the keys."""
+    return sorted(Draft202012Validator(_schema()).iter_errors(config), key=_order)
+
+
+def _values(
+    section: Any, rule: Mapping, prefix: str = ""
+) -> Iterator[tuple[str, Any, Mapping]]:
+    """Every value that is no section and no list, with its key and its rule in the schema."""
     parts = section.items() if isinstance(section, Mapping) else enumerate(section)
+    rules = rule.get("properties", {})
     for name, value in parts:
+        own = rules.get(name, {})
         if isinstance(value, Mapping | list):
-            yield from _values(value, f"{prefix}{name}.")
+            yield from _values(value, own, f"{prefix}{name}.")
         else:
-            yield f"{prefix}{name}", value
+            yield f"{prefix}{name}", value, own
+
+
+def values_to_do(config: Mapping) -> list[str]:
+    """The keys of a config whose values are still to be given."""
+    return [key for key, value, _ in _values(config, {}) if is_to_do(value)]
 
 
 def _unusable_numbers(config: Mapping) -> Iterator[str]:
     """Numbers that are not finite, which no bound of a schema refuses, or far too large."""
-    for key, value in _values(config):
+    for key, value, _ in _values(config, {}):
         if isinstance(value, int | float) and not abs(value) <= _LARGEST_NUMBER:
             yield f"'{key}' is {value}: give a finite number, at most {_LARGEST_NUMBER:g}"
 
 
 def _impossible_texts(config: Mapping) -> Iterator[str]:
     """Texts with characters that no file's name can have, and that no page can show."""
-    for key, value in _values(config):
+    for key, value, _ in _values(config, {}):
         if isinstance(value, str) and (wrong := _IMPOSSIBLE.search(value)):
             yield f"'{key}' is {value!r}: leave out the character U+{ord(wrong[0]):04X}"
 
@@ -303,14 +312,12 @@ def _explain(error: ValidationError) -> str:
 
 def _unknown_keys(section: str, names: set[str], rules: Mapping) -> str:
     unknown = sorted(names - rules.keys())
-    renamed = ", ".join(f"{key} is now {KEYS[key]}" for key in unknown if key in KEYS)
-    others = [key for key in unknown if key not in KEYS]
-    alike = {key: difflib.get_close_matches(key, rules, n=1) for key in others}
-    meant = ", ".join(
-        f"{matches[0]} for {key}" for key, matches in alike.items() if matches
-    )
-    hint = f"{renamed}; " if renamed else ""
-    hint += f"did you mean {meant}? " if meant else ""
+    hints = ""
+    for key in unknown:
+        if key in KEYS:
+            hints += f"{key} is now {KEYS[key]}; "
+        elif alike := difflib.get_close_matches(key, rules, n=1):
+            hints += f"did you mean {alike[0]} for {key}? "
     place = f"'{section}' has" if section else "there are"
-    remedy = f"remove or correct them ({hint}known: {sorted(rules)})"
+    remedy = f"remove or correct them ({hints}known: {sorted(rules)})"
     return f"{place} unknown keys {unknown}: {remedy}"

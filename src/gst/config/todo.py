@@ -4,7 +4,6 @@ A likely value may follow the word; whoever deletes the word confirms it. Nothin
 left.
 """
 
-from collections.abc import Iterator, Mapping
 from typing import Any
 
 TODO = "TODO"
@@ -13,17 +12,6 @@ TODO = "TODO"
 def is_to_do(value: Any) -> bool:
     """Whether a value is still to be given or confirmed."""
     return isinstance(value, str) and value.startswith(TODO)
-
-
-def left_in(config: Any, rule: Mapping, key: str = "") -> Iterator[str]:
-    """A sentence for each value that is left in a config; `rule` is the schema's."""
-    if isinstance(config, Mapping):
-        rules = rule.get("properties", {})
-        for name, value in config.items():
-            full = f"{key}.{name}" if key else str(name)
-            yield from left_in(value, rules.get(name, {}), full)
-    elif is_to_do(config):
-        yield sentence(f"'{key}'", config, rule.get("description", ""))
 
 
 def sentence(what: str, value: str, description: str) -> str:

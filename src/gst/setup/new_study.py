@@ -20,8 +20,8 @@ import pandas as pd
 from gst import ROOT
 from gst.config.edited import with_values
 from gst.config.patches import cell_of
-from gst.config.reading import complete, read_config, read_unfinished
-from gst.config.todo import TODO, is_to_do, left_in
+from gst.config.reading import complete, read_config, read_unfinished, values_to_do
+from gst.config.todo import TODO, is_to_do
 from gst.setup.place_scans import find_places, stages_of
 from gst.setup.place_state import save_answers, save_places, state_of
 from gst.setup.scan_folder import Pairs, Scan, pair_scans, read_scans, scans_in
@@ -343,7 +343,7 @@ def _listing(lines: Sequence[_Line]) -> str:
 def _what_next(folder: Path) -> str:
     """The files that were written, the number of missing values, and the next commands."""
     config, table = folder / _CONFIG, folder / _TABLE
-    left = len([*left_in(read_config(config), {})])
+    left = len(values_to_do(read_config(config)))
     written = f"  wrote {config} ({left} {TODO})"
     if table.exists():
         written += f" and {table} ({table.read_text('utf-8').count(TODO)} {TODO})"
