@@ -332,9 +332,12 @@ def test_a_cause_is_told_once_with_its_consent_and_its_cure(study):
         causes.add_fault(FaultError("placement", patch, "is turned", remedy, [patch]))
     Path("patches.csv").write_text("patch;x_mm\nA;1\nB;2\n")
     turn = {"B": {"rotation_deg": "90"}}
-    of_b = lambda row: turn.get(row["patch"], {})  # noqa: E731
-    causes.add_cure(Cure("B is turned", {}, of_b, "Turn", "placement"), "patches.csv")
-    causes.add_cure(Cure("it is thin", {"macroscale.face_mm": 14.4}), "patches.csv")
+    cures = (
+        Cure("B", {}, lambda row: turn.get(row["patch"], {}), "Turn", "placement"),
+        Cure("it is thin", {"macroscale.face_mm": 14.4}),
+    )
+    for cure in cures:
+        causes.add_cure(cure, "patches.csv")
     overlaps, face, turned = causes.causes.values()
     assert [len(each["more"]) for each in (overlaps, turned)] == [1, 1]
     assert turned["accept"] == ["placement:A", "placement:B"]
