@@ -215,7 +215,6 @@ def pressure_intervals(
     ... ).high_MPa.round()[0]
     60.0
     """
-    composite = macroscale.composite
     modulus = study_modulus(material)
     generator = np.random.default_rng(seed)
     moduli = modulus * draw_contact_moduli(material, errors, generator=generator)
@@ -276,13 +275,20 @@ def pressure_intervals(
     if drawn:
         low, high = np.percentile(drawn, _PERCENTILES, axis=0)
     table = pressures[["patch", "pressure_MPa"]].assign(low_MPa=low, high_MPa=high)
-    if composite is None:
-        return table
-    return table.assign(
-        tilt_mrad=composite.tilt_mrad.values,
-        tilt_error_mrad=composite.tilt_error_mrad.values,
-        plane=np.where(composite.known.values, "mesh", "levelled"),
+    return (
+        table
+        if macroscale.composite is None
+        else table.assign(**_planes(macroscale.composite))
     )
+
+
+def _planes(composite: xr.Dataset) -> dict[str, np.ndarray]:
+    """Tilts of the patches, their errors, and the sources of their planes."""
+    return {
+        "tilt_mrad": composite.tilt_mrad.values,
+        "tilt_error_mrad": composite.tilt_error_mrad.values,
+        "plane": np.where(composite.known.values, "mesh", "levelled"),
+    }
 
 
 class _Stone(NamedTuple):
