@@ -188,73 +188,58 @@ def test_what_is_improbable_can_be_accepted(config, tmp_path, path, value, name)
         assert len(read_study(study | {"accept": ["overlap:b"]}, "study.yaml")) == 2
 
 
-def test_the_square_alone_knows_no_active_tool_and_no_gesture(config):
-    """Nor does it care for the face, and where in it the force acts."""
-    alone = config | {"coupling": "paper"}
-    made = alone["specimen"] | {"counterface_seed": 8}
-    for change in ({"counterface": SECOND}, {"specimen": made}, {"gesture": SCATTER}):
-        (problem,) = config_problems(alone | change)
-        assert "does not go with coupling paper" in problem
-    small = changed(
-        changed(alone, "macroscale.face_mm", 4.0), "load.at_mm", [50.0, 0.0]
-    )
-    assert config_problems(small) == []
-    # the whole square is not pressed at the scans' resolution, which takes one grid and memory
-    for study, is_pressed in ((config, True), (alone, False)):
-        assert asked_of_files(study, "mm", None)["reference"] == is_pressed
-
-
-def test_a_gesture_and_an_interlayer_wear_apart_and_by_archard_s_law(config):
-    both = {
-        "counterface": SECOND,
-        "gesture": {"table": "poses.tsv"},
-        "interlayer": INTERLAYER,
-    }
-    assert "cannot be combined" in "".join(config_problems(config | both))
-    other = config | {"wear_law": config["wear_law"] | {"exponent": 2.0}}
-    assert config_problems(other) == []
-    for name in ("gesture", "interlayer"):
-        problems = config_problems(other | {name: both[name]})
-        assert "'wear_law' is not Archard's" in "".join(problems)
-
-
-def test_strikes_that_are_inferred_stay_on_the_face_and_include_the_gesture(config):
-    face_mm = config["macroscale"]["face_mm"]
-    widest = config["use"] | {"scatter_mm": face_mm / 2, "stroke_mm": face_mm}
-    assert config_problems(config | {"use": widest}) == []
-    for key, gesture in (
-        ("scatter_mm", SCATTER),
-        ("stroke_mm", {"stroke_mm": 2.0, "poses": 5}),
-    ):
-        still = changed(config, f"use.{key}", 0.0)
-        assert config_problems(still) == []
-        beyond = changed(config, f"use.{key}", 1.01 * widest[key])
-        for study in (beyond, still | {"gesture": gesture}):
-            (problem,) = config_problems(study)
-            assert problem.startswith(f"'use.{key}")
-
-
-FREE = {
-    "uncertainty": ("load_point_mm", "radius_log_sd"),
-    "use": ("scatter_mm", "stroke_mm"),
+STROKE = {"stroke_mm": 2.0, "poses": 5}
+CURVED = {"wear_law.exponent": 2.0}
+PAPER = {"coupling": "paper"}
+FIXED = {
+    "counterface": {"radius_mm": 200.0},
+    "uncertainty.load_point_mm": 0.0,
+    "uncertainty.radius_log_sd": 0.0,
+    "use.scatter_mm": 0.0,
+    "use.stroke_mm": 0.0,
 }
+TOGETHER = [
+    # the square alone has no active tool, no gesture, and no face in which a force acts
+    (PAPER | {"counterface": SECOND}, "does not go with coupling paper"),
+    (PAPER | {"specimen.counterface_seed": 8}, "does not go with coupling paper"),
+    (PAPER | {"gesture": SCATTER}, "does not go with coupling paper"),
+    (PAPER | {"macroscale.face_mm": 4.0, "load.at_mm": [50.0, 0.0]}, None),
+    # a gesture and an interlayer wear apart, and by Archard's law
+    ({"gesture": STROKE, "interlayer": INTERLAYER}, "cannot be combined"),
+    (CURVED, None),
+    (CURVED | {"gesture": SCATTER}, "'wear_law' is not Archard's"),
+    (CURVED | {"interlayer": INTERLAYER}, "'wear_law' is not Archard's"),
+    # strikes that are inferred stay on the face, and include the gesture
+    ({"use.scatter_mm": 7.5, "use.stroke_mm": 15.0}, None),
+    ({"use.scatter_mm": 7.6}, "'use.scatter_mm"),
+    ({"use.stroke_mm": 15.2}, "'use.stroke_mm"),
+    ({"use.scatter_mm": 0.0}, None),
+    ({"use.scatter_mm": 0.0, "gesture": SCATTER}, "'use.scatter_mm"),
+    ({"use.stroke_mm": 0.0, "gesture": STROKE}, "'use.stroke_mm"),
+    # something is left to infer; a mesh has no radius to infer
+    (FIXED, "leave nothing to infer"),
+    (FIXED | {"uncertainty.load_point_mm": 0.5}, None),
+    (FIXED | {"uncertainty.radius_log_sd": 0.5}, None),
+    (FIXED | {"use.stroke_mm": 0.5}, None),
+    (
+        FIXED | {"counterface": SECOND, "uncertainty.radius_log_sd": 0.5},
+        "leave nothing to infer",
+    ),
+]
 
 
-def test_something_is_left_to_infer(config):
-    config["counterface"] = {"radius_mm": 200.0}
-    for section, keys in FREE.items():
-        config[section] |= dict.fromkeys(keys, 0.0)
-    (problem,) = config_problems(config)
-    assert "leave nothing to infer" in problem
-    for key in (
-        "uncertainty.load_point_mm",
-        "uncertainty.radius_log_sd",
-        "use.stroke_mm",
-    ):
-        assert config_problems(changed(config, key, 0.5)) == []
-    # a mesh has no radius to infer
-    config["uncertainty"]["radius_log_sd"] = 0.7
-    assert config_problems(config | {"counterface": SECOND}) == [problem]
+@pytest.mark.parametrize(("changes", "words"), TOGETHER)
+def test_values_that_do_not_go_together(config, changes, words):
+    for path, value in changes.items():
+        config = changed(config, path, value)
+    problems = config_problems(config)
+    assert problems == [] if words is None else words in "".join(problems)
+
+
+def test_the_whole_square_is_pressed_only_within_a_face(config):
+    """At the resolution of the scans, which takes one grid and memory."""
+    for study, is_pressed in ((config, True), (config | PAPER, False)):
+        assert asked_of_files(study, "mm", None)["reference"] == is_pressed
 
 
 def test_scans_need_their_folder_and_grades_do_not(config, tmp_path):
