@@ -229,10 +229,14 @@ def with_cells(
 
 def _line(row: Sequence[str], former: str, mark: str) -> str:
     """The text of a row, with the line end and the quotes of its former text."""
-    quotes = csv.QUOTE_ALL if former.startswith('"') else csv.QUOTE_MINIMAL
-    end = former[len(former.rstrip("\r\n")) :]
     line = io.StringIO()
-    csv.writer(line, delimiter=mark, quoting=quotes, lineterminator=end).writerow(row)
+    writer = csv.writer(
+        line,
+        delimiter=mark,
+        quoting=csv.QUOTE_ALL if former.startswith('"') else csv.QUOTE_MINIMAL,
+        lineterminator=former[len(former.rstrip("\r\n")) :],
+    )
+    writer.writerow(row)
     return line.getvalue()
 
 

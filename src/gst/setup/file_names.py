@@ -205,9 +205,10 @@ def _rank(
     if not varying:
         return _rank_by_days(scans[0], places)
     # scans without the mark have the other epoch
-    absent = {
-        kind: -1.0 if min(ranks[kind] - {None}) > 0 else math.inf for kind in varying
-    }
+    absent = {}
+    for kind in varying:
+        present = [scan.marks[kind] for scan in scans if kind in scan.marks]
+        absent[kind] = -1.0 if min(present) > 0 else math.inf
 
     def state_of(file: _Name) -> tuple[float, ...]:
         return tuple(file.marks.get(kind, absent[kind]) for kind in varying)

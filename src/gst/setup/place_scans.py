@@ -163,6 +163,7 @@ def _overview_of(
     """
     scans = config["scans"]
     grid = {name: scans[name] for name in ("unit", "spacing_um")}
+    best: xr.DataArray | None
     if overview is not None:
         best = read_scan(overview, **grid)
     else:
