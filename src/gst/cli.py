@@ -310,20 +310,12 @@ def diff(before, after, tolerance) -> None:
 @main.command()
 @_RESULTS
 @click.option("--to", type=_PATH, help="Folder, by default `export` in RESULTS.")
-@click.option(
-    "--zip",
-    "archive",
-    type=_PATH,
-    help="Write figures, tables and methods into a zip instead.",
-)
-def export(results, to, archive) -> None:
+def export(results, to) -> None:
     """Export maps and tool for other programs (x3p, grid, GLB)."""
     from gst.share.export import export_study
-    from gst.share.package import pack_figures
 
-    write = pack_figures if archive else export_study
-    to = archive or to or results / "export"
-    click.echo(f"{to}: {len(write(results, to))} files")
+    to = to or results / "export"
+    click.echo(f"{to}: {len(export_study(results, to))} files")
 
 
 @main.command()

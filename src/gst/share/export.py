@@ -8,7 +8,6 @@ their HDF5 files.
 
 import io
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -28,7 +27,7 @@ from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
-__all__ = ["METHODS", "export_study", "methods_of"]
+__all__ = ["export_study"]
 
 # The files of each patch, in the folders of their batches.
 _BY_PATCH = {
@@ -38,7 +37,6 @@ _BY_PATCH = {
 }
 # An export is made of such files.
 _WRITTEN = {".asc", ".glb", ".ply", ".png", ".txt", ".x3p"}
-METHODS = "methods.txt"
 _UNMEASURED = -9999  # in a grid
 _LIMIT = "level_of_detection"
 _Places = Mapping[str, PatchPosition]
@@ -63,13 +61,22 @@ def export_study(results: Path, to: Path) -> list[str]:
         )
         raise InputError(to, f"has the file {min(there).name} already", remedy)
     written = []
-    with _in_the_form_of_a_study(results):
+    try:
         for name, content in _files(results):
             if Path(name).name != name:
                 problem = f"holds the name of a file outside the export: {name!r}"
                 raise InputError(results, problem, "Run the study again.")
             write_whole(to / name, content)
             written.append(name)
+    except (
+        AttributeError,
+        LookupError,
+        TypeError,
+        ValueError,
+        jinja2.TemplateError,
+    ) as error:
+        problem = f"have a field that no study writes so ({error!s:.200})"
+        raise InputError(results, problem, "Run the study again.") from error
     return written
 
 
@@ -85,36 +92,14 @@ def _files(results: Path) -> Iterator[tuple[str, bytes]]:
     places = places_of(read_table(table)) if table in made else {}
     # first, because its mesh may be elsewhere
     yield from _tool(results, made, places, by_patch)
-    yield METHODS, methods_of(results, made)
+    names = {file.stem for file in made if file.parent.name == "tables"}
+    yield "methods.txt", methods_text(read_provenance(results), names).encode()
     for patch, stages in sorted(by_patch.items()):
         for name, field in _maps(stages):
             title = f"patch {patch}: {field.attrs['long_name']}"
             yield f"{patch}_{name}.x3p", _x3p_of(field, title)
             if name not in ("T0", "T1") and patch in places:
                 yield f"{patch}_{name}.asc", _asc_of(field, places[patch])
-
-
-def methods_of(results: Path, made: set[Path]) -> bytes:
-    """The methods paragraph of the results, which have `made` these files."""
-    tables = {file.stem for file in made if file.parent.name == "tables"}
-    with _in_the_form_of_a_study(results):
-        return methods_text(read_provenance(results), tables).encode()
-
-
-@contextmanager
-def _in_the_form_of_a_study(results: Path) -> Iterator[None]:
-    """Turn what a result in another form causes into an `InputError`."""
-    try:
-        yield
-    except (
-        AttributeError,
-        LookupError,
-        TypeError,
-        ValueError,
-        jinja2.TemplateError,
-    ) as error:
-        problem = f"have a field that no study writes so ({error!s:.200})"
-        raise InputError(results, problem, "Run the study again.") from error
 
 
 def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:

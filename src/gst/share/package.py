@@ -1,7 +1,7 @@
-"""Zips of a finished study: `gst package` for an archive, `gst export --zip` for a paper.
+"""A finished study as one zip, for an archive or a paper.
 
-A package has the page, tables and figures, the records of the steps, the config with its tables,
-and the program. The records name the inputs of each file, with their SHA-256. No date goes into a
+The zip has the page, tables and figures, the records of the steps, the config with its tables, and
+the program. The records name the inputs of each file, with their SHA-256. No date goes into the
 zip, so that the same results give the same bytes.
 """
 
@@ -27,11 +27,10 @@ from gst.run.chain import (
 )
 from gst.run.provenance import program_hash
 from gst.run.received import read_provenance, regular_file
-from gst.share.export import METHODS, methods_of
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
 
-__all__ = ["pack_figures", "pack_study"]
+__all__ = ["pack_study"]
 
 _Files = dict[str, bytes]  # by their names in the zip
 
@@ -115,25 +114,6 @@ def pack_study(
     files["README.md"] = readme.encode()
     write_whole(target, _zipped(files))
     return len(files)
-
-
-def pack_figures(results: Path, target: Path) -> list[str]:
-    """Zip figures, tables and the methods paragraph of a study; the names in the zip.
-
-    Raises an `InputError` if `results` has no finished study, a file has changed since, or the
-    `target` exists.
-    """
-    check_chain(results)
-    if target.exists():
-        raise InputError(target, "exists", "Remove it, or give another name.")
-    made = made_in(results)
-    files = {METHODS: methods_of(results, {*made})}
-    for file in made:
-        name = file.relative_to(results)
-        if name.parts[0] in ("figures", "tables"):
-            files[name.as_posix()] = regular_file(file, results).read_bytes()
-    write_whole(target, _zipped(files))
-    return sorted(files)
 
 
 def _check_target(target: Path) -> None:
