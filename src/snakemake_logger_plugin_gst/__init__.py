@@ -73,8 +73,7 @@ class LogHandler(LogHandlerBase):
                 print(would_run if self.planned else "Nothing to do.")
             elif self.total:
                 how = "Finished:" if self.done == self.total else "Stopped with"
-                done = f"{self.done} of {_steps(self.total)} done"
-                self._print(f"{how} {done}, after {self._elapsed()}.")
+                self._print_timed(f"{how} {self.done} of {_steps(self.total)} done.")
                 if self.done < self.total:
                     self._print("Repeat the same command to continue from there.")
         super().close()
@@ -149,10 +148,8 @@ class LogHandler(LogHandlerBase):
                 self.last_shown = time.time()
 
     def _print_timed(self, text: str) -> None:
-        self._print(f"{self._elapsed()}  {text}")
-
-    def _elapsed(self) -> str:
-        return str(timedelta(seconds=round(time.time() - self.start)))
+        elapsed = timedelta(seconds=round(time.time() - self.start))
+        self._print(f"{elapsed}  {text}")
 
     def _print(self, text: str) -> None:
         if not text.removeprefix("ERROR: ").startswith(_REPLACED):
