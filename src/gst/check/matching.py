@@ -16,19 +16,8 @@ import numpy as np
 import xarray as xr
 
 from gst.check.aligning import Fit
-from gst.check.sliding import (
-    Image,
-    Template,
-    correlation_of,
-    elements,
-    middles,
-    peaks_of,
-    slid,
-    to_search,
-    wrapped,
-)
+from gst.check.sliding import Search, correlation_of, elements, peaks_of, wrapped
 from gstlib.surfaces.footprints import PatchPosition
-from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["LEAST_LEAD", "Match", "match_map", "match_together"]
 
@@ -189,18 +178,15 @@ def match_together(
     ValueError
         As in `match_map`.
     """
-    search, templates = to_search(surface, scans)
-    step = spacing_of(search)[0]
-    image, peaks = Image.transformed(search), dict[_Key, np.ndarray]()
-    turns = _all_around(templates, readings, step)
-    for pose, held in slid(image, templates, step, turns):
+    search, peaks = Search.of(surface, scans), dict[_Key, np.ndarray]()
+    for pose, held in search.slid(_all_around(search, readings)):
         for number, reading in enumerate(readings):
-            at = elements(reading, pose, step)
+            at = elements(reading, pose, search.step)
             scores = peaks_of(correlation_of(held, at))
             peaks[*pose, number] = scores - [0, *at.min(axis=0)]
     key, best = _highest(peaks)
     mirrored, turn, number = key
-    y, x = middles(best[np.newaxis, 1:], search, templates)[0]
+    y, x = search.centres(best[1:])
     sign, at = np.sign(best[0]), readings[number]
     start = PatchPosition(y, x, turn)
     fit = Fit.on(surface, scans, at, mirrored).refined(start)
@@ -208,7 +194,7 @@ def match_together(
     if not (fits := _fitting(own)).all():
         kept = [scan for scan, fitting in zip(scans, fits, strict=True) if fitting]
         best_fit = Fit.on(surface, kept, at[fits], mirrored).refined(start)
-    radius = _SAME_PLACE * min(min(each.sides) for each in templates) / step
+    side = min(min(each.sides) for each in search.templates)
     match = Match(
         best_fit.place,
         mirrored,
@@ -221,7 +207,7 @@ def match_together(
     )
     elsewhere = []
     for other, scores in peaks.items():
-        away = radius if _is_same(key, other) else 0.0
+        away = _SAME_PLACE * side / search.step if _is_same(key, other) else 0.0
         elsewhere.append(_elsewhere(scores, best, away))
     return match.among(elsewhere, len(scans)), number
 
@@ -236,14 +222,12 @@ def _fitting(own: Sequence[float] | np.ndarray) -> np.ndarray:
 _Key = tuple[bool, float, int]  # mirrored, rotation in degrees, index of the reading
 
 
-def _all_around(
-    templates: Sequence["Template"], readings: np.ndarray, step: float
-) -> np.ndarray:
+def _all_around(search: Search, readings: np.ndarray) -> np.ndarray:
     """Rotations over 180°, so close that half a step moves no scan by an element."""
     offsets = readings - readings.mean(axis=1, keepdims=True)
     apart = np.linalg.norm(offsets, axis=-1).max()
-    radius = apart + max(math.hypot(*each.sides) / 2 for each in templates)
-    count = max(_TURNS // 2, math.ceil(math.pi * radius / (2 * step)))
+    radius = apart + max(math.hypot(*each.sides) / 2 for each in search.templates)
+    count = max(_TURNS // 2, math.ceil(math.pi * radius / (2 * search.step)))
     return np.arange(count) * 180 / count
 
 

@@ -18,19 +18,9 @@ import xarray as xr
 
 from gst.check.aligning import Fit, Refined, part_around, widened
 from gst.check.matching import LEAST_LEAD, Match
-from gst.check.sliding import (
-    Image,
-    Template,
-    correlation_of,
-    middles,
-    peaks_of,
-    slid,
-    to_search,
-    wrapped,
-)
+from gst.check.sliding import Search, Template, correlation_of, peaks_of, wrapped
 from gstlib.surfaces.fitting import vertex
 from gstlib.surfaces.footprints import PatchPosition
-from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["match_near"]
 
@@ -80,8 +70,9 @@ def match_near(
     ValueError
         As in `gst.check.matching.match_map`.
     """
-    search, templates = to_search(surface, scans)
-    near = [_near(search, *each) for each in zip(templates, places, strict=True)]
+    search = Search.of(surface, scans)
+    pairs = zip(search.templates, places, strict=True)
+    near = [_near(search, *pair) for pair in pairs]
     sums = {pose: _common([peaks[pose] for peaks in near]) for pose in near[0]}
     pose = max(sums, key=lambda each: sums[each])
     mirrored, sign, half, number = pose
@@ -245,16 +236,17 @@ def _common_turn(lying: Sequence[_Lying]) -> float:
 
 
 def _near(
-    search: xr.DataArray, template: Template, place: PatchPosition
+    search: Search, template: Template, place: PatchPosition
 ) -> dict[_Pose, np.ndarray]:
     """Peaks (score, y, x) around a position, by pose."""
-    step = spacing_of(search)[0]
-    part = part_around(search, place, template.count(step) * step / 2 + _REACH + step)
-    image, turns = Image.transformed(part), place.rotation_deg + _BY_HAND
+    step = search.step
+    half = template.count(step) * step / 2 + _REACH + step
+    part = Search.on(part_around(search.surface, place, half), [template])
     by_pose = {}
-    for number, (pose, held) in enumerate(slid(image, [template], step, turns)):
+    turns = place.rotation_deg + _BY_HAND
+    for number, (pose, held) in enumerate(part.slid(turns)):
         peaks = peaks_of(correlation_of(held, np.zeros((1, 2), int)))
-        peaks[:, 1:] = middles(peaks[:, 1:], part, [template])
+        peaks[:, 1:] = part.centres(peaks[:, 1:])
         off_y, off_x = (peaks[:, 1:] - place[:2]).T
         peaks = peaks[np.hypot(off_y, off_x) <= _REACH]
         for sign in (1.0, -1.0):

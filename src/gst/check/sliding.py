@@ -21,8 +21,7 @@ from gstlib.surfaces.footprints import rotated
 from gstlib.surfaces.grid import coarser, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["Image", "Template", "correlation_of", "elements", "middles", "peaks_of"]
-__all__ += ["sides_of", "slid", "to_search", "wrapped"]
+__all__ = ["Search", "correlation_of", "elements", "peaks_of", "sides_of", "wrapped"]
 
 # Elements of the surface along the side of a scan. Fewer show no waves. More than the largest
 # number do not improve a search.
@@ -49,23 +48,68 @@ def wrapped(turn: float) -> float:
     return (turn + 180) % 360 - 180
 
 
-def to_search(
-    surface: xr.DataArray, scans: Sequence[xr.DataArray]
-) -> tuple[xr.DataArray, list["Template"]]:
-    """The surface and the scans, on elements that are long enough for a search."""
-    step = spacing_of(surface)[0]
-    side = min(min(sides_of(scan)) for scan in scans)
-    if side * math.sqrt(len(scans)) < _FEWEST * step:
-        raise ValueError(
-            f"a map of {side:.3g} mm has fewer than {_FEWEST} elements of {step:.3g} mm"
-        )
-    if np.isfinite(surface.values).sum() * step**2 < side**2:
-        raise ValueError("the map does not fit on the surface")
-    times = max(1, int(side / _MOST / step))
-    search = coarser(surface, times) if times > 1 else surface
-    edge = max(times * step, surface.attrs.get("mesh_edge_mm", 0.0))
-    templates = [Template.smoothed(scan, edge) for scan in scans]
-    return _with_margin(search, _count(templates, times * step) // 2), templates
+@dataclass(frozen=True)
+class Search:
+    """Scans and the surface on which they are searched, with its transforms."""
+
+    surface: xr.DataArray
+    templates: Sequence["Template"]
+    step: float  # length of an element, mm
+    count: int  # elements along a window that contains each scan at every rotation
+    image: "_Image"
+
+    @classmethod
+    def of(cls, surface: xr.DataArray, scans: Sequence[xr.DataArray]) -> "Search":
+        """A search on elements of a suitable length."""
+        step = spacing_of(surface)[0]
+        side = min(min(sides_of(scan)) for scan in scans)
+        if side * math.sqrt(len(scans)) < _FEWEST * step:
+            raise ValueError(
+                f"a map of {side:.3g} mm has fewer than {_FEWEST} elements of {step:.3g} mm"
+            )
+        if np.isfinite(surface.values).sum() * step**2 < side**2:
+            raise ValueError("the map does not fit on the surface")
+        times = max(1, int(side / _MOST / step))
+        search = coarser(surface, times) if times > 1 else surface
+        edge = max(times * step, surface.attrs.get("mesh_edge_mm", 0.0))
+        templates = [Template.smoothed(scan, edge) for scan in scans]
+        margin = max(each.count(times * step) for each in templates) // 2
+        return cls.on(_with_margin(search, margin), templates)
+
+    @classmethod
+    def on(cls, surface: xr.DataArray, templates: Sequence["Template"]) -> "Search":
+        """A search on the elements of the surface."""
+        step = spacing_of(surface)[0]
+        count = max(each.count(step) for each in templates)
+        return cls(surface, templates, step, count, _Image.transformed(surface))
+
+    def slid(self, turns: Iterable[float]) -> Iterator[tuple[Pose, list["Held"]]]:
+        """The sums of each scan: at each rotation, plus 180°, mirrored or not."""
+        for turn in turns:
+            # a rectangle covers the same elements if it is mirrored or rotated by 180°
+            v, u = self._offsets(turn)
+            windows = {}
+            for high, wide in {each.sides for each in self.templates}:
+                covered = (abs(v) <= high / 2) & (abs(u) <= wide / 2)
+                windows[high, wide] = self.image.window(covered)
+            for mirrored, whole in itertools.product((False, True), (turn, turn + 180)):
+                offsets = self._offsets(whole)
+                held = []
+                for each in self.templates:
+                    window = windows[each.sides]
+                    heights = each.at(*offsets[:, window.covered], mirrored)
+                    held.append(self.image.held_against(heights, window))
+                yield (mirrored, whole), held
+
+    def _offsets(self, turn: float) -> np.ndarray:
+        """Positions (v, u) of the elements of a window along the axes of a rotated scan, mm."""
+        along = (np.arange(self.count) - (self.count - 1) / 2) * self.step
+        return np.array(rotated(along[:, None], along[None, :], -turn))
+
+    def centres(self, at: np.ndarray) -> np.ndarray:
+        """Centres (k, 2) of windows, mm, from their first elements (k, 2)."""
+        first = [float(self.surface[axis][0]) for axis in ("y", "x")]
+        return (at + (self.count - 1) / 2) * self.step + first
 
 
 def _with_margin(surface: xr.DataArray, count: int) -> xr.DataArray:
@@ -76,40 +120,6 @@ def _with_margin(surface: xr.DataArray, count: int) -> xr.DataArray:
         numbers = np.arange(-count, surface.sizes[axis] + count)
         along[axis] = numbers * step + float(surface[axis][0])
     return surface.pad(y=count, x=count).assign_coords(along)
-
-
-def slid(
-    image: "Image", templates: Sequence["Template"], step: float, turns: Iterable[float]
-) -> Iterator[tuple[Pose, list["Held"]]]:
-    """The sums of each scan on a surface: at each rotation, plus 180°, mirrored or not."""
-    count = _count(templates, step)
-    for turn in turns:
-        # a rectangle covers the same elements if it is mirrored or rotated by 180°
-        windows = {}
-        for each in templates:
-            if each.sides not in windows:
-                windows[each.sides] = image.window(each.covered(turn, step, count))
-        for mirrored, whole in itertools.product((False, True), (turn, turn + 180)):
-            held = []
-            for each in templates:
-                window = windows[each.sides]
-                v, u = each.offsets(whole, step, count)[:, window.covered]
-                heights = each.at(v, u, mirrored)
-                held.append(image.held_against(heights, window))
-            yield (mirrored, whole), held
-
-
-def _count(templates: Sequence["Template"], step: float) -> int:
-    return max(each.count(step) for each in templates)
-
-
-def middles(
-    at: np.ndarray, search: xr.DataArray, templates: Sequence["Template"]
-) -> np.ndarray:
-    """Centres (k, 2) of windows, mm, from their first elements (k, 2)."""
-    step = spacing_of(search)[0]
-    first = [float(search[axis][0]) for axis in ("y", "x")]
-    return (at + (_count(templates, step) - 1) / 2) * step + first
 
 
 def elements(reading: np.ndarray, pose: Pose, step: float) -> np.ndarray:
@@ -173,16 +183,6 @@ class Template:
         """Elements along a square window that contains the scan at every rotation."""
         return math.ceil(math.hypot(*self.sides) / step) | 1
 
-    def offsets(self, turn: float, step: float, count: int) -> np.ndarray:
-        """Positions (v, u) of the elements of a window along the axes of the rotated scan, mm."""
-        along = (np.arange(count) - (count - 1) / 2) * step
-        return np.array(rotated(along[:, None], along[None, :], -turn))
-
-    def covered(self, turn: float, step: float, count: int) -> np.ndarray:
-        """Mask of the elements of a window that the rotated scan covers."""
-        v, u = self.offsets(turn, step, count)
-        return (abs(v) <= self.sides[0] / 2) & (abs(u) <= self.sides[1] / 2)
-
     def at(self, v: np.ndarray, u: np.ndarray, mirrored: bool) -> np.ndarray:
         """Heights at positions relative to the centre, along the axes of the scan."""
         (dy, dx), heights = spacing_of(self.heights), self.heights
@@ -204,7 +204,7 @@ class _Window(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Image:
+class _Image:
     """The transforms of a surface, from which sums over windows are computed."""
 
     shape: tuple[int, ...]
@@ -214,7 +214,7 @@ class Image:
     absent: np.ndarray
 
     @classmethod
-    def transformed(cls, surface: xr.DataArray) -> "Image":
+    def transformed(cls, surface: xr.DataArray) -> "_Image":
         level = remove_plane(surface)[0].values
         absent = np.isnan(level)
         heights = np.where(absent, 0.0, level)
