@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from gst.config.edited import Cells, save_text, text_of, with_cells, with_values
 from gst.config.reading import read_config_file
-from gstlib.change.selection import is_more
+from gstlib.change.selection import exchanged_epochs, is_more
 from gstlib.coupling.comparison import CANNOT_TELL, SHIFTED, shows_waves
 from gstlib.coupling.orientations import AS_GIVEN, Mould, as_measured, lying_right
 from gstlib.coupling.placement import FAULT as PLACEMENT
@@ -149,10 +149,9 @@ def _are_exchanged(study: Study) -> bool:
         table = study.registration
     except GstError:
         return False
-    matching = table[table.found.astype(bool)]
-    rose = is_more(matching.gain_fraction, matching.loss_fraction).sum()
-    fell = is_more(matching.loss_fraction, matching.gain_fraction)
-    return bool(2 * rose > len(matching) and not fell.any())
+    fell = is_more(table.loss_fraction, table.gain_fraction)
+    is_mixed = (fell & table.found.astype(bool)).any()
+    return not is_mixed and any(exchanged_epochs(table))
 
 
 def _turned(row: Mapping[str, str], turn: float) -> dict[str, str]:
