@@ -97,7 +97,8 @@ class Search:
                 held = []
                 for each in self.templates:
                     window = windows[each.sides]
-                    heights = each.at(*offsets[:, window.covered], mirrored)
+                    v, u = offsets[:, window.covered]
+                    heights = each.at(v, u, mirrored)
                     held.append(self.image.held_against(heights, window))
                 yield (mirrored, whole), held
 
