@@ -127,8 +127,7 @@ def repeat_row(name):
     """What the study says of one pair of `REPEATS`."""
     file, *channels = REPEATS[name]
     first, second = (channel(file, number) for number in channels)
-    points = len(first.height)
-    spacing = spacing_of(first.height)[0]
+    points, spacing = len(first.height), spacing_of(first.height)[0]
     settings = SETTINGS | {"maximum_shift_mm": REACH * points * spacing}
     row = {"pair": name, "points": points, "spacing_um": MM_TO_UM * spacing}
     try:
@@ -147,13 +146,10 @@ def repeat_row(name):
         row |= dict(neighbours(change))
         noise = np.random.default_rng(1).standard_normal(first.height.shape)
         noisy = first.height + noise * change.attrs["change_sigma_um"] / MM_TO_UM
-        white = register_patch(
-            first, first.assign(height=noisy), patch=name, **settings
-        )
-        row |= {
-            f"white_{kind}": wear_summary(white)[f"{kind}_fraction"]
-            for kind in ("loss", "gain")
-        }
+        noisy = first.assign(height=noisy)
+        white = wear_summary(register_patch(first, noisy, patch=name, **settings))
+        row["white_loss"] = white["loss_fraction"]
+        row["white_gain"] = white["gain_fraction"]
     return row
 
 
@@ -204,28 +200,26 @@ def casting(name):
 
 @cache
 def places(name):
-    """Places (y, x) of the common grid about which a casting is defined."""
+    """Places (y, x) of the common grid about which a casting is defined, in their order."""
     share = scipy.ndimage.uniform_filter(casting(name).on_grid().astype(float), SIDE)
     inside = range(SIDE, GRID - SIDE, STEP)
-    return frozenset(
-        (y, x) for y, x in product(inside, inside) if share[y, x] >= 1 - UNDEFINED
-    )
+    return [place for place in product(inside, inside) if share[place] >= 1 - UNDEFINED]
 
 
-def evenly(common, count):
+def spread(among, count):
     """So many of the places, from the first to the last."""
-    ordered = sorted(common)
-    return [ordered[round(at)] for at in np.linspace(0, len(ordered) - 1, count)]
+    return [among[round(at)] for at in np.linspace(0, len(among) - 1, count)]
 
 
 def breech_rows(first, second, *, is_related):
     """Pieces of two castings on each other: of the same places, or of any that each has."""
     if is_related:
-        chosen = evenly(places(first) & places(second), RELATED)
-        pairs = [*zip(chosen, chosen, strict=True)]
+        common = [place for place in places(first) if place in places(second)]
+        chosen = spread(common, RELATED)
+        pairs = zip(chosen, chosen, strict=True)
     else:
-        each = (evenly(places(name), UNRELATED) for name in (first, second))
-        pairs = [*zip(*each, strict=True)]
+        each = (spread(places(name), UNRELATED) for name in (first, second))
+        pairs = zip(*each, strict=True)
     for (y, x), (other_y, other_x) in pairs:
         generator = np.random.default_rng([*first.encode(), *second.encode(), y, x])
         v, u, turn = generator.uniform(-1, 1, 3) * (SHIFT * SIDE, SHIFT * SIDE, TURN)
@@ -292,21 +286,18 @@ SHOWN += [
 
 
 def main():
-    names = list(MAKERS)
-    only = {"choices": names, "nargs": "+", "default": names}
+    only = {"choices": MAKERS, "nargs": "+", "default": list(MAKERS)}
     chosen = options(__doc__, RESULTS, only=only)  # --output is a folder
-    files = {name: chosen.output / f"{name}.csv" for name in chosen.only}
     if not (chosen.tables or DATA.is_dir()):
         raise SystemExit(f"the measured files are not beside the project ({DATA})")
-    for name, file in files.items():
+    for name in chosen.only:
+        file = chosen.output / f"{name}.csv"
         if not chosen.tables:
             rows = pd.DataFrame(MAKERS[name]())
             save(file, rows if "message" in rows else rows.assign(message=np.nan))
         rows = read_table(file)
-        if name == "repeats":
-            print(rows.reindex(columns=SHOWN).to_string(index=False))
-        else:
-            print(summary(rows).to_string())
+        shown = rows[SHOWN] if name == "repeats" else summary(rows)
+        print(shown.to_string())
 
 
 if __name__ == "__main__":

@@ -208,6 +208,7 @@ def middle_of(thing):
 def opened(browser, file, size=(1366, 768)):
     """A page with a stone; it asks for nothing but itself, and complains of nothing."""
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    page.set_default_timeout(0)  # a busy machine is no fault
     asked, complaints = listened_to(page)
     page.goto(file.as_uri())
     page.wait_for_selector("canvas")

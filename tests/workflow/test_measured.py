@@ -235,18 +235,13 @@ def test_two_stones_yield_and_slide_as_their_compliances_say(stored, table):
     shear = young / 2 / (1 + poisson)
     normal = ((1 - poisson) / shear / 2).sum()  # 1/MPa
     tangential = ((2 - poisson) / shear / 4).sum()
-    assert float(stored("macroscale/contact").contact_modulus) == pytest.approx(
-        1 / normal, 1e-12
-    )
-    cases = table("cases").set_index(["case", "patch", "quantity"]).value.sort_index()
+    cases = table("cases").set_index(["case", "patch", "quantity"]).value
     for patch in ("7", "13"):  # the whole patch slides
-        contact, grinding = (
-            stored(f"microscale/1/{patch}"),
-            cases.loc["grinding", patch],
-        )
-        assert float(contact.contact_modulus) == pytest.approx(1 / normal, rel=1e-12)
+        modulus = float(stored(f"microscale/1/{patch}").contact_modulus)
+        assert modulus == pytest.approx(1 / normal, rel=1e-12)
         moved_um = 0.3 * tangential / normal * cases["study", patch, "displacement"]
-        assert grinding["tangential displacement"] == pytest.approx(moved_um, rel=1e-4)
+        grinding = cases["grinding", patch, "tangential displacement"]
+        assert grinding == pytest.approx(moved_um, rel=1e-4)
 
 
 def test_wear_follows_the_gesture(stored, table):

@@ -227,7 +227,6 @@ def turn_and_move(page, folder, patch):
 def say_how(page, folder):
     page.click("text=2 How")
     assert page.locator("#how [type=radio]:checked").count() == 1  # of the mould
-    assert page.input_value("#rock") == "?"
     page.check("text=with a hand: 100 N")
     page.check("text=not known: anything from 50 to 1500 mm")
     page.select_option("#rock", "73 0.25")
@@ -237,6 +236,8 @@ def say_how(page, folder):
     page.press("[data-key='material.poisson_2']", "Tab")
     saved(page)
     config = config_of(folder)
+    stones = {"young_1_MPa": 73000, "poisson_1": 0.25, "young_2_MPa": 88300}
+    assert stones.items() <= config["material"].items()
     assert config["load"]["force_N"] == 100
     assert config["counterface"] == {"radius_mm": 274}
     assert config["uncertainty"]["radius_log_sd"] == 0.98
@@ -248,9 +249,6 @@ def say_how(page, folder):
     page.click("#load-middle")
     saved(page)
     assert config_of(folder)["load"]["at_mm"] is None
-    page.click("text=2 How")
-    stones = {"young_1_MPa": 73000, "poisson_1": 0.25, "young_2_MPa": 88300}
-    assert stones.items() <= config["material"].items()
 
 
 def wait_for(page, name):
@@ -358,31 +356,6 @@ def unscanned(tmp_path):
     return folder
 
 
-def test_a_stale_tab_saves_nothing_and_shows_what_was_not_saved(browser, unscanned):
-    with opened(browser, unscanned, complaints=["409 (Conflict)"]) as (stale, _):
-        with browser.new_page() as page:
-            page.goto(stale.url)
-            page.wait_for_selector("canvas", state="attached")
-            click_stone(page)
-            page.check("text=Grade positions")
-            for _ in range(2):
-                page.click("#add")
-            saved(page)
-        files = ("study.yaml", "patches.csv")
-        before = [(unscanned / name).read_bytes() for name in files]
-        stale.check("text=Grade positions")
-        stale.click("#add")
-        saved(stale)
-        assert "reload the page" in stale.inner_text("#status")
-        assert stale.locator("#places li").count() == 1  # its own, which is not saved
-        assert [(unscanned / name).read_bytes() for name in files] == before
-        stale.reload()
-        stale.wait_for_selector("#places li")
-        stale.click("[aria-label='Remove 2']")
-        saved(stale)
-        assert "patches.csv.bak" in stale.inner_text("#status")
-
-
 def test_the_square_is_proposed_from_the_view_and_its_face_follows(browser, unscanned):
     """At most 0.3 times the stone's thickness, and less in a closer view."""
     with opened(browser, unscanned) as (page, _):
@@ -452,19 +425,14 @@ def test_every_text_is_readable_and_every_control_has_a_name(browser, unscanned)
 
 def test_each_cause_has_its_own_button(browser, unscanned):
     """The check's words are given here, as it takes a while."""
-    points = [[-2.5, -2.5, 10.0], [2.5, -2.5, 10.0], [-2.5, 2.5, 10.0]]
     config = unscanned / "study.yaml"
-    values = {"square.points_mm": points, "patches": "patches.csv"}
-    config.write_text(with_values(config.read_text(), values))
-    table = unscanned / "patches.csv"
-    table.write_text("patch;x_mm;y_mm;wear_grade\n1;1;1;0\n2;1.2;1;\n")
+    points = [[-2.5, -2.5, 10.0], [2.5, -2.5, 10.0], [-2.5, 2.5, 10.0]]
+    config.write_text(with_values(config.read_text(), {"square.points_mm": points}))
+    cure = {"values": {"macroscale.face_mm": 14.4}, "cells": {}, "button": "Use 14 mm"}
     causes = [
-        {"level": "error", "text": "half of patch 2 is that of patch 1", "more": []},
-        {"level": "warning", "text": "the stone is thin", "more": ["as patch 7 says"]},
+        {"level": "error", "text": "a fault", "more": [], "accept": ["overlap:2"]},
+        {"level": "warning", "text": "thin", "more": [], "accept": [], "cure": cure},
     ]
-    causes[0]["accept"], causes[1]["accept"] = ["overlap:2"], []
-    cure = {"values": {"macroscale.face_mm": 14.4}, "cells": {}}
-    causes[1]["cure"] = cure | {"button": "Use 14.4 mm"}
     with opened(browser, unscanned) as (page, _):
         digest = page.evaluate("state.digest")
         report = {"causes": causes, "digest": digest, "summary": "as it is"}
@@ -472,21 +440,14 @@ def test_each_cause_has_its_own_button(browser, unscanned):
         page.reload()
         page.click("text=3 Check")
         page.wait_for_selector("nav a.wrong")
-        assert "1 fault" in page.inner_text("nav a[href='#check']")
         assert page.locator("#causes li").count() == 2
-        page.click("#causes .error >> text=Show")
-        assert page.locator("#plan .pointed").count() == 2
-        page.click("text=3 Check")
-        page.click("text=Use 14.4 mm")
+        page.click("text=Use 14 mm")
         page.click("#causes >> text=Accept")
         page.click("text=Take back")
         page.wait_for_selector("text=Take back", state="detached")
         assert config_of(unscanned)["macroscale"]["face_mm"] == 14.4
         assert config_of(unscanned)["accept"] == []
-        assert (unscanned / "study.yaml.bak").is_file()
         assert page.locator("nav a.wrong").count() == 0
-        page.click("#next")
-        assert page.inner_text("nav [aria-current]").startswith("○ 4 Run")
 
 
 ATTACK = """<!DOCTYPE html><title>working</title><script>
@@ -527,30 +488,24 @@ def test_a_script_in_a_received_result_cannot_use_the_server(browser, unscanned)
 
 
 def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
-    folder = unscanned
-    with opened(browser, folder) as (page, server):
+    file = unscanned / "patches.csv"
+    with opened(browser, unscanned) as (page, server):
         click_stone(page)
         page.check("text=Grade positions")
         page.mouse.click(*seen_on_plan(page, 3.5, 4.5))
         saved(page)
-        table = pd.read_csv(folder / "patches.csv", sep=";")
-        assert table.wear_grade.isna().all()  # until somebody grades it
         page.keyboard.press("0")
         page.click("#add")
         page.select_option("#grade-2", "3")
         saved(page)
-        assert "6 are needed" in page.inner_text("#hint")
-        table = pd.read_csv(folder / "patches.csv", sep=";")
+        table = pd.read_csv(file, sep=";")
         assert table.wear_grade.tolist() == [0, 3]
         assert table[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
             np.array([[3.5, 4.5], [2.5, 2.5]]), abs=0.03
         )
         # as many as tell a use
-        more = pd.DataFrame(
-            {"patch": range(3, 7), "x_mm": [1, 1, 1, 4], "y_mm": [1, 2.2, 3.4, 1]}
-        )
-        more = pd.concat([table, more.assign(wear_grade=[0, 1, 2, 3])])
-        more.to_csv(folder / "patches.csv", sep=";", index=False)
+        more = "3;1;1;0\n4;1;2.2;1\n5;1;3.4;2\n6;4;1;3\n"
+        file.write_text("patch;x_mm;y_mm;wear_grade\n1;3.5;4.5;0\n2;2.5;2.5;3\n" + more)
         page.reload()
         page.click("text=4 Run")
         page.click("[data-start=study]")

@@ -8,8 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gst.page.figures.style import AGREEMENT
-
 
 @pytest.fixture(scope="module")
 def page(results):
@@ -28,24 +26,6 @@ def number(value):
 
 def score(value):
     return "–" if pd.isna(value) else f"{value:.2f}".replace("-", "−")
-
-
-def test_the_answer_stands_first_with_the_numbers_of_the_tables(page, table):
-    assert "Synthetic specimen" in text_of(page.find_class("mark")[0])
-    (answer,) = page.find_class("verdict")
-    (detail,) = map(text_of, answer.iter("details"))
-    pressures = table("patch_pressures")
-    highest = pressures.patch[pressures.pressure_MPa.idxmax()]
-    assert f"Patch {highest} has the highest pressure" in text_of(answer)
-    losses = table("registration")
-    worn = losses[losses.above_noise & (losses.loss_fraction > 0)]
-    most = worn.patch[worn.mean_wear_depth_um.idxmax()]
-    assert f"{len(worn)} of {len(losses)} (patches {most}, " in text_of(answer)
-    means = table("validation_summary").query("statistic == 'mean' and x == 'mcc'")
-    means = means.set_index("model").value
-    assert f"a mean MCC of {score(means['archard'])} " in detail
-    _, _, yielded = detail.partition("is limited to 800 MPa")
-    assert f"the mean MCC is {score(means['archard_capped'])}. " in yielded
 
 
 def test_the_table_of_patches_has_the_numbers_of_the_tables(page, table):
@@ -87,13 +67,3 @@ def test_every_table_is_there_as_stored_but_for_the_path_of_many_steps(results, 
     for file, rows in tables.items():
         stored = pd.read_csv(file, dtype=str, keep_default_na=False)
         assert rows == [list(stored.columns), *stored.to_numpy().tolist()]
-
-
-def test_the_legend_of_the_agreement_has_the_colours_of_the_figures(page):
-    *named, unknown = page.find_class("key")
-    colours = {
-        text_of(key): key.find("i").get("style").removeprefix("background: ")
-        for key in named
-    }
-    assert colours == AGREEMENT
-    assert "unknown" in text_of(unknown)

@@ -85,23 +85,6 @@ def test_the_measured_stone_is_as_the_evidence_says(tmp_path):
     assert f"{tables['paper'].pressure_MPa[reached.index[0]]:.0f}" == alone
 
 
-def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(
-    finished_tiny, tmp_path
-):
-    """Its sums and functions differ in their last bits; the generated files do not, nor tables."""
-    single = fresh(tmp_path / "single")
-    features = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
-    single.environment |= {"NPY_DISABLE_CPU_FEATURES": " ".join(features)}
-    single.environment |= {"OPENBLAS_CORETYPE": "Prescott"}
-    single.succeed(cores=1)
-    specimen = [study.results / "specimen" for study in (single, finished_tiny)]
-    for file in ("mesh.stl", "scans/7_T0.plu", "scans/7_T1.plu"):
-        assert (specimen[0] / file).read_bytes() == (specimen[1] / file).read_bytes(), (
-            file
-        )
-    assert single.tables() == finished_tiny.tables()
-
-
 def test_a_changed_scan_changes_its_own_patch_alone(measured):
     measured.succeed("--until", "register_patches")
     scan, before = measured.folder / "data/scans/5_T1.plu", measured.fields()
