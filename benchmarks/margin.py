@@ -34,71 +34,59 @@ from gst.share.difference import compare_results
 from gstlib.io.tables import ALL_DIGITS, printed
 
 ROWS = RESULTS / "margin.csv"
-RUNS = {"2 cores": 2, "1 core": 1, "older processor": 1}
-
-
-def older_processor():
-    """Environment in which NumPy and OpenBLAS use what every processor of the kind has."""
-    extensions = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
-    return {
-        "NPY_DISABLE_CPU_FEATURES": " ".join(extensions),
-        "OPENBLAS_CORETYPE": "Prescott",
-    }
-
-
-def last_unit(value, digits):
-    """A unit of the last of so many significant digits."""
-    return 10.0 ** (math.floor(math.log10(abs(value))) + 1 - digits)
 
 
 def margins(before, after):
     """A row for each table of two result folders."""
     changes = compare_results(before, after)
     for file in sorted((before / "tables").glob("*.csv")):
+        cells = pd.read_csv(file, dtype=str, keep_default_na=False).stack()
+        values = pd.to_numeric(cells, errors="coerce").dropna()
         of_table = changes[changes.table == file.name]
-        columns = TABLES[file.stem].columns
         numbers = of_table.dropna(subset="relative")
-        moved = []
-        changed = len(of_table) - len(numbers)
-        for change in numbers.itertuples():
-            digits = columns[change.column].digits
-            one = float(change.before)
-            other = float(change.after)
-            moved.append(abs(other - one) / last_unit(max(one, other, key=abs), digits))
-            changed += printed(one, digits) != printed(other, digits)
+        columns = TABLES[file.stem].columns
+        digits = numbers.column.map({name: columns[name].digits for name in columns})
+        first, second = numbers.before.astype(float), numbers.after.astype(float)
+        largest = np.maximum(first.abs(), second.abs())
+        # differences in units of the last of so many significant digits
+        moved = (second - first).abs() / 10 ** (
+            np.floor(np.log10(largest)) + 1 - digits
+        )
+        changed = sum(
+            printed(one, shown) != printed(other, shown)
+            for one, other, shown in zip(first, second, digits, strict=True)
+        )
         yield {
             "table": file.name,
-            "values": count_values(file),
+            "values": int((values % 1 != 0).sum()),
             "different": len(numbers),
             "largest_relative": numbers.relative.max() if len(numbers) else 0.0,
-            "margin": 0.5 / max(moved) if moved else math.inf,
-            "expected_changes": sum(moved),
-            "changes": changed,
+            "margin": 0.5 / moved.max() if len(numbers) else math.inf,
+            "expected_changes": moved.sum(),
+            "changes": len(of_table) - len(numbers) + changed,
         }
-
-
-def count_values(file):
-    """Numbers in a table that are no whole ones."""
-    cells = pd.read_csv(file, dtype=str, keep_default_na=False).to_numpy().ravel()
-    numbers = pd.to_numeric(pd.Series(cells), errors="coerce").dropna()
-    return int((numbers % 1 != 0).sum())
 
 
 def main():
     chosen = options(__doc__, ROWS, config="config/config.yaml")
     if not chosen.tables:
+        extensions = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+        older = {
+            "NPY_DISABLE_CPU_FEATURES": " ".join(extensions),
+            "OPENBLAS_CORETYPE": "Prescott",
+        }
+        rows = []
         with tempfile.TemporaryDirectory() as name:
-            results = {}
-            for run, cores in RUNS.items():
-                folder = Path(name) / run.replace(" ", "_")
-                environment = older_processor() if run == "older processor" else {}
-                environment |= {ALL_DIGITS: "1"}
-                results[run] = run_study(folder, chosen.config, cores, environment)
-            first, *others = RUNS
-            tables = {run: margins(results[first], results[run]) for run in others}
-            rows = [
-                {"run": run} | row for run, table in tables.items() for row in table
-            ]
+            first, *others = (
+                run_study(Path(name) / run, chosen.config, cores, environment)
+                for run, cores, environment in (
+                    ("2 cores", 2, {ALL_DIGITS: "1"}),
+                    ("1 core", 1, {ALL_DIGITS: "1"}),
+                    ("older processor", 1, {ALL_DIGITS: "1"} | older),
+                )
+            )
+            for run, results in zip(("1 core", "older processor"), others, strict=True):
+                rows += [{"run": run} | row for row in margins(first, results)]
         save(chosen.output, pd.DataFrame(rows), digits=2)
     print(chosen.output.read_text("utf-8"))
 

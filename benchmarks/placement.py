@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from runner import RESULTS, means, options, pooled, save
 from specimens import merged, specimen_config, specimen_studies
 
@@ -92,24 +93,21 @@ def mistaken(table, scans, mistake, generator):
     one, other = generator.permutation(list(own))[:2]
     if mistake in ORIENTED:
         height = scans[one].height
-        laid = height.copy(data=oriented(height.values, mistake)).to_dataset(
-            name="height"
-        )
-        return Mistaken(table, own | {one: laid}, (one,), f"mesh {undoing(mistake)} (")
+        laid = {"height": height.copy(data=oriented(height.values, mistake))}
+        words = f"mesh {undoing(mistake)} ("
+        return Mistaken(table, own | {one: xr.Dataset(laid)}, (one,), words)
     if mistake == EXCHANGED:
-        exchanged = {one: scans[other], other: scans[one]}
-        return Mistaken(table, own | exchanged, (one, other), "each other's")
+        own |= {one: scans[other], other: scans[one]}
+        return Mistaken(table, own, (one, other), "each other's")
     if mistake == NONE:
         return Mistaken(table, own, (), NONE)
     if mistake == ELSEWHERE:
-        unused = generator.choice(
-            [patch for patch in scans if patch not in own] or [other]
-        )
-        return Mistaken(table, own | {one: scans[unused]}, (one,), "")
+        unused = [patch for patch in scans if patch not in own] or [other]
+        own[one] = scans[generator.choice(unused)]
+        return Mistaken(table, own, (one,), "")
     x, y = as_measured(table.x_mm, table.y_mm, SQUARE_MM, mistake)
-    return Mistaken(
-        table.assign(x_mm=x, y_mm=y), own, (), f"mesh with {undoing_table(mistake)} ("
-    )
+    words = f"mesh with {undoing_table(mistake)} ("
+    return Mistaken(table.assign(x_mm=x, y_mm=y), own, (), words)
 
 
 def undoing(mistake):

@@ -15,66 +15,44 @@ MAX_ITERATIONS = 3000
 def solve(problem, task):
     heights, spacing = problem.heights, problem.spacing
     sizes = tuple(n * spacing for n in heights.shape)
+    surface = heights.shape, problem.modulus, sizes
     if problem.periodic:
         # Displacement counted from its mean: a uniform pressure gives none.
-        substrate = PeriodicFFTElasticHalfSpace(
-            heights.shape, problem.modulus, sizes, stiffness_q0=0.0
-        )
+        substrate = PeriodicFFTElasticHalfSpace(*surface, stiffness_q0=0.0)
     else:
-        substrate = FreeFFTElasticHalfSpace(heights.shape, problem.modulus, sizes)
+        substrate = FreeFFTElasticHalfSpace(*surface)
     substrate.evaluate_disp = Counted(substrate.evaluate_disp)
-    system = NonSmoothContactSystem(
-        substrate, Topography(heights, physical_sizes=sizes)
-    )
+    topography = Topography(heights, physical_sizes=sizes)
+    system = NonSmoothContactSystem(substrate, topography)
     gap = task.tolerance * heights.std()
-    run = {"load": by_load, "displacement": by_displacement}[task.control]
-    forces, iterations = run(problem, task, system, gap)
-    return {
-        "pressure": [force / spacing**2 for force in forces],
-        "iterations": iterations,
-        "convolutions": substrate.evaluate_disp.calls,
-    }
-
-
-def by_displacement(problem, task, system, gap):
-    heights = problem.heights
-    relief = heights - heights.max()
-    forces, iterations = [], 0
-    force = None
-    for level in task.levels:
-        if force is None:
-            # Hertz-like magnitude where the rigid bodies overlap; a start at zero can stall.
-            force = np.maximum(level + relief, 0.0) * problem.modulus * problem.spacing
+    (level,) = task.levels
+    if task.control == "displacement":
+        # Hertz-like magnitude where the rigid bodies overlap; a start at zero can stall.
+        relief = heights - heights.max()
+        start = np.maximum(level + relief, 0.0) * problem.modulus * spacing
         result = system.dual_minimize_proxy(
-            level - heights.max(), init_force=force, gtol=gap, maxiter=MAX_ITERATIONS
+            level - heights.max(), init_force=start, gtol=gap, maxiter=MAX_ITERATIONS
         )
         force = result.x.reshape(heights.shape)
-        forces.append(force)
-        iterations += result.nit
-    return forces, iterations
-
-
-def by_load(problem, task, system, gap):
-    heights = problem.heights
-    padded = system.substrate.nb_subdomain_grid_pts
-    ny, nx = heights.shape
-    # Its forces are negative in compression and live on the padded grid, if there is one.
-    force = np.zeros(padded)
-    force[:ny, :nx] = -1.0
-    forces, iterations = [], 0
-    for level in task.levels:
-        total = level * heights.size * problem.spacing**2
+    else:
+        total = level * heights.size * spacing**2
+        # Its forces are negative in compression and live on the padded grid, if there is one.
+        ny, nx = heights.shape
+        start = np.zeros(substrate.nb_subdomain_grid_pts)
+        start[:ny, :nx] = -total / heights.size
         result = system.minimize_proxy(
             external_force=total,
-            initial_forces=force * (total / -force.sum()),
+            initial_forces=start,
             pentol=gap,
             forcetol=1e-9 * total / heights.size,
             maxiter=MAX_ITERATIONS,
         )
-        forces.append(np.array(result.jac))
-        force[:ny, :nx] = -forces[-1]
-        iterations += result.nit
-    return forces, iterations
+        force = np.array(result.jac)
+    return {
+        "pressure": [force / spacing**2],
+        "iterations": result.nit,
+        "convolutions": substrate.evaluate_disp.calls,
+    }
 
 
 if __name__ == "__main__":

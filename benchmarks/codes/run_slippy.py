@@ -73,22 +73,19 @@ def by_displacement(task, relief, kernel, options):
 
 def by_load(task, relief, kernel, options):
     convolve = Counted(plan_convolve(relief, kernel, None, **options))
-    pressures = []
-    pressure = np.ones_like(relief)
-    for level in task.levels:
-        # It scales the *mean* of the start to what it is given as the load, and the sum times the
-        # element's area ever after: the two agree, and a good start is kept, on a unit area.
-        _, pressure, _ = polonsky_and_keer(
-            lambda p: convolve(p, False),
-            pressure,
-            relief,
-            level,
-            (relief.size**-0.5, relief.size**-0.5),
-            eps_0=task.tolerance,
-            max_it=MAX_ITERATIONS,
-        )
-        pressures.append(pressure)
-    return {"pressure": pressures, "iterations": None, "convolutions": convolve.calls}
+    (level,) = task.levels
+    # It scales the *mean* of the start to what it is given as the load, and the sum times the
+    # element's area ever after: the two agree, and a good start is kept, on a unit area.
+    _, pressure, _ = polonsky_and_keer(
+        lambda p: convolve(p, False),
+        np.ones_like(relief),
+        relief,
+        level,
+        2 * (relief.size**-0.5,),
+        eps_0=task.tolerance,
+        max_it=MAX_ITERATIONS,
+    )
+    return {"pressure": [pressure], "iterations": None, "convolutions": convolve.calls}
 
 
 if __name__ == "__main__":

@@ -27,11 +27,9 @@ def solve(problem, task):
     if not problem.periodic:
         solver.setIntegralOperator("dcfft")
     solver.max_iter = MAX_ITERATIONS
-    pressures = []
-    for level in task.levels:
-        solver.solve(level)
-        pressures.append(np.array(model.traction))
-    return {"pressure": pressures, "iterations": None, "convolutions": None}
+    solver.solve(*task.levels)
+    pressure = np.array(model.traction)
+    return {"pressure": [pressure], "iterations": None, "convolutions": None}
 
 
 if __name__ == "__main__":
