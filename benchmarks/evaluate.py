@@ -5,14 +5,13 @@ The displacement is a plain zero-padded convolution with Love's kernel (Johnson,
 times 2/(E*|q|) (ch. 13.2). Nothing of gstlib is used.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.fft
 
 
-@dataclass(frozen=True)
-class Accuracy:
+class Accuracy(NamedTuple):
     """How well one pressure field solves one contact problem.
 
     Attributes

@@ -13,15 +13,6 @@ from gst.config.reading import config_problems, read_config
 CONFIGS = ROOT / "config"
 
 
-def test_merged_replaces_what_is_stated_and_nothing_else():
-    config = {"a": {"b": 1, "c": 2}, "d": [1, 2]}
-    assert merged(config, {"a": {"b": {"e": 3}}}) == {
-        "a": {"b": {"e": 3}, "c": 2},
-        "d": [1, 2],
-    }
-    assert config == {"a": {"b": 1, "c": 2}, "d": [1, 2]}
-
-
 def test_every_shipped_setting_changes_the_default_study_to_one_that_can_be_run():
     config = read_config(CONFIGS / "config.yaml")
     for values in yaml.safe_load(SETTINGS.read_text()).values():
