@@ -19,7 +19,6 @@ from gst.config.contradictions import counterface_mesh
 from gst.config.patches import read_patches
 from gst.config.poses import reach_of
 from gst.config.reading import config_problems, read_config, refuse_config
-from gstlib.change.texture import measure_texture
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.tables import write_table
@@ -77,31 +76,20 @@ def outcomes(study):
 
     The pressure of every patch; ``studied``, the number of patches in the study; of the predicted
     loss the mean MCC, its gain over the best baseline and the error of its maps over that of no
-    loss; the rank correlation of pressure with loss; the mean change of Sq from T0 to T1, µm.
-    With 95 % intervals where there are any.
+    loss; the rank correlation of pressure with loss. With 95 % intervals where there are any.
     """
-    rows = [
-        (_PRESSURE, row.patch, row.pressure_MPa) for row in study.selected.itertuples()
-    ]
-    rows.append(("studied", "", int(study.selected.in_study.sum())))
+    selected = study.selected
+    pressures = selected.rename(columns={_PRESSURE: "result"}).assign(output=_PRESSURE)
+    studied = {"output": ["studied"], "patch": "", "result": selected.in_study.sum()}
+    tables = [pressures, pd.DataFrame(studied)]
     if study.worn:
-        summary = study.scored()["summary"]
+        summary = study.scored()["summary"].rename(columns={"value": "result"})
         own = summary[summary.model.isin(["", own_model(list(summary.model))])]
-        own = own.assign(statistic=statistic_names(own))
-        for row in own[own.statistic.isin(_OF_PREDICTION)].itertuples():
-            rows.append((row.statistic, "", row.value, row.low, row.high))
-    texture = measure_texture(
-        {patch: study.prepared[patch, "T0"] for patch in study.worn},
-        {patch: study.changes[patch] for patch in study.worn},
-        **study.config["texture"],
-    )
-    if len(texture):
-        rows.append(
-            ("mean_change(Sq_um)", "", texture.Sq_um[texture.epoch == "change"].mean())
-        )
-    table = pd.DataFrame(rows).reindex(columns=range(5))
-    table.columns = ["output", "patch", "result", "low", "high"]
-    return table.dropna(subset="result", ignore_index=True)
+        own = own.assign(output=statistic_names(own), patch="")
+        tables.append(own[own.output.isin(_OF_PREDICTION)])
+    table = pd.concat(tables, ignore_index=True)
+    columns = ["output", "patch", "result", "low", "high"]
+    return table.reindex(columns=columns).dropna(subset="result", ignore_index=True)
 
 
 def changes_table(settings):
