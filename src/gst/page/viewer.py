@@ -63,41 +63,33 @@ def coarsen(
     Graphics, Springer, 455-465.
     """
     import trimesh
+    from trimesh.grouping import unique_rows
 
-    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    triangles = np.asarray(mesh.faces)
     if len(triangles) <= faces:
         return mesh
-    kept = np.zeros(len(points), bool) if keep is None else keep
+    kept = np.zeros(len(mesh.vertices), bool) if keep is None else keep
     # A kept vertex has its own cell.
-    own = np.where(kept, np.arange(1, len(points) + 1), 0)
+    own = np.where(kept, np.arange(1, len(kept) + 1), 0)
     cell = np.sqrt(2 * mesh.area / faces)
     while True:
-        cells = np.floor((points - mesh.bounds[0]) / cell).astype(np.int64)
-        numbers = _row_numbers(np.column_stack([cells, own]))
-        _, cluster = np.unique(numbers, return_inverse=True)
+        cells = np.floor((mesh.vertices - mesh.bounds[0]) / cell).astype(np.int64)
+        _, cluster = unique_rows(np.column_stack([cells, own]))
         corners = np.sort(cluster[triangles], axis=1)
         whole = (np.diff(corners, axis=1) > 0).all(axis=1)
-        _, first = np.unique(_row_numbers(corners[whole]), return_index=True)
+        first, _ = unique_rows(corners[whole])
         if len(first) <= faces or kept[triangles].all(axis=1).sum() > faces / 2:
             break
         cell *= 1.02 * np.sqrt(len(first) / faces)
-    count = np.bincount(cluster)
-    sums = [np.bincount(cluster, coordinate) for coordinate in points.T]
-    means = np.column_stack(sums) / count[:, np.newaxis]
+    sums = [np.bincount(cluster, coordinate) for coordinate in mesh.vertices.T]
+    means = np.column_stack(sums / np.bincount(cluster))
     left = triangles[whole][np.sort(first)]
-    coarse = cluster[left]
+    coarse = trimesh.Trimesh(means, cluster[left], process=False)
     # Where a cell contains a fold, a face may have been turned over, and would be drawn dark.
     outwards = mesh.vertex_normals[left].sum(axis=1)
-    edges = np.diff(means[coarse], axis=1)
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    over = (normals * outwards).sum(axis=1) < 0
-    coarse[over] = coarse[over, ::-1]
-    return trimesh.Trimesh(means, coarse, process=False)
-
-
-def _row_numbers(rows: np.ndarray) -> np.ndarray:
-    """A number for each row of whole numbers, in the order of the rows, which sort much slower."""
-    return np.ravel_multi_index(tuple(rows.T), tuple(rows.max(axis=0) + 1))
+    over = (coarse.face_normals * outwards).sum(axis=1) < 0
+    coarse.faces[over] = coarse.faces[over, ::-1]
+    return coarse
 
 
 def stone_data(mesh: "trimesh.Trimesh") -> dict[str, Any]:
