@@ -13,7 +13,6 @@ from pathlib import Path
 from PIL import Image, PngImagePlugin
 
 from gst.page.figures.microscale import overview_figure
-from gst.page.figures.study import result_of
 from gst.page.figures.style import save_figure
 from gst.page.results import Results
 from gstlib.io.files import sha256
@@ -42,16 +41,12 @@ def main(results: Path, picture: Path) -> None:
         patches=list(scores.patch),
         worn=list(scores.patch),
         size_mm=config["square"]["size_mm"],
-    )
-    figure = overview_figure(
-        study.square("contact"),
-        study.pressures,
-        study.tool,
-        result_of(study, patch),
-        patch_size_mm=config["scans"]["size_mm"],
+        patch_mm=config["scans"]["size_mm"],
         force_N=config["load"]["force_N"],
     )
-    save_figure(figure, picture, source_note="synthetic specimen")
+    save_figure(
+        overview_figure(study, patch), picture, source_note="synthetic specimen"
+    )
     shows = PngImagePlugin.PngInfo()
     shows.add_text("scores", sha256(table))
     with Image.open(picture) as drawn:

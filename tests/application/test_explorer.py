@@ -1,6 +1,5 @@
 """The draws that a page takes for its explorer."""
 
-import base64
 import json
 
 import numpy as np
@@ -29,14 +28,10 @@ def study_of(folder, *, draws=2000, patches=3, adopted=1, graded=False):
     use = xr.Dataset(variables, {"patch": names}, {"adopted": adopted})
     write_dataset(folder / "use.h5", use)
     losses = pd.DataFrame({"patch": names, "loss_um": np.arange(patches) / 10})
-    losses.to_csv(folder / "losses.csv", index=False)
-    files = {"use": folder / "use.h5", "predicted_losses.csv": folder / "losses.csv"}
+    losses.to_csv(folder / "predicted_losses.csv", index=False)
+    files = {"use": folder / "use.h5", "losses": folder / "predicted_losses.csv"}
     places = {"patch": names, "wear_grade": list(range(patches))}
     return Results(files, places=places, patch_mm=0.8), use
-
-
-def numbers(text, kind):
-    return np.frombuffer(base64.b64decode(text), kind)
 
 
 def test_the_numbers_are_those_of_the_draws(tmp_path):
@@ -45,34 +40,29 @@ def test_the_numbers_are_those_of_the_draws(tmp_path):
     taken = draws_to_explore(study, {"threshold_MPa": 0.0, "exponent": 2.0})
     assert taken["measured"] == [0.0, 0.1, 0.2]
     assert taken["near_mm"] == 0.4
-    np.testing.assert_allclose(numbers(taken["x_mm"], "<f4"), use.x_mm, rtol=1e-6)
+    np.testing.assert_allclose(taken["x_mm"], use.x_mm, atol=1e-3)
     pressure = use.pressure.values.T
     loss = use.wear_coefficient.values[:, np.newaxis] * law.equivalent(pressure)
     for name, wanted in {"pressure": pressure, "loss": loss}.items():
-        shares = numbers(taken[name]["values"], "<u2").reshape(-1, 3) / 65535
-        stored = taken[name]["most"] * shares
-        np.testing.assert_allclose(stored, wanted, atol=wanted.max() / 1e5)
+        np.testing.assert_allclose(taken[name], wanted, atol=1e-3)
 
 
 def test_many_patches_take_fewer_draws_evenly(tmp_path):
     study, use = study_of(tmp_path, patches=60)
-    taken = draws_to_explore(study, None)
-    assert len(json.dumps(taken)) < 300_000
-    x = numbers(taken["x_mm"], "<f4")
-    kept = np.flatnonzero(np.isin(use.x_mm.values.astype("<f4"), x))
-    assert len(kept) == len(x) > 500
-    assert set(np.diff(kept)) <= {2, 3}
-    assert draws_to_explore(study_of(tmp_path, patches=2000)[0], None) is None
+    taken = draws_to_explore(study, {})
+    assert len(json.dumps(taken)) < 1_000_000
+    np.testing.assert_allclose(taken["x_mm"], use.x_mm[::3], atol=1e-3)
+    assert np.shape(taken["loss"]) == (len(taken["x_mm"]), 60)
 
 
 def test_grades_stand_in_place_of_losses(tmp_path):
     study, _ = study_of(tmp_path, graded=True)
-    taken = draws_to_explore(study, None)
+    taken = draws_to_explore(study, {})
     assert taken["measured"] == [0, 1, 2]
     assert "loss" not in taken
 
 
 def test_a_use_that_the_study_does_not_adopt_is_not_explored(tmp_path):
     study, _ = study_of(tmp_path, adopted=0)
-    assert draws_to_explore(study, None) is None
-    assert draws_to_explore(Results({}), None) is None
+    assert draws_to_explore(study, {}) is None
+    assert draws_to_explore(Results({}), {}) is None

@@ -15,11 +15,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from gst.page.figures import macroscale, maps, microscale, style, tables, use
-from gst.page.figures.microscale import PatchResult
 from gst.page.figures.tool import draw_stone
-from gst.page.results import Results
+from gst.page.results import PatchResult, Results
 from gst.page.verdict import MODELS
-from gstlib.errors import InputError
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
 from gstlib.validation.summary import separated
@@ -94,22 +92,43 @@ LOSSES_PREDICTED = table(
 )
 
 
-def of_use():
-    stated = table(
-        "parameter  prior\nload_point_x  1.5\nload_point_y  1.5\nradius  200"
-    )
-    uses = xr.Dataset({name: ("draw", column) for name, column in USES.items()})
-    height = SQUARE["height"]
-    return use.use_figure(
-        uses, stated, LOSSES_PREDICTED, height, PRESSURES, patch_size_mm=0.8
-    )
+USE_TABLE = table("parameter  prior\nload_point_x  1.5\nload_point_y  1.5\nradius  200")
+
+
+class InMemory(Results):
+    """A study whose files are their contents."""
+
+    @property
+    def tables(self):
+        return self.files
+
+    def table(self, name):
+        return self.files[name]
+
+    def data(self, name, *only):
+        return self.files[f"{name}.h5"]
+
+
+def study_of(**files):
+    files = {
+        "contact.h5": SQUARE,
+        "surface.h5": SQUARE,
+        "use.h5": xr.Dataset({name: ("draw", each) for name, each in USES.items()}),
+        "use": USE_TABLE,
+        "predicted_losses": LOSSES_PREDICTED,
+        "patch_pressures": PRESSURES,
+        "patch_intervals": PRESSURES,
+    } | files
+    study = InMemory(files, size_mm=5.0, patch_mm=0.85, places=PRESSURES)
+    study.__dict__["contacts"] = CONTACTS
+    return study
 
 
 DRAW = {
-    "contact_steps": lambda: macroscale.contact_steps_figure(SQUARE, size_mm=3.0),
-    "force": lambda: macroscale.force_figure(SQUARE, PRESSURES, patch_size_mm=0.85),
+    "contact_steps": lambda: macroscale.contact_steps_figure(study_of()),
+    "force": lambda: macroscale.forces_figure(study_of()),
     "patch": lambda: microscale.patch_figure(RESULT),
-    "use": of_use,
+    "use": lambda: use.use_figure(study_of()),
 }
 
 
@@ -120,7 +139,7 @@ def points_of(axes):
 
 
 def picture_of(axes):
-    return np.asarray(axes.images[0].get_array()) / 255
+    return np.asarray(axes.images[0].get_array())[..., :3] / 255
 
 
 def redness_of(axes):
@@ -133,7 +152,7 @@ def test_figure_has_the_same_bytes_each_time(tmp_path, name, kind):
     contents = []
     for size in (10, 20):
         with matplotlib.rc_context({"font.size": size, "savefig.dpi": size}):
-            figure = DRAW[name]()
+            figure = style.styled(DRAW[name])()
             style.save_figure(figure, *files, source_note="synthetic specimen")
         contents.append([file.read_bytes() for file in files])
     assert contents[0] == contents[1]
@@ -159,11 +178,10 @@ def test_a_figure_in_the_layout_of_another_looks_as_in_its_own(tmp_path):
 def test_a_map_has_its_origin_its_scale_and_marks_of_the_right_area():
     mask = RNG.random((300, 300)) < 0.15
     axes = panel()
-    maps.draw_map(
-        axes, make_surface(np.zeros(mask.shape), 0.01), marks={"#000000": mask}
-    )
+    flat = make_surface(np.zeros(mask.shape), 0.01)
+    maps.draw_map(axes, flat, marks={"#000000": mask})
     axes.set_axis_off()
-    assert axes.images[0].get_extent() == pytest.approx((0, 3, 0, 3))
+    assert axes.axis() == pytest.approx((0, 3, 0, 3))
     brightness = pixels(axes.figure)[..., 0] / 255 / maps.RELIEF_MAP(0.0)[0]
     dark = 1 - brightness.reshape(5, 30, 5, 30).mean(axis=(1, 3))
     share = mask[::-1].reshape(5, 60, 5, 60).mean(axis=(1, 3))
@@ -196,7 +214,8 @@ def test_forces_and_pressures_are_those_of_the_contact():
     square, bars = DRAW["force"]().axes
     pressure = SQUARE["pressure"].values
     assert picture_of(square).sum(axis=-1).argmin() == pressure.argmax()
-    assert sorted(bar.get_height() for bar in bars.patches) == [4.0, 20.0, 40.0]
+    heights = [bar.get_height() for bar in bars.patches]
+    assert sorted(filter(np.isfinite, heights)) == [4.0, 20.0, 40.0]
     outlines = square.patches[:3]
     assert [outline.get_linestyle() for outline in outlines] == ["-", "--", "-"]
     corner = min(outlines[1].get_xy().tolist())  # of patch 2, turned by 10 degrees
@@ -230,13 +249,12 @@ def test_a_patch_without_a_known_change_shows_its_scans():
         PatchResult("1", CONTACTS["1"], unknown, PREDICTED)
     )
     titles = [axes.get_title() for axes in figure.axes]
-    assert titles[1] == "T1, after use, not registered to T0"
     assert titles[3] == "the change is unknown"
     assert len(titles) == 5
 
 
 def test_load_curves_are_those_of_the_patches_and_of_the_square():
-    figure = microscale.load_curves_figure(SQUARE, CONTACTS)
+    figure = microscale.load_curves_figure(study_of())
     area, load, stiffness, of_square, pressed = (axes.lines for axes in figure.axes)
     assert area[0].get_xydata()[-1] == pytest.approx([40 / 12820, 5])
     assert load[0].get_xydata()[-1] == pytest.approx([20, 40])
@@ -267,13 +285,19 @@ def test_validation_shows_the_numbers_of_the_tables():
         6  9  0.05  True"""
     )
     patches = table("patch  in_statistics\n1  True\n3  True\n5  False\n6  False")
-    figure = tables.validation_figure(patches, losses, separated(summary))
-    agreement, extent = figure.axes
+    stated = losses[["patch", "stated_MPa"]].assign(pressure_MPa=1.0)
+    study = study_of(
+        validation_summary=separated(summary),
+        validation_patches=patches,
+        patch_pressures=stated,
+        registration=losses.drop(columns="stated_MPa"),
+    )
+    agreement, extent = tables.validation_figure(study).axes
     names = [text.get_text() for text in agreement.texts]
     assert names == [MODELS["archard"], MODELS["rigid"]]
     assert points_of(agreement) == [[[0.5, 0]], [[0.4, 1]]]
-    interval, _, attainable, _ = (
-        line.get_xydata().tolist() for line in agreement.lines
+    interval, _, attainable = (
+        line.get_xydata().tolist() for line in agreement.lines[:3]
     )
     assert interval == [[0.4, 0], [0.6, 0]]
     assert attainable == [[0.7, 0]]
@@ -301,23 +325,21 @@ def test_wear_shows_the_counted_patches_and_no_others():
         3  archard  1  3
         1  measured  3  4"""
     )
-    figure = tables.wear_figure(wear, profile, PRESSURES, ["1", "3"])
-    volumes, heights = figure.axes
+    patches = table("patch  in_statistics\n1  True\n3  True\n5  False")
+    study = study_of(wear=wear, wear_profile=profile, validation_patches=patches)
+    volumes, heights = tables.wear_figure(study).axes
     assert points_of(volumes) == [[[2, 1], [4, 3]]]
     # an interval in proportion to that of the pressure
     ends = [line[:, 1].tolist() for line in volumes.collections[0].get_segments()]
     np.testing.assert_allclose(ends, [[1 / 40, 90 / 40], [3 / 20, 3 * 90 / 20]])
     assert points_of(heights) == [[[2, 1]]]
-    assert heights.lines[0].get_xydata().tolist() == [[4, 3]]
+    assert [[4, 3]] in [line.get_xydata().tolist() for line in heights.lines]
 
 
-def test_the_most_loaded_patches_with_a_t1_are_drawn(tmp_path):
-    PRESSURES.to_csv(tmp_path / "pressures.csv", index=False)
-    files = {"pressures": tmp_path / "pressures.csv"}
-    assert Results(files, "123", "23", max_plotted_patches=1).compared == ["3"]
-    assert Results(files, "123", "23", max_plotted_patches=2).drawn == ["1", "3"]
-    with pytest.raises(InputError, match=r"pressures\.csv.*exactly one row per patch"):
-        _ = Results(files, "124").pressures
+def test_the_most_loaded_patches_with_a_t1_are_drawn():
+    files = {"patch_pressures": PRESSURES}
+    assert InMemory(files, "123", "23", max_plotted_patches=1).compared == ["3"]
+    assert InMemory(files, "123", "23", max_plotted_patches=2).drawn == ["1", "3"]
 
 
 def test_the_likelier_a_use_the_more_strikes_it_has():

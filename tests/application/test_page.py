@@ -18,6 +18,7 @@ from gst.page.captions import caption_html, table_caption
 from gst.page.figures.style import STONE
 from gst.page.figures.tool import coloured_tool
 from gst.page.results import Results
+from gst.page.scene import tool_scene
 from gst.page.study_page import reported, scan_dates
 from gst.page.verdict import Answer
 from gst.run.chain import given_to, step_of, write_record
@@ -39,7 +40,7 @@ def stone():
 
 def test_the_square_is_coloured_where_it_is_pressed(stone):
     mesh, pressure = stone
-    whole, colours = coloured_tool(mesh, FRAME, pressure, faces=1000)
+    whole, colours = coloured_tool(mesh, FRAME, pressure)
     assert whole.volume == pytest.approx(1200, rel=0.15)
     dark = colours.sum(axis=1) < 200
     low, high = np.quantile(whole.vertices[dark], [0, 1], axis=0)
@@ -50,11 +51,15 @@ def test_the_square_is_coloured_where_it_is_pressed(stone):
     assert "#" + bytes(bare).hex() == STONE
 
 
-def test_the_scene_has_its_patches_where_the_table_puts_them(stone):
+def test_the_scene_has_its_patches_where_the_table_puts_them(stone, tmp_path):
     mesh, pressure = stone
     places = {"patch": ["a"], "x_mm": [3.0], "y_mm": [1.0], "rotation_deg": [90.0]}
-    field = pressure.assign_attrs(title="pressure", units="MPa")
-    scene = page.tool_scene(mesh, FRAME, [field], places, (4.0, 1.0))
+    contact = pressure.assign_attrs(units="MPa").to_dataset(name="pressure")
+    write_dataset(tmp_path / "contact.h5", contact)
+    files = {"contact": tmp_path / "contact.h5"}
+    study = Results(files, places=places, size_mm=4.0, patch_mm=1.0)
+    study.__dict__["tool"] = mesh, FRAME
+    scene = tool_scene(study)
     (patch,) = scene["patches"]
     # turned by a quarter: the first corner is now at the lower right
     np.testing.assert_allclose(patch["flat"][0], [3.5, 0.5])
@@ -99,8 +104,10 @@ def test_the_caption_of_a_table_explains_its_columns_with_any_config(study):
 
 def answer_html(short, detail, **content):
     answer = Answer([("Why?", short, ": a < b, 5 %")], [detail])
-    nothing = {"generated": False, "faults": [], "load": {"held": {}}, "truth": {}}
-    return page.render("page.answer.html", answer=answer, **nothing | content)
+    nothing = {"specimen": None, "faults": [], "load": {"held": {}}, "truth": {}}
+    content = nothing | content
+    config = {"specimen": content["specimen"]}
+    return page.render("page.answer.html", answer=answer, config=config, **content)
 
 
 def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
@@ -108,16 +115,18 @@ def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
     assert "<dt>Why?</dt><dd><strong>Yes</strong>: a &lt; b, 5\xa0%</dd>" in html
     assert "1 &lt; 2" in html
     assert "Synthetic specimen" not in html
-    assert "Synthetic specimen" in answer_html("Yes", "", generated=True)
+    assert "Synthetic specimen" in answer_html(
+        "Yes", "", specimen={"wear_placement": "summits"}
+    )
 
 
 def test_an_accepted_fault_is_shown_above_the_answer():
     fault = [{"text": "patches: they lie elsewhere"}]
     html = answer_html("because", "in detail", faults=fault)
     assert 0 < html.index(fault[0]["text"]) < html.index("because")
-    nothing = page.render(
-        "page.answer.html", answer=Answer([], []), faults=fault, generated=False
-    )
+    config = {"specimen": None}
+    empty = {"answer": Answer([], []), "faults": fault, "config": config}
+    nothing = page.render("page.answer.html", **empty)
     assert "No answer could be computed" in nothing
 
 

@@ -7,8 +7,9 @@ import re
 import pandas as pd
 import pytest
 
-from gst.page.verdict import MODELS, TOUCHED, where_to_scan
-from gst.page.verdict import verdict as verdict_of
+from gst.page import verdict as answers
+from gst.page.results import Results
+from gst.page.verdict import MODELS, TOUCHED
 from gstlib.coupling.comparison import AGREES, CANNOT_TELL, ELSEWHERE
 from gstlib.macroscale.sampling_sites import Concentration
 from gstlib.use.infer import NOT_PRESSED, PERHAPS, PRESSED, UNKNOWN
@@ -62,8 +63,27 @@ radius,200,169.8,133.1,224.1,90.4
 NOTHING = {"low": NAN, "high": NAN, "p_value": NAN}
 
 
-def verdict(tables, **settings):
-    return verdict_of(tables, force_N=200.0, square_mm=5.0, **settings)
+CONFIG = {"gesture": None, "interlayer": None, "pressure_cap_MPa": None}
+CONFIG |= {"square": {"size_mm": 5.0}}
+
+
+class Stored(Results):
+    """A study whose tables are in memory."""
+
+    @property
+    def tables(self):
+        return self.files
+
+    def table(self, name):
+        return self.files[name]
+
+    def data(self, name, *only):
+        return None
+
+
+def verdict(tables, force_N=200.0, **settings):
+    study = Stored(tables, force_N=force_N, size_mm=5.0)
+    return answers.verdict(study, CONFIG | {"wear_law": {}} | settings)
 
 
 def line(question, tables, **settings):
@@ -218,7 +238,7 @@ def test_how_sure_it_is_is_computed(count, status, excluded, marks):
     assert " ".join(re.findall("[●○]+", line(SURE, tables))) == marks
 
 
-def test_interlayer_and_gesture_are_named():
+def test_interlayer_and_gesture_are_named(monkeypatch):
     exposed = {
         "patch": ["a", "b"],
         "exposure_N_per_mm": [1.0, 3.0],
@@ -226,7 +246,8 @@ def test_interlayer_and_gesture_are_named():
     }
     tables = compared(model=INTERLAYER) | {"exposure": pd.DataFrame(exposed)}
     interlayer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 250.0}
-    answer = verdict(tables, interlayer=interlayer, poses=7)
+    monkeypatch.setattr(answers, "poses_of", lambda config: range(7))
+    answer = verdict(tables, interlayer=interlayer)
     assert numbers(answer.details[0])[:3] == [7, 300, 250]
     assert numbers(answer.details[2]) == [1.1, 0.02]
     assert (
@@ -296,7 +317,7 @@ def inferred(answer=PRESSED, **columns):
 
 
 def used(use):
-    answer = verdict_of(loaded(1.0) | {"use": use}, force_N=550.0, square_mm=5.0)
+    answer = verdict(loaded(1.0) | {"use": use}, 550.0)
     return next(line for line in answer.lines if line.question == USED)
 
 
@@ -369,14 +390,15 @@ def test_every_model_has_words():
     assert set(MODELS) == {BARE, INTERLAYER, CAPPED, *BASELINES, ORACLE}
 
 
-def test_where_to_scan_is_said_with_its_numbers():
+def test_where_to_scan_is_said_with_its_numbers(monkeypatch):
     places = pd.DataFrame(
         {"place": ["E1", "E2", "C1"], "x_mm": [1.55, 2, 4], "y_mm": [2.1, 4, 4]}
     )
     places["kind"] = ["exposed", "exposed", "control"]
     held = Concentration(0.824, 0.0153, 0.94, 0.0578)
 
-    answer = where_to_scan(places, held, use=inferred(), force_N=550.0, square_mm=5.0)
+    monkeypatch.setattr(answers, "concentration", lambda *_, **sizes: held)
+    answer = verdict({"places": places, "use": inferred()}, 550.0)
     use, scan, controls, spread = sentences(answer).values()
     assert scan.startswith("Scan E1 to E2: ")
     assert numbers(scan) == [94, 6, 1.55, 2.1]

@@ -149,12 +149,17 @@ def test_a_study_folder_runs_no_code_of_its_own(study):
 
 
 def test_a_file_of_the_user_is_moved_from_a_folder_that_is_made_anew(tiny):
-    note = tiny.results / "figures/preparation/note.txt"
+    note = tiny.results / "figures/patch/note.txt"
     note.write_text("mine")
     result = tiny.gst(
-        "study", tiny.config, "--forcerun", "draw_inputs", "--until", "draw_inputs"
+        "study",
+        tiny.config,
+        "--forcerun",
+        "draw_validation",
+        "--until",
+        "draw_validation",
     )
     assert result.returncode == 0, result.stderr
-    moved = tiny.results / "moved_aside/figures/preparation/note.txt"
+    moved = tiny.results / "moved_aside/figures/patch/note.txt"
     assert str(moved.relative_to(tiny.folder)) in result.stderr
     assert moved.read_text() == "mine"

@@ -5,8 +5,8 @@ import pytest
 from specimens import merged
 
 from gst.config.tables import write_table
+from gst.page.results import Results
 from gst.page.verdict import verdict
-from gstlib.io.tables import read_table
 from gstlib.use.infer import UNKNOWN
 
 from .conftest import in_memory
@@ -57,13 +57,16 @@ def test_every_table_is_made_where_a_stage_has_no_answer(
     study.read_scan = read_changed
     assert study.use is None or study.use.attrs["answer"].startswith(UNKNOWN)
     tables = {f"validation_{name}": table for name, table in study.scored().items()}
-    tables["registration"] = study.registration
-    for name in ("validation_summary", "validation_patches", "registration"):
-        write_table(tmp_path / f"{name}.csv", tables[name])
-        tables[name] = read_table(tmp_path / f"{name}.csv")
     assert len(tables["validation_summary"]) >= 2
-    tables["placement"] = study.placement
-    tables["patch_pressures"] = study.selected
-    tables["patch_intervals"] = study.pressures.assign(low_MPa=0.0, high_MPa=1.0)
-    answer = verdict(tables, force_N=550.0, square_mm=5.0)
+    tables["registration"] = study.registration
+    files = {name: tmp_path / f"{name}.csv" for name in tables}
+    for name, table in tables.items():
+        write_table(files[name], table)
+    others = {"placement": study.placement, "patch_pressures": study.selected}
+    limits = study.pressures.assign(low_MPa=0.0, high_MPa=1.0)
+    for name, table in (others | {"patch_intervals": limits}).items():
+        files[name] = tmp_path / f"{name}.csv"
+        table.to_csv(files[name], index=False)
+    results = Results(files, force_N=550.0, size_mm=5.0)
+    answer = verdict(results, merged(config, settings))
     assert not any("nan" in part for line in answer.lines for part in line)

@@ -112,7 +112,6 @@ def test_batches_and_drawn_patches_leave_the_tables_alone(tiny):
     assert {
         file.stem for file in (tiny.results / "figures/patch").glob("*.png")
     } == wanted
-    assert len(list((tiny.results / "figures/preparation").glob("*.png"))) == 2
 
 
 def test_measured_files_without_t1(measured):

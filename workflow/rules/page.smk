@@ -32,17 +32,13 @@ if SCANNED:
     rule draw_inputs:
         input:
             surface=rules.grid_macroscale.output.face,
-            t0=surfaces("T0"),
-            t1=surfaces("T1"),
         output:
             inputs_png=picture("inputs", "1 Inputs", "square and scanned patches"),
-            preparation_png=pictures_by_patch("preparation", "1 Inputs", "preparation of the scans"),
         log:
             f"{RESULTS}/logs/draw_inputs.log",
         resources:
-            mem_mb=growing(500, scan=100),
+            mem_mb=growing(500),
         params:
-            **OF_PATCHES,
             **DRAWN,
             places=PLACES,
         message:

@@ -8,6 +8,9 @@ import textwrap
 from types import SimpleNamespace
 from typing import Any
 
+import jinja2
+from docutils.core import publish_parts
+
 from gst import ROOT
 from gst.config.tables import TABLES
 
@@ -37,9 +40,6 @@ def table_caption(name: str) -> str:
 
 def caption_html(template: str, **names: Any) -> str:
     """A caption as HTML; `names` are those that it may use of ``snakemake``."""
-    import jinja2
-    from docutils.core import publish_parts
-
     filled = jinja2.Template(template, undefined=jinja2.StrictUndefined)
     text = filled.render(snakemake=SimpleNamespace(**names))
     quiet = {"raw_enabled": False, "file_insertion_enabled": False, "report_level": 3}

@@ -44,28 +44,25 @@ def load_points(study: Results, given: Sequence[float] | None) -> dict[str, Any]
     points = {}
     if given is not None:
         points["given"] = [given[1], given[0]]
-    if study.has("truth.csv"):
-        truth = study.table("truth.csv", "stage").set_index(["stage", "quantity"]).true
-        if ("use", "load_point_x") in truth:
-            names = ("load_point_x", "load_point_y")
-            points["true"] = [float(truth["use", name]) for name in names]
+    if "truth" in study.tables:
+        truth = study.table("truth")
+        true = truth[truth.stage == "use"].set_index("quantity").true
+        if "load_point_x" in true:
+            points["true"] = [float(true.load_point_x), float(true.load_point_y)]
     if (use := adopted_use(study)) is None:
         return {"points": points, "region": None, "held": {}}
     draws, weight = np.stack([use.x_mm, use.y_mm]), use.weight.values
     middle = draws @ weight
     spread = np.cov(draws, aweights=weight)
-
-    def away(point: np.ndarray) -> np.ndarray:
-        off = point - middle
-        return np.einsum("...i,ij,...j", off, np.linalg.pinv(spread), off)
-
-    reach = np.quantile(
-        away(draws.T), _CERTAINTY, weights=weight, method="inverted_cdf"
-    )
+    off = np.array([*draws.T, *points.values()]) - middle
+    away = np.sum(off @ np.linalg.pinv(spread) * off, axis=1)
+    of_draws, of_points = np.split(away, [len(weight)])
+    reach = np.quantile(of_draws, _CERTAINTY, weights=weight, method="inverted_cdf")
     (short, long), axes = np.linalg.eigh(spread)
-    held = {name: bool(away(np.array(at)) <= reach) for name, at in points.items()}
     turn = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
     half = np.sqrt(reach * np.array([long, short]))
-    region = [*half.tolist(), float(turn)]
-    points = {"inferred": middle.tolist(), **points}
-    return {"points": points, "region": region, "held": held}
+    return {
+        "points": {"inferred": middle.tolist(), **points},
+        "region": [*half.tolist(), float(turn)],
+        "held": dict(zip(points, (of_points <= reach).tolist(), strict=True)),
+    }

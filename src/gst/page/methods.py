@@ -8,6 +8,8 @@ from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
+import jinja2
+
 from gstlib.conditions import load_force, study_modulus
 
 __all__ = ["methods_text"]
@@ -20,8 +22,6 @@ def methods_text(provenance: Mapping[str, Any], tables: Container[str]) -> str:
     tables that the study has. Raises a `jinja2.TemplateError` or a `LookupError` if a part of the
     provenance is missing.
     """
-    import jinja2
-
     config = provenance["config"]
     source = Path(__file__).with_suffix(".jinja").read_text("utf-8")
     template = jinja2.Template(source, undefined=jinja2.StrictUndefined)

@@ -183,11 +183,8 @@ table.tHead.addEventListener("click", (event) => {
 const NEAREST = 50; // draws whose mean is shown
 
 function explore(draws) {
-  const [xs, ys, weights] = ["x_mm", "y_mm", "weight"].map((name) => new Float32Array(bytesOf(draws[name]).buffer));
-  const fields = ["pressure", "loss"].filter((name) => draws[name]).map((name) => {
-    const { most, values } = draws[name];
-    return Float64Array.from(new Uint16Array(bytesOf(values).buffer), (level) => (most * level) / 65535);
-  });
+  const { x_mm: xs, y_mm: ys, weight: weights } = draws;
+  const fields = [draws.pressure, draws.loss].filter(Boolean);
   const form = document.getElementById("explorer");
   const map = document.getElementById("map");
   const { patches, measured, near_mm: near } = draws;
@@ -208,14 +205,14 @@ function explore(draws) {
     }
     for (const [name, value] of Object.entries({ cx: x, cy: -y, display: "inline" }))
       document.getElementById("asked-at").setAttribute(name, value);
-    const away = Array.from(xs, (draw, k) => Math.hypot(draw - x, ys[k] - y));
+    const away = xs.map((draw, k) => Math.hypot(draw - x, ys[k] - y));
     const nearest = [...away.keys()].sort((a, b) => away[a] - away[b]).slice(0, NEAREST);
     const [first, last] = [away[nearest[0]], away[nearest.at(-1)]].map(short);
     if (away[nearest[0]] > near)
       return say(`No draw of the load point lies within ${short(near)} mm of ${place}: the nearest one is ${first} mm away.`);
     const sum = nearest.reduce((all, k) => all + weights[k], 0);
     const mean = (field, patch) =>
-      nearest.reduce((all, k) => all + weights[k] * field[k * patches.length + patch], 0) / sum;
+      nearest.reduce((all, k) => all + weights[k] * field[k][patch], 0) / sum;
     const within = weights.reduce((all, weight, k) => all + (away[k] <= near ? weight : 0), 0) / total;
     const rows = patches.map((patch, number) => {
       const row = document.createElement("tr");

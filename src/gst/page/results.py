@@ -4,45 +4,52 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 import xarray as xr
 
 from gst.run.batches import files_of
 from gstlib.coupling.pressures import stated
-from gstlib.errors import InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import FRAME, Frame, stored_frame
+from gstlib.validation.scoring import own_model
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Results", "evenly"]
+__all__ = ["PatchResult", "Results"]
 
 
-def evenly(patches: Sequence[str], most: int) -> list[str]:
-    """At most `most` of the patches, in even steps."""
-    count = min(len(patches), most)
-    return [patches[place * len(patches) // count] for place in range(count)]
+class PatchResult(NamedTuple):
+    """What the study found on one patch."""
+
+    patch: str
+    # ``height``, ``pressure`` (y, x) and ``mean_pressure`` of its contact before use.
+    contact: xr.Dataset
+    # ``t1``, ``change``, ``level_of_detection``, ``loss``, ``gain`` (y, x) and the attributes
+    # ``level_of_detection_um``, ``overlap``. Where no change is known, ``t1`` is the scan by
+    # itself. None without a T1.
+    change: xr.Dataset | None
+    # Depth (y, x) that the study's own prediction takes off it, mm; None if there is none.
+    predicted: xr.DataArray | None
 
 
 @dataclass(frozen=True)
 class Results:
     """Files of a study by name, and settings; each figure and the page need some of them."""
 
-    files: Mapping[
-        str, Any
-    ]  # a file, the folders with a file for each patch, or [] for none
+    # a file, the folders with a file for each patch, or [] for none
+    files: Mapping[str, Any]
     patches: Sequence[str] = ()
     worn: Sequence[str] = ()  # those with a T1
     max_plotted_patches: int = 0  # that are drawn one by one
-    places: Mapping[str, list] | None = (
-        None  # columns ``patch, x_mm, y_mm, rotation_deg``
-    )
+    # columns ``patch, x_mm, y_mm, rotation_deg``
+    places: Mapping[str, list] | None = None
     size_mm: float = math.nan  # side of the square
     patch_mm: float = math.nan
     force_N: float = math.nan
@@ -65,8 +72,14 @@ class Results:
         files = files_of(self.files.get(name, []), patches)
         return {patch: read_dataset(file, only) for patch, file in files.items()}
 
-    def table(self, name: str, *columns: str) -> pd.DataFrame:
-        return read_table(self.files[name], columns)
+    @cached_property
+    def tables(self) -> dict[str, Path]:
+        """The files of the tables by their names."""
+        files = [file for file in self.files.values() if isinstance(file, Path)]
+        return {file.stem: file for file in files if file.suffix == ".csv"}
+
+    def table(self, name: str) -> pd.DataFrame:
+        return read_table(self.tables[name])
 
     @cached_property
     def tool(self) -> "tuple[trimesh.Trimesh, Frame]":
@@ -74,36 +87,35 @@ class Results:
         mesh = read_mesh(self.files["mesh"], unit=self.mesh_unit)
         return mesh, stored_frame(self.data("surface", *FRAME))
 
-    @cached_property
-    def pressures(self) -> pd.DataFrame:
-        table = self.table("pressures")
-        if list(table["patch"]) != list(self.patches):
-            problem = "does not have exactly one row per patch"
-            raise InputError(
-                self.files["pressures"], problem, "Delete it and run the study again."
-            )
-        return table
+    @property
+    def outlined(self) -> pd.DataFrame:
+        return pd.DataFrame(self.places)
 
     @property
-    def by_stated_pressure(self) -> pd.DataFrame:
-        """``patch, stated_MPa``, the pressures under the given load."""
-        return self.pressures[["patch"]].assign(stated_MPa=stated(self.pressures))
+    def losses(self) -> pd.DataFrame:
+        """The losses of all patches, with ``stated_MPa``, the pressures under the given load."""
+        pressures = self.table("patch_pressures")
+        by_stated = pressures[["patch"]].assign(stated_MPa=stated(pressures))
+        return by_stated.merge(self.table("registration"), how="left")
 
-    @cached_property
+    @property
     def drawn(self) -> list[str]:
         """The patches of the study that are drawn one by one, most heavily loaded first."""
-        return self._most_loaded(self.pressures.in_study)
+        table = self.table("patch_pressures")
+        return self._most_loaded(table[table.in_study])
 
-    @cached_property
+    @property
     def compared(self) -> list[str]:
         """The patches with a T1 that are drawn one by one, most heavily loaded first."""
-        return self._most_loaded(self.pressures.patch.isin(list(self.worn)))
+        table = self.table("patch_pressures")
+        return self._most_loaded(table[table.patch.isin(list(self.worn))])
 
-    def _most_loaded(self, among: pd.Series) -> list[str]:
-        table = self.pressures[among].sort_values(
-            "pressure_MPa", ascending=False, kind="stable"
-        )
-        return evenly(list(table.patch), self.max_plotted_patches)
+    def _most_loaded(self, table: pd.DataFrame) -> list[str]:
+        """The patches of a table or, if they are too many, some in even steps."""
+        ordered = table.sort_values("pressure_MPa", ascending=False, kind="stable")
+        patches = list(ordered.patch)
+        count = min(len(patches), self.max_plotted_patches)
+        return [patches[place * len(patches) // count] for place in range(count)]
 
     @cached_property
     def contacts(self) -> dict[str, xr.Dataset]:
@@ -112,3 +124,21 @@ class Results:
         return self.by_patch(
             "contacts", self.drawn, *drawn, *(f"path_{name}" for name in path)
         )
+
+    def of_patch(self, patch: str) -> PatchResult:
+        """The results on one patch."""
+
+        def read(name: str, *only: str) -> xr.Dataset | None:
+            return self.by_patch(name, [patch], *only).get(patch)
+
+        contact = read("contacts", "height", "pressure", "mean_pressure")
+        change = read(
+            "registered", "t1", "change", "level_of_detection", "loss", "gain"
+        )
+        if change is not None and change.change.isnull().all():
+            change["t1"] = read("t1", "height").height
+        predicted = read("depths", "depth")
+        if predicted is not None:
+            own = own_model(list(predicted.model.values))
+            predicted = predicted.depth.sel(model=own)
+        return PatchResult(patch, contact, change, predicted)

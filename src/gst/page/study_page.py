@@ -1,30 +1,23 @@
 """The page of a study, with the answer, the contents and the record, from its stored results."""
 
 import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-import xarray as xr
-
-from gst.config.poses import poses_of
 from gst.page.explorer import draws_to_explore
 from gst.page.load_points import load_points
-from gst.page.page import Shown, by_category, data_url, embedded, render, tool_scene
+from gst.page.page import Shown, data_url, embedded, render
 from gst.page.results import Results
+from gst.page.scene import tool_scene
 from gst.page.truth import truth_met
-from gst.page.verdict import MODELS, Answer, verdict, where_to_scan
+from gst.page.verdict import MODELS, verdict
 from gst.run.chain import messages_of
 from gstlib import __version__
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
-from gstlib.macroscale.active_tool import ActiveTool, posed_mesh
-from gstlib.macroscale.sampling_sites import concentration
 from gstlib.settings import Settings
-from gstlib.surfaces.footprints import footprint_weights, places_of, square_of
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.scoring import own_model
 from gstlib.wear.archard import CAPPED
@@ -37,19 +30,15 @@ __all__ = [
     "write_study_page",
 ]
 
-# Tables that the answer is computed from.
-_SCORED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
-_SCORED += ["validation_summary", "exposure", "use", "laws", "placement"]
 # Tables with a row for each patch, by their names on a card.
 _OF_PATCHES = {
-    "pressure": "patch_pressures.csv",
-    "interval": "patch_intervals.csv",
-    "microscale": "microscale_summary.csv",
-    "scores": "validation_patches.csv",
-    "registration": "registration.csv",
-    "placement": "placement.csv",
+    "pressure": "patch_pressures",
+    "interval": "patch_intervals",
+    "microscale": "microscale_summary",
+    "scores": "validation_patches",
+    "registration": "registration",
+    "placement": "placement",
 }
-_INSIDE = 0.5  # share of an element that lies in a patch which colours it
 _PAGE = "0 Overview", "the page of the study"
 _WHAT = "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
 
@@ -96,39 +85,32 @@ def write_study_page(
     methods : str
         The methods paragraph with its references.
     """
-    results = page.parent
-    proposed = study.table("places.csv") if study.has("places.csv") else None
     asked = Settings(**config).by_stage()["infer_use"]
-    graded = pd.DataFrame({} if proposed is None else study.places)
     load = load_points(study, asked["stated"]["load_point"])
+    is_scanned = "places" not in study.tables
     content = {
+        "study": study,
+        "config": config,
         "version": __version__,
         "dates": [] if config["specimen"] else scan_dates(study),
         "given": asked["stated"] | {"modulus": asked["modulus"]},
         "load": load,
-        "grades": graded.to_dict("records"),
+        "grades": [] if is_scanned else study.outlined.to_dict("records"),
         "draws": draws_to_explore(study, config["wear_law"]),
         "truth": truth_met(study, load["held"]),
-        "answer": _answer(study, config, proposed),
-        "generated": (config["specimen"] or {}).get("wear_placement"),
-        "worn": study.has("registration.csv") or not graded.empty,
-        "faults": [*config_faults, *reported(results, steps, "ERROR")],
-        "warnings": reported(results, steps, "WARNING"),
-        "notes": reported(results, steps, "NOTE"),
-        "title": config["title"],
-        "force": study.force_N,
-        "size": study.size_mm,
-        "patch_mm": study.patch_mm,
-        "scene": _scene(study, proposed, active_tool),
-        "proposed": [] if proposed is None else proposed.to_dict("records"),
-        "records": patch_records(study) if proposed is None else {},
-        "shown": by_category(shown),
+        "answer": verdict(study, config),
+        "faults": [*config_faults, *reported(page.parent, steps, "ERROR")],
+        "warnings": reported(page.parent, steps, "WARNING"),
+        "notes": reported(page.parent, steps, "NOTE"),
+        "scene": tool_scene(study, active_tool),
+        "proposed": [] if is_scanned else study.table("places").to_dict("records"),
+        "records": patch_records(study) if is_scanned else {},
+        "shown": shown,
         "methods": methods,
         "curves": {
             f"figures/{file.name}": file.read_text("utf-8")
             for file in study.files.get("curves", [])
         },
-        "compared": study.has("validation_summary.csv"),
     }
     write_whole(page, render("page.html", **content).encode())
 
@@ -145,93 +127,26 @@ def scan_dates(study: Results) -> list[str]:
     return sorted({*days[:1], *days[-1:]})
 
 
-def _answer(
-    study: Results, config: Mapping[str, Any], proposed: pd.DataFrame | None
-) -> Answer:
-    """The answer of the study: about its wear or, without patches, where to scan."""
-    tables = {
-        name: study.table(f"{name}.csv") for name in _SCORED if study.has(f"{name}.csv")
-    }
-    load = {"force_N": study.force_N, "square_mm": study.size_mm}
-    if proposed is not None:
-        exposure = study.data("exposure", "exposure", "touched")
-        size = {"size_mm": study.size_mm, "patch_mm": study.patch_mm}
-        held = concentration(exposure, proposed, **size)
-        return where_to_scan(proposed, held, use=tables.get("use"), **load)
-    poses = poses_of(config)
-    return verdict(
-        tables,
-        **load,
-        interlayer=config["interlayer"],
-        pressure_cap=config["pressure_cap_MPa"],
-        poses=None if poses is None else len(poses),
-        wear_law=config["wear_law"],
-        second=study.has("counterface"),
-    )
-
-
-def _scene(
-    study: Results, proposed: pd.DataFrame | None, active_tool: Mapping[str, Any] | None
-) -> dict[str, Any]:
-    """The tool in 3D, with pressure, measured loss and, of a gesture, exposure on it."""
-    tool, frame = study.tool
-    fields = [study.data("contact", "pressure").pressure.assign_attrs(title="pressure")]
-    if study.has("exposure"):
-        exposure = study.data("exposure", "exposure").exposure
-        fields.append(exposure.assign_attrs(title="exposure"))
-    x = fields[0].x.values  # the face is as wide along y
-    places: Any = study.places
-    if proposed is None:
-        fields = [square_of(field, study.size_mm) for field in fields]
-        if study.has("registration.csv"):
-            fields.insert(1, _loss_on(fields[0], study))
-    else:
-        places = proposed.rename(columns={"place": "patch"}).assign(rotation_deg=0.0)
-    active = None
-    if study.has("counterface") and active_tool:
-        active = posed_mesh(
-            ActiveTool.read(**active_tool), frame, size_mm=study.size_mm
-        )
-    sizes = study.size_mm, study.patch_mm
-    scene = tool_scene(tool, frame, fields, places, sizes, active)
-    half = (x[1] - x[0]) / 2
-    return scene | {
-        "face": [round(float(x[0] - half), 6), round(float(x[-1] + half), 6)]
-    }
-
-
-def _loss_on(square: xr.DataArray, study: Results) -> xr.DataArray:
-    """The mean depth that each patch lost, on the grid of the square."""
-    depths = study.table("registration.csv").set_index("patch").mean_wear_depth_um
-    loss = xr.zeros_like(square)
-    for patch, place in places_of(pd.DataFrame(study.places)).items():
-        depth = depths.get(patch, math.nan)
-        if depth > 0:
-            share = footprint_weights(square, place, study.patch_mm)
-            loss.values[share > _INSIDE] = depth
-    return loss.assign_attrs(title="measured loss, mean over the patch", units="µm")
-
-
 def patch_records(study: Results) -> dict[str, dict[str, Any]]:
     """The content of the card of each patch: its rows of the tables, or empty dicts, and pictures.
 
     ``wear`` is the row of the study's own prediction, ``mcc`` the score of every other model by the
     model's name in words; ``picture`` and ``strip`` are data URLs, ``scans`` the names of scans.
     """
-    rows = {name: _rows_of(study, file) for name, file in _OF_PATCHES.items()}
+    rows = {name: _rows_of(study, table) for name, table in _OF_PATCHES.items()}
     models: dict[str, dict[str, dict]] = {}
-    if study.has("wear.csv"):
-        for row in study.table("wear.csv").to_dict("records"):
+    if "wear" in study.tables:
+        for row in study.table("wear").to_dict("records"):
             models.setdefault(row["patch"], {})[row["model"]] = row
-    scans = pd.DataFrame(study.places).set_index("patch")
     records = {}
-    for patch in rows["pressure"]:
+    for patch, t0, t1 in zip(
+        *map(study.places.get, ("patch", "t0", "t1")), strict=True
+    ):
         wear = models.get(patch, {})
-        names = scans.loc[patch, ["t0", "t1"]]
         others = [model for model in (CAPPED, *BASELINES, ORACLE) if model in wear]
         records[patch] = {
             "patch": patch,
-            "scans": " → ".join(filter(None, names)),
+            "scans": " → ".join(filter(None, [t0, t1])),
             "picture": _picture(study, "by_patch", f"{patch}.png"),
             "strip": _picture(study, "strips", f"{patch}.jpg"),
             "wear": wear.get(own_model(list(wear)), {}),
@@ -241,15 +156,12 @@ def patch_records(study: Results) -> dict[str, dict[str, Any]]:
     return records
 
 
-def _rows_of(study: Results, file: str) -> dict[str, dict[str, Any]]:
+def _rows_of(study: Results, name: str) -> dict[str, dict[str, Any]]:
     """The row of each patch in a table, without its empty cells."""
-    if not study.has(file):
+    if name not in study.tables:
         return {}
-    records = study.table(file).astype(object).to_dict("records")
-    return {
-        row["patch"]: {name: value for name, value in row.items() if pd.notna(value)}
-        for row in records
-    }
+    table = study.table(name).astype(object).set_index("patch")
+    return {patch: row.dropna().to_dict() for patch, row in table.iterrows()}
 
 
 def _picture(study: Results, folder: str, name: str) -> str | None:
@@ -267,9 +179,8 @@ def reported(results: Path, steps: Sequence[str], level: str) -> list[dict[str, 
     """
     reporters: dict[str, dict[str, None]] = {}
     for name in steps:
-        step = re.sub(r"_\d+$", "", name).replace(
-            "_", " "
-        )  # a batch is not a separate step
+        # a batch is not a separate step
+        step = re.sub(r"_\d+$", "", name).replace("_", " ")
         for text in messages_of(results, name, level):
             reporters.setdefault(text, {})[step] = None
     messages = []

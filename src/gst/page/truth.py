@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping
 
-import pandas as pd
-
 from gst.page.results import Results
 
 __all__ = ["truth_met"]
@@ -14,20 +12,17 @@ def truth_met(study: Results, held: Mapping[str, bool]) -> dict[str, tuple[int, 
 
     `held` is from `gst.page.load_points.load_points`. The result is empty for a measured tool.
     """
-    if not study.has("truth.csv"):
+    if "truth" not in study.tables:
         return {}
-    true = study.table("truth.csv", "patch")
-    limits = study.table("patch_intervals.csv", "patch").assign(quantity="pressure")
-    limits = limits.rename(columns={"low_MPa": "low", "high_MPa": "high"})
-    if study.has("use.csv"):
-        use = study.table("use.csv").rename(columns={"parameter": "quantity"})
-        radius = use[use.quantity == "radius"].dropna(subset="low")
-        limits = pd.concat([limits, radius])
-    both = true[true.quantity.isin(["radius", "pressure"])].merge(
-        limits, on=["quantity", "patch"]
-    )
-    is_met = both.true.between(both.low, both.high)
     met = {"load point": (int(held["true"]), 1)} if "true" in held else {}
-    for name, values in is_met.groupby(both.quantity, sort=False):
-        met[str(name)] = int(values.sum()), len(values)
+    truth = study.table("truth").set_index("quantity")
+    if "use" in study.tables:
+        use = study.table("use").set_index("parameter")
+        if "radius" in use.low.dropna():
+            is_met = use.low.radius <= truth.true.radius <= use.high.radius
+            met["radius"] = int(is_met), 1
+    limits = study.table("patch_intervals")
+    pressures = truth.loc[["pressure"]].merge(limits, on="patch")
+    are_met = pressures.true.between(pressures.low_MPa, pressures.high_MPa)
+    met["pressure"] = int(are_met.sum()), len(pressures)
     return met

@@ -14,12 +14,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import jinja2
 import pandas as pd
 
+from gst.config.poses import poses_of
+from gst.page.results import Results
 from gstlib.conditions import ARCHARD, Law
 from gstlib.coupling.comparison import AGREES, CANNOT_TELL
-from gstlib.coupling.pressures import stated
-from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, Concentration
+from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, concentration
 from gstlib.use.infer import NOT_PRESSED, PRESSED, UNKNOWN
 from gstlib.use.laws import BASE, UNDECIDED
 from gstlib.validation.baselines import ORACLE
@@ -27,12 +29,11 @@ from gstlib.validation.scoring import own_model
 from gstlib.validation.summary import statistic_names
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
-__all__ = ["LEVEL", "MODELS", "TOUCHED", "Answer", "Line", "verdict", "where_to_scan"]
+__all__ = ["LEVEL", "MODELS", "TOUCHED", "Answer", "Line", "verdict"]
 
 LEVEL = 0.05  # the usual one
-# The smallest p-value that an exchange test of n patches can give is 2^(1 - n): a mark for each of
-# these levels that it can reach.
-_LEVELS = 1.0, LEVEL, 0.001
+# A mark for each of these levels that the test can reach.
+_LEVELS = LEVEL, 0.001
 # The predictions, their baselines and the cap, in words.
 MODELS = {
     BARE: "Archard's law",
@@ -80,38 +81,22 @@ class Answer(NamedTuple):
     details: list[str]  # the statistics behind the lines
 
 
-def verdict(
-    tables: Mapping[str, pd.DataFrame],
-    *,
-    force_N: float,
-    square_mm: float,
-    interlayer: Mapping[str, float] | None = None,
-    pressure_cap: float | None = None,
-    poses: int | None = None,
-    second: bool = False,
-    wear_law: Mapping[str, float] | None = None,
-) -> Answer:
-    """The answer about the wear, the use, the prediction and the load.
+def verdict(study: Results, config: Mapping[str, Any]) -> Answer:
+    """The answer about the wear, the use, the prediction and the load, or where to scan.
 
-    `tables` are, by name, ``patch_pressures``, ``patch_intervals``; of a study with scans after
-    use, ``registration``, ``validation_patches`` and ``validation_summary``; if the load was
-    inferred from the wear, ``use``; with enough losses, ``laws``; of one with a gesture, which has
-    so many `poses`, ``exposure``. ``placement``, where patches were compared with the
-    mesh. `force_N` is the whole load, `square_mm` the side of the square; `second` is whether the
-    active tool has a mesh; `wear_law` has the fields of `gstlib.conditions.Law`.
+    `study` has tables by name: ``patch_pressures``, ``patch_intervals``; with scans after use,
+    ``registration``, ``validation_patches`` and ``validation_summary``; if the load was inferred
+    from the wear, ``use``; with enough losses, ``laws``; with a gesture, ``exposure``;
+    ``placement``, where patches were compared with the mesh. Without patches, it has ``places``.
     """
-    pressures, intervals = tables["patch_pressures"], tables["patch_intervals"]
-    facts: dict[str, Any] = {
-        "interlayer": interlayer,
-        "where": None,
-        "wore": None,
-        "own": None,
-    }
-    if "validation_summary" in tables:
-        facts["scores"] = scores = _scores(tables["validation_summary"])
-        by_stated = pressures[["patch"]].assign(stated_MPa=stated(pressures))
-        losses = by_stated.merge(tables["registration"], how="left")
-        facts["wore"], facts["contact"] = _wore(losses), _contact(losses)
+    facts: dict[str, Any] = {"study": study, "config": config, "use": _use(study)}
+    if "places" in study.tables:
+        return _answer(**facts, scan=_scan(study))
+    pressures = study.table("patch_pressures")
+    facts |= {"scan": None, "wore": None, "own": None, "where": None}
+    if "validation_summary" in study.tables:
+        facts["scores"] = scores = _scores(study.table("validation_summary"))
+        facts["wore"] = _wore(study.losses)
         models = [model for model in (BARE, INTERLAYER) if model in scores]
         if not pressures.in_study.any():
             facts["where"] = "not in study"
@@ -119,40 +104,27 @@ def verdict(
             facts["where"] = "not predicted"
         else:
             facts |= {"where": "predicted", "own": own_model(models)}
+    poses = poses_of(config)
+    if poses is not None:
+        facts["exposed"] = _highest(study.table("exposure"), "exposure_N_per_mm")
     return _answer(
         **facts,
-        use=_use(tables.get("use"), square_mm),
-        laws=_laws(tables.get("laws")),
-        load=_load(pressures, intervals, force_N),
-        exposed=None
-        if poses is None
-        else _highest(tables["exposure"], "exposure_N_per_mm"),
-        sure=_certainty(tables),
-        is_archard=Law(**(wear_law or {})) == ARCHARD,
-        force_N=force_N,
-        pressure_cap=pressure_cap,
-        poses=poses,
-        second=second,
-        scan=None,
+        laws=_laws(study),
+        load=_load(pressures, study.table("patch_intervals"), study.force_N),
+        sure=_certainty(study),
+        is_archard=Law(**config["wear_law"]) == ARCHARD,
+        poses=None if poses is None else len(poses),
     )
 
 
-def where_to_scan(
-    places: pd.DataFrame,
-    held: Concentration,
-    *,
-    force_N: float,
-    square_mm: float,
-    use: pd.DataFrame | None = None,
-) -> Answer:
-    """Where pressure and exposure concentrate, and which places to scan.
-
-    `places` and, if the load was inferred from the wear, `use` are the tables of these names;
-    `force_N` is the whole load, `square_mm` the side of the square.
-    """
+def _scan(study: Results) -> dict[str, Any]:
+    """The places to scan, and where pressure and exposure concentrate."""
+    places = study.table("places")
+    sizes = {"size_mm": study.size_mm, "patch_mm": study.patch_mm}
+    exposure = study.data("exposure", "exposure", "touched")
     exposed, controls = (places[places.kind == kind] for kind in (EXPOSED, CONTROL))
-    scan = {"exposed": exposed, "controls": controls, "held": held}
-    return _answer(scan=scan, use=_use(use, square_mm), force_N=force_N)
+    held = concentration(exposure, places, **sizes)
+    return {"exposed": exposed, "controls": controls, "held": held}
 
 
 def _scores(summary: pd.DataFrame) -> dict[str, dict]:
@@ -167,23 +139,25 @@ def _scores(summary: pd.DataFrame) -> dict[str, dict]:
     }
 
 
-def _use(use: pd.DataFrame | None, square_mm: float) -> dict[str, Any] | None:
+def _use(study: Results) -> dict[str, Any] | None:
     """The rows of the use, and the edges of the square that its intervals reach."""
-    if use is None:
+    if "use" not in study.tables:
         return None
+    use = study.table("use")
     rows = use.set_index("parameter").to_dict("index")
-    reached = {}
+    edges = []
     for axis in "xy":
         row = rows[f"load_point_{axis}"]
-        reached[f"{axis} = 0"] = row["low"] < 0
-        reached[f"{axis} = {square_mm:g}"] = row["high"] > square_mm
-    edges = [edge for edge, is_reached in reached.items() if is_reached]
+        if row["low"] < 0:
+            edges.append(f"{axis} = 0")
+        if row["high"] > study.size_mm:
+            edges.append(f"{axis} = {study.size_mm:g}")
     return {"first": use.iloc[0], "edges": edges} | rows
 
 
-def _laws(laws: pd.DataFrame | None) -> dict[str, Any] | None:
+def _laws(study: Results) -> dict[str, Any] | None:
     """The best law beside the base, and the answer; None without laws."""
-    if laws is None or laws.empty:
+    if "laws" not in study.tables or (laws := study.table("laws")).empty:
         return None
     return _highest(laws[laws.law != BASE], "log_score_gain")
 
@@ -193,27 +167,28 @@ def _highest(table: pd.DataFrame, column: str) -> dict[str, Any]:
 
 
 def _wore(losses: pd.DataFrame) -> dict[str, Any]:
-    """The worn patches, the most worn first; the number that the given load touches; the others."""
+    """The worn patches, the most worn first, and the number of the others.
+
+    Of those whose loss is no noise, also the depths where the given load, which no wear has shaped,
+    touches and where it does not.
+    """
     measured = losses.dropna(subset="mean_wear_depth_um")
     is_lost = measured.loss_fraction > 0
     is_certain = measured.above_noise.eq(True)
+    is_touched = measured.stated_MPa > 0
+    depths = measured.mean_wear_depth_um
     worn = measured[is_lost & is_certain]
     return {
         "worn": worn.sort_values("mean_wear_depth_um", ascending=False),
-        "touched": int((worn.stated_MPa > 0).sum()),
+        "pressed": (is_lost & is_certain & is_touched).sum(),
+        "touched": depths[is_certain & is_touched],
+        "untouched": depths[is_certain & ~is_touched],
         "matched": losses.found.eq(True).any(),
         "measured": len(measured),
         "unknown": len(losses) - len(measured),
         "undetected": (~is_lost).sum(),
         "noise": (is_lost & ~is_certain).sum(),
     }
-
-
-def _contact(losses: pd.DataFrame) -> dict[str, pd.Series]:
-    """Depths of patches that the given load, which no wear has shaped, touches or not."""
-    measured = losses[losses.above_noise.eq(True)].dropna(subset="mean_wear_depth_um")
-    depths, is_touched = measured.mean_wear_depth_um, measured.stated_MPa > 0
-    return {"touched": depths[is_touched], "untouched": depths[~is_touched]}
 
 
 def _load(
@@ -237,24 +212,23 @@ def _load(
     }
 
 
-def _certainty(tables: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
+def _certainty(study: Results) -> dict[str, Any]:
     """Marks for the number of patches, their positions, and the registration of T1 to T0."""
     facts: dict[str, Any] = dict.fromkeys(("patches", "places", "matched"))
-    if "validation_patches" in tables:
-        count = int(tables["validation_patches"].in_statistics.sum())
-        least = 2.0 ** (1 - count)
-        reached = sum(least <= level for level in _LEVELS)
-        facts["patches"] = {"count": count, "marks": max(1, reached)}
-    if "placement" in tables:
-        *each, together = tables["placement"].status
+    if "validation_patches" in study.tables:
+        count = int(study.table("validation_patches").in_statistics.sum())
+        least = 2.0 ** (1 - count)  # p-value of an exchange test
+        marks = 1 + sum(least <= level for level in _LEVELS)
+        facts["patches"] = {"count": count, "marks": marks}
+    if "placement" in study.tables:
+        *each, together = study.table("placement").status
         count, agreeing = len(each), each.count(AGREES)
         is_clear = together != CANNOT_TELL and 2 * agreeing >= count
-        is_one = is_clear and set(each) <= {together}
-        marks = 1 + is_clear + is_one
+        marks = 1 + is_clear + (is_clear and set(each) <= {together})
         counts = {"count": count, "agreeing": agreeing, "marks": marks}
         facts["places"] = {"status": together, **counts}
-    if "registration" in tables:
-        is_within = ~tables["registration"].excluded.astype(bool)
+    if "registration" in study.tables:
+        is_within = ~study.table("registration").excluded.astype(bool)
         count, within = len(is_within), is_within.sum()
         marks = 1 + (2 * within >= count) + is_within.all()
         facts["matched"] = {"count": count, "within": within, "marks": marks}
@@ -266,8 +240,6 @@ def _certainty(tables: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
 
 def _answer(**facts: Any) -> Answer:
     """The sentences for the facts."""
-    import jinja2
-
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     filters = _listed, _two, _fixed, _least, _extent, _p, _sign
     environment.filters |= {each.__name__[1:]: each for each in filters}

@@ -6,6 +6,7 @@ under it: marks cover the same share of the picture as of the surface.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -31,26 +32,17 @@ from gst.page.figures.style import PALE, VERMILION, panels, short
 from gstlib.surfaces.footprints import outline, places_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
-__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHTS", "HEIGHT_MAP", "LOSS_MAP", "OUTLINE"]
-__all__ += [
-    "draw_footprints",
-    "draw_forces",
-    "draw_map",
-    "draw_maps",
-    "force_norm",
-    "height_norm",
-]
-__all__ += ["label_in", "mark_corner", "picture_of", "raking", "scale_bar"]
+__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHT_MAP", "LOSS_MAP", "OUTLINE"]
+__all__ += ["draw_footprints", "draw_forces", "draw_heights", "draw_map", "draw_maps"]
+__all__ += ["force_colours", "height_colours", "label_in", "mark_corner"]
+__all__ += ["outline_square", "picture_of", "raking", "scale_bar"]
 
 # Few levels make small files; with these, the eye sees no steps.
 HEIGHT_MAP = colormaps["cividis"].resampled(64)
-HEIGHTS = {"cmap": HEIGHT_MAP, "bar": "height (µm)"}
 CHANGE_MAP = colormaps["RdBu"].resampled(65)
 LOSS_MAP = ListedColormap(CHANGE_MAP(np.arange(33)))  # its half, up to white
 # Light throughout: black and the class colours stand out even over valleys.
 RELIEF_MAP = LinearSegmentedColormap.from_list("relief", ["#c4c4c4", "#fafafa"], N=40)
-# Where a patch is named: this far from its middle to its corner, less for each further letter.
-_LABEL, _LETTER = 0.62, 0.08
 # Slopes of stone are gentle: under a raking light they are shown so many times as steep.
 _STEEPER = 2.0
 # White at zero: bare paper means no force.
@@ -60,24 +52,27 @@ FORCE_MAP = LinearSegmentedColormap.from_list(
 OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
 
 
-def height_norm(*surfaces: xr.DataArray) -> Normalize:
-    """Colour limits (µm) that height maps (mm) share; the most extreme 1 % is cut off."""
+def height_colours(
+    *surfaces: xr.DataArray, cmap: Colormap = HEIGHT_MAP
+) -> ScalarMappable:
+    """Colours (µm) that height maps (mm) share; the most extreme 1 % is cut off."""
     values = np.concatenate([surface.values.ravel() for surface in surfaces])
-    return Normalize(*np.nanpercentile(values, [0.5, 99.5]) * MM_TO_UM)
+    low, high = np.nanpercentile(values, [0.5, 99.5]) * MM_TO_UM
+    return ScalarMappable(Normalize(low, high), cmap)
 
 
-def force_norm(values: np.ndarray) -> PowerNorm:
-    """A square-root scale from 0 to the largest of forces or pressures."""
-    return PowerNorm(0.5, vmin=0, vmax=float(values.max()) or 1.0)
+def force_colours(values: np.ndarray) -> ScalarMappable:
+    """Colours of forces or pressures, on a square-root scale from 0 to the largest."""
+    norm = PowerNorm(0.5, vmin=0, vmax=float(values.max()) or 1.0)
+    return ScalarMappable(norm, FORCE_MAP)
 
 
 def draw_map(
     axes: Axes,
     field: xr.DataArray,
     values: np.ndarray | None = None,
+    colours: ScalarMappable | None = None,
     *,
-    cmap: Colormap = RELIEF_MAP,
-    norm: Normalize | None = None,
     marks: Mapping[str, np.ndarray] | None = None,
     bar: str = "",
     ticks: bool = False,
@@ -91,8 +86,8 @@ def draw_map(
         The grid; heights in mm, drawn in µm unless there are `values`.
     values : (ny, nx) ndarray, optional
         Drawn in place of heights. NaN stays pale.
-    cmap, norm
-        Colours; by default, a pale relief between the limits of the heights.
+    colours : ScalarMappable, optional
+        By default, a pale relief between the limits of the heights.
     marks : mapping of colour to (ny, nx) mask, optional
         Elements to paint over; the masks exclude each other.
     bar : str
@@ -100,35 +95,25 @@ def draw_map(
     ticks : bool
         Draw axes in mm; without them, add a `scale_bar`.
     """
-    norm = norm or height_norm(field)
-    picture = picture_of(field, values, cmap=cmap, norm=norm, marks=marks)
-    dy, dx = spacing_of(field)
-    left, right = float(field.x[0]) - dx / 2, float(field.x[-1]) + dx / 2
-    bottom, top = float(field.y[0]) - dy / 2, float(field.y[-1]) + dy / 2
-    extent = (left, right, bottom, top)
+    picture = picture_of(field, values, colours, marks)
+    shown = xr.DataArray(picture, {"y": field.y, "x": field.x}, ("y", "x", "rgb"))
     # where elements are smaller than pixels, a pixel has their mean colour
-    axes.imshow(picture, origin="lower", extent=extent, interpolation="antialiased")
-    axes.set(xlim=(left, right), ylim=(bottom, top))
-    axes.set(xlabel="x (mm)", ylabel="y (mm)") if ticks else axes.set(
-        xticks=[], yticks=[]
-    )
+    shown.plot.imshow(ax=axes, add_labels=False, interpolation="antialiased")
+    axes.set_aspect("equal")
+    if ticks:
+        axes.set(xlabel="x (mm)", ylabel="y (mm)")
+    else:
+        axes.set(xticks=[], yticks=[])
     axes.spines[:].set_visible(True)
-    if bar:
-        below = 0.13 if ticks else 0.04  # in heights of the map
-        _draw_bar(axes, below, ScalarMappable(norm, cmap), bar)
+    if bar and colours:
+        _draw_bar(axes, colours, bar, 0.13 if ticks else 0.04)
 
 
-def _draw_bar(axes: Axes, below: float, colours: ScalarMappable, text: str) -> None:
-    """A colour bar so far `below` a map, with its ends named."""
+def _draw_bar(axes: Axes, colours: ScalarMappable, text: str, below: float) -> None:
+    """A colour bar so far `below` a map, in heights of the map, with its ends named."""
     strip = axes.inset_axes((0.2, -below - 0.035, 0.6, 0.035))
-    ends = [colours.norm.vmin, colours.norm.vmax]
-    bar = axes.figure.colorbar(
-        colours,
-        cax=strip,
-        orientation="horizontal",
-        ticks=ends,
-        format=lambda value, _: short(value),
-    )
+    look = {"orientation": "horizontal", "format": lambda value, _: short(value)}
+    bar = axes.figure.colorbar(colours, cax=strip, ticks=colours.get_clim(), **look)
     bar.outline.set_visible(False)
     strip.tick_params(length=0, labelsize=6.5, pad=1)
     strip.set_xlabel(text, fontsize=6.5, labelpad=1)
@@ -137,15 +122,13 @@ def _draw_bar(axes: Axes, below: float, colours: ScalarMappable, text: str) -> N
 def picture_of(
     field: xr.DataArray,
     values: np.ndarray | None = None,
-    *,
-    cmap: Colormap = RELIEF_MAP,
-    norm: Normalize | None = None,
+    colours: ScalarMappable | None = None,
     marks: Mapping[str, np.ndarray] | None = None,
 ) -> np.ndarray:
     """What `draw_map` draws: (ny, nx, 3), uint8; its first row is that of the field."""
     values = field.values * MM_TO_UM if values is None else values
-    norm = norm or height_norm(field)
-    picture = cmap(norm(values), bytes=True)[..., :3]
+    colours = colours or height_colours(field, cmap=RELIEF_MAP)
+    picture = colours.to_rgba(values, bytes=True)[..., :3]
     return _marked(picture, {PALE: np.isnan(values), **(marks or {})})
 
 
@@ -183,13 +166,16 @@ def draw_maps(
     return figure
 
 
-def draw_forces(
-    axes: Axes, contact: xr.Dataset, *, bar: str = "", ticks: bool = False
-) -> None:
+def draw_heights(axes: Axes, height: xr.DataArray, **look: Any) -> None:
+    """Heights (mm) in colours, with a bar and axes in mm."""
+    look |= {"colours": height_colours(height), "bar": "height (µm)"}
+    draw_map(axes, height, ticks=True, **look)
+
+
+def draw_forces(axes: Axes, contact: xr.Dataset, **look: Any) -> None:
     """Force (N) on each element at the last step, in colours on a square-root scale."""
     force = contact["pressure"].values * np.prod(spacing_of(contact))
-    look = {"cmap": FORCE_MAP, "norm": force_norm(force), "bar": bar, "ticks": ticks}
-    draw_map(axes, contact["height"], force, **look)
+    draw_map(axes, contact["height"], force, force_colours(force), **look)
 
 
 def scale_bar(axes: Axes) -> None:
@@ -216,8 +202,14 @@ def mark_corner(axes: Axes) -> None:
     axes.set_title("◣ reference corner", loc="left", color=VERMILION, fontsize=7)
 
 
+def outline_square(axes: Axes, size_mm: float) -> None:
+    """Outline the square in a map of the face."""
+    square = np.multiply(size_mm, [[0, 0], [1, 0], [1, 1], [0, 1]])
+    axes.add_patch(Polygon(square, fill=False, edgecolor=VERMILION))
+
+
 def draw_footprints(
-    axes: Axes, patches: pd.DataFrame, patch_size_mm: float, *, colour: str
+    axes: Axes, patches: pd.DataFrame, patch_mm: float, *, colour: str
 ) -> None:
     """Outline and name the patches: solid if in the study, else dashed; graded ones "name: grade".
 
@@ -231,17 +223,13 @@ def draw_footprints(
     places = places_of(patches).values()
     look = {"color": colour, "path_effects": OUTLINE}
     for place, name, is_studied in zip(places, names, studied, strict=True):
-        corners = outline(place, patch_size_mm)
+        corners = outline(place, patch_mm)
         line = "-" if is_studied else "--"
         axes.add_patch(Polygon(corners, fill=False, linestyle=line, **look))
-        x, y = label_in(corners, name)
-        axes.text(x, y, name, fontsize=6.5, ha="center", va="center", **look)
+        offset = {"xytext": (2, -2), "textcoords": "offset points", "va": "top"}
+        axes.annotate(name, label_in(corners), fontsize=6.5, **offset, **look)
 
 
-def label_in(corners: np.ndarray, name: str) -> np.ndarray:
-    """Where a patch is named: inside, near its upper left corner, however it is turned."""
-    corner = corners[np.argmax(np.diff(corners, axis=1))]
-    middle = corners.mean(axis=0)
-    letters = max(0, len(name) - 2)
-    reach = max(0.0, _LABEL - _LETTER * letters)
-    return middle + reach * (corner - middle)
+def label_in(corners: np.ndarray) -> np.ndarray:
+    """Where the name of a patch begins: its upper left corner, however it is turned."""
+    return corners[np.argmax(np.diff(corners, axis=1))]

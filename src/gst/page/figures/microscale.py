@@ -1,226 +1,165 @@
-"""The patches: prepared, pressed, and compared with wear by use (Figs. 7 and 9 to 11).
+"""The patches: pressed, and compared with wear by use (Figs. 7 and 9 to 11)."""
 
-Parameters that the figures share:
-
-contacts : mapping of patch to xarray.Dataset
-    ``height``, ``pressure`` (y, x) of the final state, and the load path (step):
-    ``displacement``, ``mean_pressure``, ``contact_fraction``, ``stiffness``.
-"""
-
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from PIL import Image
 
 from gst.page.figures import maps, style
-from gst.page.figures.style import (
-    AGREEMENT,
-    AMBER,
-    BLACK,
-    BLUE,
-    PURPLE,
-    VERMILION,
-    styled,
-)
+from gst.page.figures.style import AGREEMENT, BLACK, BLUE, styled
 from gst.page.figures.tool import draw_tool
-from gstlib.surfaces.frames import Frame
+from gst.page.results import PatchResult, Results
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.wear.archard import seen_depth
 
-if TYPE_CHECKING:
-    import trimesh
-
-__all__ = [
-    "PatchResult",
-    "load_curves_figure",
-    "microscale_maps_figure",
-    "overview_figure",
-]
-__all__ += ["patch_figure", "patch_strip", "preparation_figure", "two_scales_figure"]
+__all__ = ["change_maps", "load_curves_figure", "microscale_maps_figure"]
+__all__ += ["overview_figure", "patch_figure", "patch_strip", "two_scales_figure"]
 
 _UNKNOWN = "#ffffff"
 _TILE = 280  # side (pixels) of one of the pictures that the page shows in turn
+_MOST_COMPARED = 8  # patches in the figure of two scales, the most heavily loaded
 _OF_PATH: dict[str, Any] = {"marker": ".", "markersize": 2, "lw": 1}
 
 
-@dataclass(frozen=True)
-class PatchResult:
-    """What the study found on one patch."""
-
-    patch: str
-    # ``height``, ``pressure`` (y, x) and ``mean_pressure`` of its contact before use.
-    contact: xr.Dataset
-    # ``t1``, ``change``, ``level_of_detection``, ``loss``, ``gain`` (y, x) and the attributes
-    # ``level_of_detection_um``, ``overlap``. Where no change is known, ``t1`` is the scan by
-    # itself. None without a T1.
-    change: xr.Dataset | None
-    # Depth (y, x) that the study's own prediction takes off it, mm; None if there is none.
-    predicted: xr.DataArray | None
-
-
-@styled
-def preparation_figure(prepared: Mapping[str, xr.Dataset], *, patch: str) -> Figure:
-    """A patch's scans as measured, with the points that were replaced.
-
-    `prepared` holds for each epoch ``measured`` (NaN where unmeasured), ``filled``, ``outlier``
-    (y, x), and the attributes of the prepared scan.
-    """
-    drawn = []
-    for epoch, scan in prepared.items():
-        filled, outliers = scan["filled"].values, scan["outlier"].values
-        marks = {BLUE: filled & ~outliers, VERMILION: outliers}
-        before, after = (scan.attrs[f"Sq_{when}_um"] for when in ("before", "after"))
-        title = f"patch {patch}, {epoch}: Sq {before:.3g} µm, prepared {after:.3g} µm"
-        drawn.append((title, scan["measured"], maps.HEIGHTS | {"marks": marks}))
-    return maps.draw_maps(drawn, 2)
-
-
-@styled
-def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
+def microscale_maps_figure(study: Results) -> Figure:
     """Contact on every patch at its own pressure (Fig. 9)."""
     drawn = []
-    for patch, contact in contacts.items():
-        touching = contact["pressure"].values > 0
-        pressure = float(contact["mean_pressure"])
+    for patch, contact in study.contacts.items():
+        touching = contact.pressure.values > 0
+        pressure = float(contact.mean_pressure)
         title = f"patch {patch}: {pressure:.1f} MPa, {100 * touching.mean():.2f} %"
-        drawn.append((title, contact["height"], {"marks": {BLACK: touching}}))
+        drawn.append((title, contact.height, {"marks": {BLACK: touching}}))
     return maps.draw_maps(drawn, 4)
 
 
-def _agreement(predicted: xr.DataArray, change: xr.Dataset) -> dict[str, np.ndarray]:
-    """Masks of the three kinds of `AGREEMENT` and of unknown change, by colour.
+def two_scales_figure(study: Results) -> Figure:
+    """Contact within patches, for both couplings, beside the contact of the whole square."""
+    patches, scores = study.drawn[:_MOST_COMPARED], study.table("two_scales")
+    others = study.by_patch("others", patches, "height", "pressure")
+    variants = {"paper": others, "equilibrium": study.contacts}
+    whole = study.data("reference", "contact").contact.isel(draw=0)
+    f1, drawn = scores.set_index(["variant", "patch"]).f1, []
+    for patch in patches:
+        is_touched = whole.sel(patch=patch).values
+        for variant, contacts in variants.items():
+            height, touching = contacts[patch].height, contacts[patch].pressure > 0
+            title = f"{patch} {variant}: {f1[variant, patch]:.2f}"
+            marks = _overlap(touching.values, is_touched)
+            drawn.append((title, height, {"marks": marks}))
+        title = f"{patch} whole square"
+        drawn.append((title, height, {"marks": {BLUE: is_touched}}))
+    figure = maps.draw_maps(drawn, 3 * min(2, len(patches)))
+    pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in variants)
+    figure.suptitle(
+        "Contact of the patches against one contact of the whole square at the scans' resolution\n"
+        f"agreement (F1) over all patches, 1 if perfect: {pooled}"
+    )
+    names = "found", "missed", "not in the whole square's contact"
+    style.colour_legend(figure, dict(zip(names, AGREEMENT.values(), strict=True)))
+    return figure
+
+
+def _overlap(predicted: np.ndarray, true: np.ndarray) -> dict[str, np.ndarray]:
+    """Masks of the three kinds of `AGREEMENT` by colour."""
+    masks = true & predicted, true & ~predicted, predicted & ~true
+    return dict(zip(AGREEMENT.values(), masks, strict=True))
+
+
+def _agreement(result: PatchResult) -> dict[str, np.ndarray]:
+    """Masks of unknown change and, where they can be compared, of `AGREEMENT`, by colour.
 
     A loss is predicted where the scans would show one beyond the level of detection.
     """
-    is_measured = np.isfinite(change["change"].values)
-    marked = np.zeros(is_measured.shape, dtype=bool)
-    if is_measured.any():
-        depth = seen_depth(predicted.values[is_measured])
-        marked[is_measured] = depth > change["level_of_detection"].values[is_measured]
-    loss = change["loss"].values.astype(bool) & is_measured
-    masks = loss & marked, loss & ~marked, marked & ~loss, ~is_measured
-    return dict(zip([*AGREEMENT.values(), _UNKNOWN], masks, strict=True))
+    change, predicted = result.change, result.predicted
+    if change is None:
+        return {}
+    is_known = change.change.notnull().values
+    masks = {_UNKNOWN: ~is_known}
+    if predicted is None or not is_known.any():
+        return masks
+    marked = is_known.copy()
+    depth = seen_depth(predicted.values[is_known])
+    marked[is_known] = depth > change.level_of_detection.values[is_known]
+    return masks | _overlap(marked, is_known & change.loss.values)
 
 
-@styled
-def two_scales_figure(
-    contacts: Mapping[str, Mapping[str, xr.Dataset]],
-    reference: Mapping[str, np.ndarray],
-    scores: pd.DataFrame,
-) -> Figure:
-    """Contact within patches, for both couplings, beside the contact of the whole square.
-
-    `contacts` are those of each variant; `reference` (ny, nx) marks where the single-scale contact
-    touches each patch; `scores` is ``two_scales.csv``.
-    """
-    f1, drawn = scores.set_index(["variant", "patch"]).f1, []
-    for patch, true in reference.items():
-        for variant, by_patch in contacts.items():
-            height = by_patch[patch]["height"]
-            touching = by_patch[patch]["pressure"].values > 0
-            marks = {
-                BLUE: touching & true,
-                AMBER: true & ~touching,
-                PURPLE: touching & ~true,
-            }
-            title = f"{patch} {variant}: {f1[variant, patch]:.2f}"
-            drawn.append((title, height, {"marks": marks}))
-        drawn.append((f"{patch} whole square", height, {"marks": {BLUE: true}}))
-    columns = (len(contacts) + 1) * min(2, len(reference))
-    figure = maps.draw_maps(drawn, columns)
-    pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
-    figure.suptitle(
-        "Contact of the patches against one contact of the whole square at the scans' resolution\n"
-        f"agreement (F1) over all patches: {pooled}; 1 would be perfect"
-    )
-    names = {
-        "found": BLUE,
-        "missed": AMBER,
-        "not in the whole square's contact": PURPLE,
-    }
-    style.colour_legend(figure, names)
-    return figure
-
-
-@styled
 def patch_figure(result: PatchResult) -> Figure:
     """One patch with a T1: its scans, its contact, its change and its predicted loss (Fig. 11)."""
-    contact, change, predicted = result.contact, result.change, result.predicted
+    contact, change = result.contact, result.change
     assert change is not None  # it has a T1
-    t0, t1 = contact["height"], change["t1"]
-    unknown = np.isnan(change["change"].values)
-    nowhere = bool(unknown.all())
-    count = max(np.count_nonzero(~unknown), 1)
-    touching = contact["pressure"].values > 0
-    heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
-    colours = change_colours(change)
-    measured = colours | {
-        "values": detected_change(change),
-        "marks": {_UNKNOWN: unknown},
-        "bar": "height change (µm), 0 where not detected",
-    }
-    lost_percent = 100 * change["loss"].values.sum() / count
-    limit = change.attrs["level_of_detection_um"]
-    lost = f"lost more than {limit:.2f} µm: {lost_percent:.1f} %"
-    touched = f"contact before use: {100 * touching.mean():.2f} %"
-    drawn = [
-        ("T0, before use", t0, heights),
-        ("T1, after use" + ", not registered to T0" * nowhere, t1, heights),
-        (touched, t0, {"marks": {BLACK: touching}}),
-        ("the change is unknown" if nowhere else lost, t0, measured),
-    ]
-    agreement = {}
-    if predicted is not None:
+    t0, touching = contact.height, contact.pressure.values > 0
+    *drawn, measured = change_maps(t0, change, ("T0, before use", "T1, after use"))
+    title = f"contact before use: {100 * touching.mean():.2f} %"
+    drawn += [(title, t0, {"marks": {BLACK: touching}}), measured]
+    if result.predicted is not None:
         # from its median, as scans show it
-        depth = seen_depth(predicted.values * MM_TO_UM).clip(0)
+        depth = seen_depth(result.predicted.values * MM_TO_UM).clip(0)
         title = f"predicted from the others: mean {depth.mean():.2g} µm"
-        drawn.append((title, t0, colours | {"values": -depth}))
-        if not nowhere:
-            agreement = _agreement(predicted, change)
-            drawn.append(("predicted and measured loss", t0, {"marks": agreement}))
+        look = {"values": -depth, "colours": _change_colours(change)}
+        drawn.append((title, t0, look))
+    agreement = _agreement(result)
+    is_compared = BLUE in agreement
+    if is_compared:
+        drawn.append(("predicted and measured loss", t0, {"marks": agreement}))
     figure = maps.draw_maps(drawn, 3)
-    pressure, overlap = float(contact["mean_pressure"]), change.attrs["overlap"]
-    covers = (
-        "T1 was not found on T0"
-        if nowhere
-        else f"T1 covers {100 * overlap:.0f} % of T0"
-    )
-    figure.suptitle(f"patch {result.patch}: {style.short(pressure)} MPa, {covers}")
-    if agreement:
-        percent = {
-            colour: 100 * mask.sum() / count for colour, mask in agreement.items()
+    covers = "T1 was not found on T0"
+    if change.change.notnull().any():
+        covers = f"T1 covers {100 * change.overlap:.0f} % of T0"
+    pressure = style.short(float(contact.mean_pressure))
+    figure.suptitle(f"patch {result.patch}: {pressure} MPa, {covers}")
+    if is_compared:
+        is_known = ~agreement[_UNKNOWN]
+        shares = {
+            f"{name} {100 * agreement[colour][is_known].mean():.1f} %": colour
+            for name, colour in AGREEMENT.items()
         }
-        names = {f"{name} {percent[c]:.1f} %": c for name, c in AGREEMENT.items()}
-        style.colour_legend(figure, names)
+        style.colour_legend(figure, shares)
     return figure
 
 
-def detected_change(change: xr.Dataset) -> np.ndarray:
-    """Height change (µm), 0 where noise can explain it, NaN where it is not known."""
-    values = change["change"].values * MM_TO_UM
-    return np.where(change["loss"].values | change["gain"].values, values, 0.0 * values)
+def change_maps(
+    t0: xr.DataArray, change: xr.Dataset, names: Sequence[str]
+) -> list[tuple[str, xr.DataArray, dict[str, Any]]]:
+    """T0 and T1 under their names, in the same colours, and the change, for `maps.draw_maps`.
+
+    The change is 0 where noise can explain it.
+    """
+    heights = {"colours": maps.height_colours(t0, change.t1), "bar": "height (µm)"}
+    is_known = change.change.notnull().values
+    is_detected = change.loss | change.gain
+    seen = change.change.where(is_detected | ~is_known, 0.0)
+    look = {
+        "values": seen.values * MM_TO_UM,
+        "colours": _change_colours(change),
+        "bar": "height change (µm), 0 where not detected",
+    }
+    title = "the change is unknown"
+    if is_known.any():
+        percent = 100 * change.loss.values[is_known].mean()
+        title = f"lost more than {change.level_of_detection_um:.2f} µm: {percent:.1f} %"
+    first, second = names
+    return [(first, t0, heights), (second, change.t1, heights), (title, t0, look)]
 
 
-def change_colours(change: xr.Dataset) -> dict:
+def _change_colours(change: xr.Dataset) -> ScalarMappable:
     """Colours of height changes (µm): as far as nearly all of them, or twice what is detected.
 
     Gains have colours where there are gains.
     """
-    values = np.abs(np.nan_to_num(change["change"].values * MM_TO_UM))
+    values = np.abs(np.nan_to_num(change.change.values * MM_TO_UM))
     most = np.quantile(values, 0.995) or 1
-    limit = change.attrs["level_of_detection_um"]  # NaN where no change is known
-    bound = float(np.nanmax([most, 2 * limit]))
-    if change["gain"].values.any():
-        return {"cmap": maps.CHANGE_MAP, "norm": Normalize(-bound, bound)}
-    return {"cmap": maps.LOSS_MAP, "norm": Normalize(-bound, 0)}
+    # NaN where no change is known
+    bound = float(np.nanmax([most, 2 * change.level_of_detection_um]))
+    if change.gain.values.any():
+        return ScalarMappable(Normalize(-bound, bound), maps.CHANGE_MAP)
+    return ScalarMappable(Normalize(-bound, 0), maps.LOSS_MAP)
 
 
 def patch_strip(result: PatchResult) -> "Image.Image":
@@ -228,13 +167,11 @@ def patch_strip(result: PatchResult) -> "Image.Image":
 
     Heights are lit from the upper left, as a raking light shows them.
     """
-    change, predicted = result.change, result.predicted
-    assert change is not None  # it has a T1
-    t0, t1 = result.contact["height"], change["t1"]
-    agreement = {} if predicted is None else _agreement(predicted, change)
-    tiles = maps.raking(t0), maps.raking(t1), maps.picture_of(t0, marks=agreement)
+    assert result.change is not None  # it has a T1
+    t0, t1 = result.contact.height, result.change.t1
+    agreement = maps.picture_of(t0, marks=_agreement(result))
     strip = Image.new("RGB", (3 * _TILE, _TILE))
-    for number, tile in enumerate(tiles):
+    for number, tile in enumerate([maps.raking(t0), maps.raking(t1), agreement]):
         # rows of a picture run down, those of a scan upwards
         image = Image.fromarray(tile[::-1])
         image.thumbnail((_TILE, _TILE), Image.Resampling.BOX, reducing_gap=None)
@@ -243,84 +180,66 @@ def patch_strip(result: PatchResult) -> "Image.Image":
 
 
 @styled
-def overview_figure(
-    square: xr.Dataset,
-    pressures: pd.DataFrame,
-    tool: tuple["trimesh.Trimesh", Frame],
-    result: PatchResult | None,
-    *,
-    patch_size_mm: float,
-    force_N: float,
-) -> Figure:
+def overview_figure(study: Results, patch: str | None = None) -> Figure:
     """The study at a glance: the tool, forces on its square, one patch's contact, measured loss.
 
-    `square` is the contact of the square under its part of `force_N`; `pressures` is
-    ``patch_pressures.csv``; `tool` is the mesh, mm, and the frame of its square. Panels of the
-    patch are left out for which there is no `result`.
+    Panels of the patch are left out without one.
     """
-    agreement = None
-    if (
-        result is not None
-        and result.change is not None
-        and result.predicted is not None
-    ):
-        agreement = _agreement(result.predicted, result.change)
-    count = 2 + (result is not None) + (agreement is not None)
-    figure, (whole, forces, *axes) = style.panels(count, 4)
-    draw_tool(whole, *tool, square["pressure"])
+    square = study.square("contact")
+    result = None if patch is None else study.of_patch(patch)
+    agreement = {} if result is None else _agreement(result)
+    count = 2 + (result is not None) + (BLUE in agreement)
+    figure, (whole, forces, *others) = style.panels(count, 4)
+    draw_tool(whole, *study.tool, square.pressure)
     whole.set_title("1  the tool and its square\npressures on it in colour")
     maps.draw_forces(forces, square)
-    maps.draw_footprints(forces, pressures, patch_size_mm, colour=BLUE)
-    force = float(square["pressure"].sum()) * float(np.prod(spacing_of(square)))
-    shares = f"{style.short(force)} of {style.short(force_N)} N"
+    pressures = study.table("patch_pressures")
+    maps.draw_footprints(forces, pressures, study.patch_mm, colour=BLUE)
+    force = float(square.pressure.sum() * np.prod(spacing_of(square)))
+    shares = f"{style.short(force)} of {style.short(study.force_N)} N"
     forces.set_title(f"2  contact forces on the square\n{shares}")
-    maps.scale_bar(forces)
     if result is not None:
-        _draw_contact(axes[0], result)
-        if agreement is not None:
-            maps.draw_map(axes[1], result.contact["height"], marks=agreement)
-            axes[1].set_title("4  measured loss\nagainst the predicted one")
-            style.colour_legend(figure, AGREEMENT)
+        touching = result.contact.pressure.values > 0
+        pressure = float(result.contact.mean_pressure)
+        maps.draw_map(others[0], result.contact.height, marks={BLACK: touching})
+        others[0].set_title(
+            f"3  predicted contact, patch {patch}\n"
+            f"{pressure:.1f} MPa, {100 * touching.mean():.1f} % of the area"
+        )
+    for axes in (forces, *others[:1]):
+        maps.scale_bar(axes)
+    if BLUE in agreement:
+        maps.draw_map(others[1], result.contact.height, marks=agreement)
+        others[1].set_title("4  measured loss\nagainst the predicted one")
+        style.colour_legend(figure, AGREEMENT)
     return figure
 
 
-def _draw_contact(axes: Axes, result: PatchResult) -> None:
-    """The third panel of the overview: where the patch touches."""
-    touching = result.contact["pressure"].values > 0
-    pressure = float(result.contact["mean_pressure"])
-    maps.draw_map(axes, result.contact["height"], marks={BLACK: touching})
-    axes.set_title(
-        f"3  predicted contact, patch {result.patch}\n"
-        f"{pressure:.1f} MPa, {100 * touching.mean():.1f} % of the area"
-    )
-    maps.scale_bar(axes)
-
-
-@styled
-def load_curves_figure(
-    square: xr.Dataset, contacts: Mapping[str, xr.Dataset]
-) -> Figure:
+def load_curves_figure(study: Results) -> Figure:
     """Load paths of the patches (Fig. 10), and below them that of the square (Fig. 7).
 
-    All are contacts with their paths; `square` is the part of the face's that lies in the square,
-    on which the force is that of its own elements.
+    The force on the square is that of its own elements, while the face is pressed.
     """
     figure, axes = style.panels(5, 3, 1.05)
     area, load, stiffness, *of_square = axes
-    reached = [float(contact["mean_pressure"]) for contact in contacts.values()]
+    contacts, square = study.contacts, study.square("contact")
+    reached = [float(contact.mean_pressure) for contact in contacts.values()]
     shades = 0.88 * np.array(reached) / max([*reached, 1e-9])
     colours = list(colormaps["viridis"](shades))
     for path, colour in zip(contacts.values(), colours, strict=True):
-        pressure = path["path_mean_pressure"]
-        _draw_path((area, load), path, pressure, path["path_contact_fraction"], colour)
-        stiffness.plot(
-            pressure, path["path_stiffness"] / MM_TO_UM, color=colour, **_OF_PATH
-        )
-    pressed = square["path_pressure"]
+        pressure = path.path_mean_pressure
+        _draw_path((area, load), path, pressure, path.path_contact_fraction, colour)
+        steepness = path.path_stiffness / MM_TO_UM
+        stiffness.plot(pressure, steepness, color=colour, **_OF_PATH)
+    pressed = square.path_pressure
     pressure, share = (field.mean(("y", "x")) for field in (pressed, pressed > 0))
     _draw_path(of_square, square, pressure, share, BLACK)
-    _name_path((area, load), "patches")
-    _name_path(of_square, "square")
+    for whose, (left, right) in {"patches": axes[:2], "square": of_square}.items():
+        left.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
+        left.locator_params(axis="x", nbins=5)
+        left.set_title(f"Area in contact, {whose}")
+        right.set(xlabel="far-field displacement (µm)")
+        right.set(ylabel="mean pressure F / Aₙ (MPa)", title=f"Pressure, {whose}")
     stiffness.set(xlabel="mean pressure (MPa)", ylabel="stiffness (MPa/µm)")
     stiffness.set_title("Stiffness, patches")
     for panel in axes:
@@ -340,16 +259,6 @@ def _draw_path(
 ) -> None:
     """Area and pressure along a load path."""
     area, load = panels
-    area.plot(pressure / path["contact_modulus"], 100 * share, color=colour, **_OF_PATH)
-    displacement = path["path_displacement"] * MM_TO_UM
+    area.plot(pressure / path.contact_modulus, 100 * share, color=colour, **_OF_PATH)
+    displacement = path.path_displacement * MM_TO_UM
     load.plot(displacement, pressure, color=colour, **_OF_PATH)
-
-
-def _name_path(panels: Sequence[Axes], whose: str) -> None:
-    """Titles and labels of the two panels of load paths."""
-    area, load = panels
-    area.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
-    area.locator_params(axis="x", nbins=5)
-    area.set_title(f"Area in contact, {whose}")
-    load.set(xlabel="far-field displacement (µm)", ylabel="mean pressure F / Aₙ (MPa)")
-    load.set_title(f"Pressure, {whose}")

@@ -1,7 +1,7 @@
 """Figures drawn from tables alone: the verdict, wear, texture."""
 
 import math
-from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gst.page.figures import style
-from gst.page.figures.style import AMBER, BLACK, BLUE, GREEN, GREY, VERMILION, styled
+from gst.page.figures.style import AMBER, BLACK, BLUE, GREEN, GREY, VERMILION
+from gst.page.results import Results
 from gst.page.verdict import MODELS, TOUCHED
 from gstlib.validation.baselines import ORACLE
 from gstlib.validation.summary import statistic_names
@@ -30,31 +31,41 @@ _CORRELATED = {
     "pressure and worn area": "spearman(pressure_MPa, loss_fraction)",
     "touched or not and loss": TOUCHED,
 }
-# Of the predictions; baselines are grey, and the cap is open.
-_LOOKS = {BARE: (BLUE, "o"), INTERLAYER: (GREEN, "D"), CAPPED: (AMBER, "s")}
+# Of the measured loss and the predictions; baselines are grey. The cap, which may lie over the
+# elastic prediction, is open, and so is the baseline that receives more data.
+_LOOKS: dict[str, dict[str, Any]] = {
+    "measured": {"color": BLACK, "marker": "x"},
+    BARE: {"color": BLUE, "marker": "o"},
+    INTERLAYER: {"color": GREEN, "marker": "D"},
+    CAPPED: {"color": AMBER, "marker": "s", "mfc": "none", "ls": "--"},
+}
+_BASELINE = {"color": GREY, "marker": "o"}
+_OPEN = {ORACLE: _BASELINE | {"mfc": "none"}}
 
 
-@styled
-def validation_figure(
-    patches: pd.DataFrame, losses: pd.DataFrame, summary: pd.DataFrame
-) -> Figure:
-    """Mean agreement of the prediction and its baselines with the loss, and loss against pressure.
-
-    `patches` and `summary` are ``validation_patches.csv`` and ``validation_summary.csv``; `losses`
-    is ``registration.csv`` with ``stated_MPa``, from `gstlib.coupling.pressures.stated`.
-    """
+def validation_figure(study: Results) -> Figure:
+    """Mean agreement of prediction and baselines with the loss, and loss against pressure."""
     figure, (agreement, extent) = style.panels(2, 2, 1.0)
+    summary, losses = study.table("validation_summary"), study.losses
+    patches = study.table("validation_patches")
     _draw_agreement(agreement, summary)
-    losses = losses[losses.above_noise.astype(bool)].dropna(subset="mean_wear_depth_um")
-    in_statistics = patches.patch[patches.in_statistics.astype(bool)]
-    _draw_losses(extent, losses, losses.patch.isin(in_statistics))
-    extent.set_title("\n".join(_correlations(summary)), fontsize=6.5)
+    losses = losses.dropna(subset="mean_wear_depth_um")
+    counted = patches.patch[patches.in_statistics]
+    _draw_losses(extent, losses[losses.above_noise.astype(bool)], counted)
+    lines = ["Do patches under higher pressure wear more?"]
+    names = statistic_names(summary)
+    for words, name in _CORRELATED.items():
+        for row in summary[names == name].dropna(subset="value").itertuples():
+            interval = f"[{row.low:.2g}, {row.high:.2g}], p = {row.p_value:.2g}"
+            lines.append(f"{words}: ρ = {row.value:.2g} {interval}")
+    title = "\n".join(lines).replace(" [nan, nan]", "").replace("p = nan", "not tested")
+    extent.set_title(title.replace("-", "−"), fontsize=6.5)
     return figure
 
 
-def _draw_losses(axes: Axes, losses: pd.DataFrame, is_counted: pd.Series) -> None:
+def _draw_losses(axes: Axes, losses: pd.DataFrame, counted: pd.Series) -> None:
     """The loss of each patch over its pressure; those that are counted in colour."""
-    is_touched = losses.stated_MPa > 0
+    is_touched, is_counted = losses.stated_MPa > 0, losses.patch.isin(counted)
     for name, those, colour, fill in (
         ("in the study", is_touched & is_counted, VERMILION, VERMILION),
         ("touched, left out", is_touched & ~is_counted, GREY, GREY),
@@ -64,29 +75,13 @@ def _draw_losses(axes: Axes, losses: pd.DataFrame, is_counted: pd.Series) -> Non
         look = {"color": colour, "mfc": fill, "clip_on": False, "zorder": 3}
         look["in_layout"] = False  # an empty one would lie at the corner of the figure
         axes.plot(drawn.stated_MPa, drawn.mean_wear_depth_um, "o", label=name, **look)
-    axes.set(
-        xlabel="pressure under the given load (MPa)", ylabel="mean depth lost (µm)"
-    )
+    axes.set_xlabel("pressure under the given load (MPa)")
+    axes.set_ylabel("mean depth lost (µm)")
     axes.set(xlim=(0, None), ylim=(0, None))
     touched = losses[is_touched]
     ends = touched[["stated_MPa", "mean_wear_depth_um"]].to_numpy()
     style.write_all(axes, list(touched.patch), ends)
     axes.legend(loc="upper left")
-
-
-def _correlations(summary: pd.DataFrame) -> Iterator[str]:
-    """A question, and the correlations that answer it."""
-    yield "Do patches under higher pressure wear more?"
-    names = statistic_names(summary)
-    for words, name in _CORRELATED.items():
-        for row in summary[names == name].dropna(subset="value").itertuples():
-            interval = (
-                f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
-            )
-            tested = (
-                f"p = {row.p_value:.2g}" if math.isfinite(row.p_value) else "not tested"
-            )
-            yield f"{words}: ρ = {row.value:.2g}{interval}, {tested}".replace("-", "−")
 
 
 def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
@@ -95,33 +90,27 @@ def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
         summary[(summary.statistic == "mean") & (summary.x == score)].set_index("model")
         for score in ("mcc", "attainable_mcc")
     )
-    for place, row in enumerate(means.itertuples()):
-        model = row.Index
-        colour, marker = _LOOKS.get(model, (GREY, "o"))
-        fill = "white" if model == ORACLE else colour
-        if math.isfinite(row.low):
-            axes.plot([row.low, row.high], [place, place], color=colour)
-        axes.plot(row.value, place, marker, color=colour, mfc=fill)
-        if model in attainable.index:
-            axes.plot(attainable.value[model], place, "|", color=colour, ms=9)
-        style.write_beside(
-            axes, MODELS[model], (0, place - 0.42), color=colour, in_layout=False
-        )
+    for place, (model, row) in enumerate(means.iterrows()):
+        look = (_LOOKS | _OPEN).get(model, _BASELINE)
+        colour = look["color"]
+        axes.plot([row.low, row.high], [place, place], color=colour)
+        axes.plot(row.value, place, **look)
+        most = attainable.value.get(model, math.nan)
+        axes.plot(most, place, "|", color=colour, ms=9)
+        at = 0, place - 0.42
+        style.write_beside(axes, MODELS[model], at, color=colour, in_layout=False)
     axes.set(xlim=(0, 1), ylim=(len(means) - 0.5, -0.7), yticks=[])
     axes.set_xlabel("mean MCC of predicted and measured loss")
     count = int(means.n.max()) if len(means) else 0
     title = f"Was the position of the loss predicted? ({count} patches)"
-    axes.set_title(
-        f"{title}\n| the most that masks of its areas could reach", fontsize=7
-    )
+    bound = "| the most that masks of its areas could reach"
+    axes.set_title(f"{title}\n{bound}", fontsize=7)
 
 
-@styled
-def texture_figure(table: pd.DataFrame) -> Figure:
-    """Six texture parameters of every patch at T0 and T1; `table` is ``texture.csv``."""
-    before, after = (
-        table[table["epoch"] == epoch].set_index("patch") for epoch in ("T0", "T1")
-    )
+def texture_figure(study: Results) -> Figure:
+    """Six texture parameters of every patch at T0 and T1."""
+    epochs = study.table("texture").set_index("patch").groupby("epoch")
+    before, after = epochs.get_group("T0"), epochs.get_group("T1")
     after, places = after.reindex(before.index), np.arange(len(before))
     figure, axes = style.panels(len(_TEXTURE), 2, 0.6)
     for panel, (column, title) in zip(axes, _TEXTURE.items(), strict=True):
@@ -136,77 +125,52 @@ def texture_figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
-@styled
-def wear_figure(
-    table: pd.DataFrame,
-    profile: pd.DataFrame,
-    limits: pd.DataFrame,
-    in_statistics: Iterable[str],
-) -> Figure:
-    """Predicted against measured volume of every patch, and loss by height.
-
-    `table` and `profile` are ``wear.csv`` and ``wear_profile.csv``, of which only the patches
-    `in_statistics` are drawn; `limits` is ``patch_intervals.csv``: a volume and its interval are
-    proportional to the pressure.
-    """
+def wear_figure(study: Results) -> Figure:
+    """Predicted against measured volume of every patch in the statistics, and loss by height."""
     figure, (volumes, heights) = style.panels(2, 2, 1.05)
-    counted = list(in_statistics)
-    _draw_volumes(volumes, table[table.patch.isin(counted)], limits.set_index("patch"))
+    patches = study.table("validation_patches")
+    counted = patches.patch[patches.in_statistics]
+    wear, profile = map(study.table, ("wear", "wear_profile"))
+    limits = study.table("patch_intervals")
+    _draw_volumes(volumes, wear[wear.patch.isin(counted)], limits.set_index("patch"))
+    by_model = profile[profile.patch.isin(counted)].groupby("model", sort=False)
+    for model, rows in by_model:
+        means = rows.groupby("band").loss_um.mean()
+        name = MODELS.get(model, model)
+        heights.plot(means, means.index, label=name, **_LOOKS[model])
+    bands = ["highest\nquarter", "second", "third", "lowest\nquarter"]
+    heights.set_yticks(range(1, len(bands) + 1), bands)
+    heights.invert_yaxis()
+    heights.set_xlim(left=0)
+    heights.set(xlabel="mean loss (µm)", title="At which heights?")
     figure.legend(
-        *volumes.get_legend_handles_labels(), loc="outside upper center", ncols=3
+        *heights.get_legend_handles_labels(), loc="outside upper center", ncols=4
     )
-    _draw_heights(heights, profile[profile.patch.isin(counted)])
     return figure
 
 
-def _draw_volumes(axes: Axes, table: pd.DataFrame, limits: pd.DataFrame) -> None:
-    """The predicted volume of each patch over the measured one, 10⁵ µm³."""
-    names: list[str] = []
-    for model, (colour, marker) in _LOOKS.items():
-        rows = table[table.model == model]
-        if rows.empty:
-            continue
-        measured = rows.measured_volume_um3.to_numpy() / 1e5
-        predicted = rows.predicted_volume_um3.to_numpy() / 1e5
-        look = (
-            {"mfc": "none"} if model == CAPPED else {}
-        )  # it may lie over the elastic one
-        axes.plot(
-            measured, predicted, marker, color=colour, label=MODELS[model], **look
-        )
-        if model == BARE:
-            names, ends = list(rows.patch), list(zip(measured, predicted, strict=True))
-            own = limits.loc[rows.patch]
-            low, high = (
-                own[["low_MPa", "high_MPa"]].div(own.pressure_MPa, axis=0).to_numpy().T
-            )
-            axes.vlines(
-                measured, predicted * low, predicted * high, color=colour, lw=0.8
-            )
+def _draw_volumes(axes: Axes, wear: pd.DataFrame, limits: pd.DataFrame) -> None:
+    """The predicted volume of each patch over the measured one, 10⁵ µm³.
+
+    The interval of a volume is in proportion to that of the pressure.
+    """
+    wear = wear.assign(
+        measured=wear.measured_volume_um3 / 1e5,
+        predicted=wear.predicted_volume_um3 / 1e5,
+    )
+    for model, look in _LOOKS.items():
+        rows = wear[wear.model == model]
+        axes.plot(rows.measured, rows.predicted, **look | {"ls": "none"})
+    bare = wear[wear.model == BARE].set_index("patch")
+    own = limits.loc[bare.index]
+    low, high = (
+        bare.predicted * end / own.pressure_MPa for end in (own.low_MPa, own.high_MPa)
+    )
+    axes.vlines(bare.measured, low, high, color=BLUE, lw=0.8)
     most = 1.05 * max(1e-9, axes.dataLim.x1, axes.dataLim.y1)
     axes.plot([0, most], [0, most], color=GREY, lw=0.6)
     axes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
-    if names:
-        style.write_all(axes, names, ends, color=[BLUE] * len(names))
+    ends = bare[["measured", "predicted"]].to_numpy()
+    style.write_all(axes, list(bare.index), ends, color=[BLUE] * len(bare))
     axes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
     axes.set_title("How much did each patch lose?")
-
-
-def _draw_heights(axes: Axes, profile: pd.DataFrame) -> None:
-    """The mean loss at each quarter of the heights."""
-    means = profile.groupby(["model", "band"], sort=False).loss_um.mean()
-    for model, (colour, marker) in ({"measured": (BLACK, "x")} | _LOOKS).items():
-        if model in means:
-            look = {"mfc": "none", "ls": "--"} if model == CAPPED else {}
-            axes.plot(
-                means[model], means[model].index, color=colour, marker=marker, **look
-            )
-    style.write_beside(
-        axes, "× measured", (means["measured"][3], 3), (8, 0), fontsize=8
-    )
-    bands = ["highest\nquarter", "second", "third", "lowest\nquarter"]
-    axes.set_yticks(range(1, len(bands) + 1), bands)
-    axes.invert_yaxis()
-    axes.set_xlim(left=0)
-    axes.set_xlabel("mean loss (µm)")
-    axes.set_title("At which heights?")

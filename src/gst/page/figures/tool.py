@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 import scipy
+import shapely
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
@@ -42,8 +42,7 @@ FACES = 60_000  # each is a pixel or two: more would not be seen; a page takes 2
 _LIGHT = np.array([-1.0, 1.0, 1.4]) / 2  # from the upper left
 # Edges over a wider face are no shorter than this share of it.
 _ELEMENTS = 100
-# Corners of a square of side 1, in order.
-_UNIT = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+_STONE_RGB = np.array(list(bytes.fromhex(STONE[1:])))
 
 
 def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
@@ -85,18 +84,17 @@ def cut_tool(
 
 
 def coloured_tool(
-    mesh: "trimesh.Trimesh", frame: Frame, *fields: xr.DataArray, faces: int = FACES
+    mesh: "trimesh.Trimesh", frame: Frame, *fields: xr.DataArray
 ) -> tuple[Any, ...]:
     """A mesh with fewer faces, except over the fields, whose faces are cut as fine as their grid.
 
     `mesh` is the tool, mm, and `frame` the square's; the `fields` (y, x) are pressures, exposures
-    and the like, all on the grid of the square, or of the face around it. About so many `faces`
-    remain elsewhere. Behind the mesh come the colours of its vertices by each field, (n, 3), uint8;
-    `STONE` elsewhere.
+    and the like, all on the grid of the square, or of the face around it. Behind the mesh come the
+    colours of its vertices by each field, (n, 3), uint8; `STONE` elsewhere.
     """
     first, element = fields[0], max(spacing_of(fields[0]))
     edge_mm = element * max(1.5, len(first.x) / _ELEMENTS)
-    whole = cut_tool(mesh, frame, first, edge_mm=edge_mm, faces=faces)
+    whole = cut_tool(mesh, frame, first, edge_mm=edge_mm, faces=FACES)
     _, is_over = over_face(whole, frame, first)
     return whole, *(_colours(field, whole, frame, is_over, edge_mm) for field in fields)
 
@@ -111,11 +109,11 @@ def _colours(
     """The colours of a mesh's vertices by a field: the highest within an edge, to lose none."""
     reach = round(edge_mm / spacing_of(field)[0] / 1.5)
     highest = field.copy(data=scipy.ndimage.maximum_filter(field.values, reach))
-    values = on_mesh(highest, mesh, frame)
-    colours = np.tile(np.array(to_rgb(STONE)), (len(values), 1))
-    shown = maps.force_norm(field.values)(values[is_over])
-    colours[is_over] = maps.FORCE_MAP(shown)[:, :3]
-    return np.round(255 * colours).astype(np.uint8)
+    colours = np.full((len(mesh.vertices), 3), _STONE_RGB)
+    values = on_mesh(highest, mesh, frame)[is_over]
+    shown = maps.force_colours(field.values).to_rgba(values, bytes=True)
+    colours[is_over] = shown[:, :3]
+    return colours.astype(np.uint8)
 
 
 def outline_on(
@@ -128,16 +126,12 @@ def outline_on(
     """
     square = make_surface(np.zeros((2, 2)), size / 2)
     places, is_over = over_face(mesh, frame, square, 0.1 * size)
-    sides = []
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        count = max(2, round(20 * np.linalg.norm(end - start) / size))
-        sides.append(np.linspace(start, end, count, endpoint=False))
-    flat = np.concatenate(sides)
+    ring = shapely.LinearRing(corners).segmentize(size / 20)
+    flat = shapely.get_coordinates(ring)[:-1]
     *plane, heights = places[is_over].T
     _, nearest = scipy.spatial.KDTree(np.transpose(plane)).query(flat)
-    return np.column_stack([flat, heights[nearest]]) @ frame.axes + np.array(
-        frame.origin
-    )
+    points = np.column_stack([flat, heights[nearest]])
+    return points @ frame.axes + np.array(frame.origin)
 
 
 def draw_stone(
@@ -149,20 +143,19 @@ def draw_stone(
 ) -> None:
     """Draw a stone as seen from afar, shaded, with a scale bar.
 
-    `mesh` is the stone (mm), coarse enough to draw: see `coarsen`. The normal of the `view` points
-    to the eye; its origin (mm) lies in the middle of the picture. `colours` (n, 3), uint8, are
-    those of the vertices.
+    `mesh` is the stone (mm). The normal of the `view` points to the eye; its origin (mm) lies in
+    the middle of the picture. `colours` (n, 3), uint8, are those of the vertices.
     """
+    if colours is None:
+        mesh = coarsen(mesh, faces=FACES)
+        colours = np.full((len(mesh.vertices), 3), _STONE_RGB)
     corners = view.to_frame(mesh.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     # Normals of the surface around a face: those of slivers are arbitrary.
     normals = mesh.vertex_normals[mesh.faces].mean(axis=1) @ view.axes.T
     front = np.flatnonzero(normals[:, 2] > 0)
     # Painted from the farthest to the nearest.
-    depths = corners[front, :, 2].mean(axis=1)
-    front = front[np.argsort(depths)]
-    paint = np.array(to_rgb(STONE))
-    if colours is not None:
-        paint = colours[mesh.faces[front]].mean(axis=1) / 255
+    front = front[np.argsort(corners[front, :, 2].mean(axis=1))]
+    paint = colours[mesh.faces[front]].mean(axis=1) / 255
     shade = 0.35 + 0.75 * (normals[front] @ _LIGHT).clip(0)
     tone = (paint * shade[:, np.newaxis]).clip(0, 1)
     flat = corners[..., :2]
@@ -177,18 +170,13 @@ def draw_stone(
 
 
 def draw_square(
-    axes: Axes,
-    view: Frame,
-    frame: Frame,
-    size: float,
-    *,
-    names: Sequence[str] = ("x", "y"),
+    axes: Axes, view: Frame, frame: Frame, size: float, *, names: Sequence[str] = "xy"
 ) -> None:
     """Outline the square of a side (mm) in a view, with the names of its axes at their ends."""
-    on_tool = frame.origin + size * _UNIT @ frame.axes[:2]
-    corners = view.to_frame(on_tool)[:, :2]
+    square = size * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    corners = view.to_frame(frame.origin + square @ frame.axes[:2])[:, :2]
     axes.add_patch(Polygon(corners, fill=False, edgecolor=VERMILION, lw=1.2))
-    look = {"path_effects": maps.OUTLINE, "fontsize": 8, "ha": "center", "va": "center"}
+    look = {"path_effects": maps.OUTLINE, "ha": "center", "va": "center"}
     for name, corner in zip(names, corners[1::2], strict=False):
         place = corners[0] + 1.35 * (corner - corners[0])
         axes.text(*place, name, **look)
@@ -201,8 +189,7 @@ def draw_tool(
     whole, colours = coloured_tool(mesh, frame, pressure)
     view = tool_view(whole, frame)
     draw_stone(axes, whole, view, colours=colours)
-    size_mm = float(pressure.x[-1] + pressure.x[0])
-    draw_square(axes, view, frame, size_mm, names=())
+    draw_square(axes, view, frame, float(pressure.x[-1] + pressure.x[0]), names="")
 
 
 class PressedFace(NamedTuple):
@@ -227,12 +214,11 @@ def check_figure(
     """Where the square lies on the stone, in two views, and where the patches lie in the square.
 
     `mesh` is the stone (mm), `frame` and `size_mm` are those of the square; the others as in
-    `gst.page.figures.macroscale.input_figure`. Without a height the square is left out. What is
+    `gst.page.figures.macroscale.draw_places`. Without a height the square is left out. What is
     `pressed` gives a panel with the gap between the tools.
     """
     count = 2 + (height is not None) + (pressed is not None)
     figure, panels = style.panels(count, 2)
-    mesh = coarsen(mesh, faces=FACES)
     views = {
         "along the square's normal": frame.axes[2],
         "45° from it": frame.axes[1:].sum(axis=0),
@@ -253,12 +239,13 @@ def _draw_gap(axes: Axes, pressed: PressedFace, size_mm: float) -> None:
     """The gap to the active tool, the nearer the brighter, and where it is pushed."""
     # both are positive towards each other
     gap = -pressed.face.height - pressed.face.counterface
-    near = maps.HEIGHT_MAP.reversed()
+    gap -= gap.min()
+    near = maps.height_colours(gap, cmap=maps.HEIGHT_MAP.reversed())
     bar = "gap to the active tool (µm)"
-    maps.draw_map(axes, gap - gap.min(), cmap=near, ticks=True, bar=bar)
-    axes.add_patch(Polygon(_UNIT * size_mm, fill=False, edgecolor=VERMILION, lw=1.2))
+    maps.draw_map(axes, gap, colours=near, ticks=True, bar=bar)
+    maps.outline_square(axes, size_mm)
     y, x = pressed.pushed.T
     axes.plot(x, y, "+", color=VERMILION, markersize=4)
     thickness_um = pressed.interlayer_um
-    interlayer = f"; interlayer of {thickness_um:g} µm" if thickness_um else ""
-    axes.set_title(f"the active tool{interlayer}; + where it is pushed")
+    interlayer = f", interlayer of {thickness_um:g} µm" if thickness_um else ""
+    axes.set_title(f"the active tool{interlayer} (+: where it is pushed)")
