@@ -127,18 +127,14 @@ class Results:
 
     def of_patch(self, patch: str) -> PatchResult:
         """The results on one patch."""
-
-        def read(name: str, *only: str) -> xr.Dataset | None:
-            return self.by_patch(name, [patch], *only).get(patch)
-
-        contact = read("contacts", "height", "pressure", "mean_pressure")
-        change = read(
-            "registered", "t1", "change", "level_of_detection", "loss", "gain"
-        )
+        pressed = "height", "pressure", "mean_pressure"
+        contact = self.by_patch("contacts", [patch], *pressed)[patch]
+        changed = "t1", "change", "level_of_detection", "loss", "gain"
+        change = self.by_patch("registered", [patch], *changed).get(patch)
         if change is not None and change.change.isnull().all():
-            change["t1"] = read("t1", "height").height
-        predicted = read("depths", "depth")
-        if predicted is not None:
-            own = own_model(list(predicted.model.values))
-            predicted = predicted.depth.sel(model=own)
+            change["t1"] = self.by_patch("t1", [patch], "height")[patch].height
+        depths = self.by_patch("depths", [patch], "depth").get(patch)
+        predicted = None
+        if depths is not None:
+            predicted = depths.depth.sel(model=own_model(list(depths.model.values)))
         return PatchResult(patch, contact, change, predicted)

@@ -83,15 +83,15 @@ def tool_scene(
     if "places" in study.tables:
         patches = study.table("places").rename(columns={"place": "patch"})
         patches["rotation_deg"] = 0.0
-    second = None
+    other = None
     if study.has("counterface") and active_tool:
         second = posed_mesh(ActiveTool.read(**active_tool), frame, size_mm=size)
-        second = stone_data(coarsen(second, faces=_SECOND_FACES))
+        other = stone_data(coarsen(second, faces=_SECOND_FACES))
     view = tool_view(stone, frame)
     axes = frame.axes.tolist()
     return {
         "stone": stone_data(stone),
-        "second": second,
+        "second": other,
         "frame": {"origin": list(frame.origin), "axes": axes, "size": size},
         "view": view.axes[2].tolist(),
         "middle": list(map(float, view.origin)),

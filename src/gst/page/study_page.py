@@ -139,9 +139,8 @@ def patch_records(study: Results) -> dict[str, dict[str, Any]]:
         for row in study.table("wear").to_dict("records"):
             models.setdefault(row["patch"], {})[row["model"]] = row
     records = {}
-    for patch, t0, t1 in zip(
-        *map(study.places.get, ("patch", "t0", "t1")), strict=True
-    ):
+    names = study.outlined[["patch", "t0", "t1"]]
+    for patch, t0, t1 in names.itertuples(index=False):
         wear = models.get(patch, {})
         others = [model for model in (CAPPED, *BASELINES, ORACLE) if model in wear]
         records[patch] = {

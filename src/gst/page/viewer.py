@@ -82,7 +82,7 @@ def coarsen(
             break
         cell *= 1.02 * np.sqrt(len(first) / faces)
     sums = [np.bincount(cluster, coordinate) for coordinate in mesh.vertices.T]
-    means = np.column_stack(sums / np.bincount(cluster))
+    means = np.transpose(sums / np.bincount(cluster))
     left = triangles[whole][np.sort(first)]
     coarse = trimesh.Trimesh(means, cluster[left], process=False)
     # Where a cell contains a fold, a face may have been turned over, and would be drawn dark.

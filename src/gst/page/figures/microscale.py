@@ -198,16 +198,17 @@ def overview_figure(study: Results, patch: str | None = None) -> Figure:
     force = float(square.pressure.sum() * np.prod(spacing_of(square)))
     shares = f"{style.short(force)} of {style.short(study.force_N)} N"
     forces.set_title(f"2  contact forces on the square\n{shares}")
-    if result is not None:
-        touching = result.contact.pressure.values > 0
-        pressure = float(result.contact.mean_pressure)
-        maps.draw_map(others[0], result.contact.height, marks={BLACK: touching})
-        others[0].set_title(
-            f"3  predicted contact, patch {patch}\n"
-            f"{pressure:.1f} MPa, {100 * touching.mean():.1f} % of the area"
-        )
-    for axes in (forces, *others[:1]):
-        maps.scale_bar(axes)
+    maps.scale_bar(forces)
+    if result is None:
+        return figure
+    touching = result.contact.pressure.values > 0
+    pressure = float(result.contact.mean_pressure)
+    maps.draw_map(others[0], result.contact.height, marks={BLACK: touching})
+    others[0].set_title(
+        f"3  predicted contact, patch {patch}\n"
+        f"{pressure:.1f} MPa, {100 * touching.mean():.1f} % of the area"
+    )
+    maps.scale_bar(others[0])
     if BLUE in agreement:
         maps.draw_map(others[1], result.contact.height, marks=agreement)
         others[1].set_title("4  measured loss\nagainst the predicted one")

@@ -1,5 +1,7 @@
 """Where to scan: a sheet to print and take to the microscope."""
 
+from typing import Any
+
 import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
@@ -73,7 +75,8 @@ def _write_table(axes: Axes, places: pd.DataFrame) -> None:
         for place in places.itertuples()
     ]
     axes.set_axis_off()
-    look = {"loc": "upper left", "edges": "open", "cellLoc": "left"}
-    axes.table(rows, colLabels=_HEADS, **look).auto_set_font_size(False)
-    look = {"fontsize": 6, "color": GREY, "in_layout": False}
+    place = {"loc": "upper left", "cellLoc": "left"}
+    table = axes.table(rows, colLabels=_HEADS, edges="open", **place)
+    table.auto_set_font_size(False)
+    look: dict[str, Any] = {"fontsize": 6, "color": GREY, "in_layout": False}
     axes.text(0, 0, _NOTE, transform=axes.transAxes, **look)
