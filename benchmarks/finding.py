@@ -56,7 +56,7 @@ class Specimen:
         whole = trimesh.Trimesh(*self.stone.mesh(), process=False)
         frame = frame_from_points(CONFIG["square"]["points_mm"])
         self.view = view_of(whole, frame, size_mm=SQUARE, around_mm=AROUND)
-        self.heights = self.stone.heights().astype("f4")
+        self.heights = self.stone.heights
 
     def scan(self, name, place, mirrored, sides=(PATCH, PATCH)):
         """A prepared scan of a mould, or of the stone itself if it is not mirrored."""

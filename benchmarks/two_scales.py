@@ -313,7 +313,7 @@ def specimen(plan, seed):
     patches = read_study(config, "config").assign(t1="")  # scanned before use alone
     parameters = SpecimenParameters(**config["specimen"])
     stone = Stone(parameters, config["square"]["size_mm"])
-    surface = stone.heights().astype(np.float32)
+    surface = stone.heights
     truths = {}
     tables = []
     for (trial, radius_mm), group in groupby(cases, lambda case: case[:2]):

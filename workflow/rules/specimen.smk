@@ -24,12 +24,7 @@ if GENERATED:
         log:
             f"{RESULTS}/logs/generate_specimen.log",
         resources:
-            # a law wears the whole square at the scans' resolution
-            mem_mb=growing(
-                900,
-                scan=220,
-                square=0 if config["specimen"]["wear_placement"] == "summits" else 80,
-            ),
+            mem_mb=growing(500, scan=220, square=17),
             runtime=growing(10, scans=0.1),
         params:
             patches=columns("patch", "x_mm", "y_mm", "rotation_deg", "t0", "t1", "repeat"),

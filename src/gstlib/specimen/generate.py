@@ -23,7 +23,7 @@ from gstlib.io.plu import write_plu
 from gstlib.io.store import write_dataset
 from gstlib.specimen.law import LAWS, load_point_of, wear_depth
 from gstlib.specimen.pebble import OUTER_SIZE_MM
-from gstlib.specimen.randomness import SpecimenParameters
+from gstlib.specimen.randomness import SpecimenParameters, rounded
 from gstlib.specimen.scanning import (
     place_again,
     place_scans,
@@ -51,9 +51,6 @@ __all__ += ["within_square", "write_specimen"]
 
 # Depth (µm) from which a point counts as worn, which preparation can distinguish from noise.
 _WEAR_THRESHOLD_UM = 0.5
-# True heights are kept to about 1 nm, at most a tenth of any error they are compared with. They
-# then compress twice as well.
-_HEIGHT_STEP_MM = 2.0**-20
 
 # ASSUME: Radius of a generated active tool. A generated active tool has the radius of the active
 # tool in the default study. Reason: The tool then matches the prior of that study.
@@ -191,7 +188,7 @@ def make_specimens(
     _refuse_wide(square_mm)
     stone = Stone(p, square_mm)
     stl: Any = trimesh.Trimesh(*stone.mesh(), process=False).export(file_type="stl")
-    surface = stone.heights().astype(np.float32)
+    surface = stone.heights
     depths = {name: lost(stone) for name, lost in wear.items()}
     poor = poor_overlaps(list(patches.patch), p.seed)
     scans: dict[str, dict] = {name: {} for name in depths}
@@ -231,8 +228,9 @@ def make_specimens(
                     "nominal_x_mm": nominal.x_mm,
                     "nominal_y_mm": nominal.y_mm,
                     "overlap": _overlap(t0, t1, p.scan_size_mm),
-                    "height": _rounded(level.values),
-                    "wear_depth": _rounded(at_points(depth, place=t0, order=1)),
+                    # rounded heights compress twice as well
+                    "height": rounded(level.values),
+                    "wear_depth": rounded(at_points(depth, place=t0, order=1)),
                 }
             )
     square = within_square(surface, stone)
@@ -322,10 +320,6 @@ def write_specimen(
     write_dataset(truth, made.truth, {"note": note})
     single = made.surface.astype(np.float32).to_dataset(name="height")
     write_dataset(surface, single, {"note": note})
-
-
-def _rounded(heights: np.ndarray) -> np.ndarray:
-    return (np.round(heights / _HEIGHT_STEP_MM) * _HEIGHT_STEP_MM).astype(np.float32)
 
 
 def _overlap(t0: PatchPosition, t1: PatchPosition, size_mm: float) -> float:

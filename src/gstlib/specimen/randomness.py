@@ -14,11 +14,19 @@ import scipy
 from gstlib.errors import ConfigError
 from gstlib.surfaces.filtering import radial_frequency
 
-__all__ = ["SpecimenParameters", "self_affine_field", "smooth_field", "stream"]
+__all__ = [
+    "SpecimenParameters",
+    "rounded",
+    "self_affine_field",
+    "smooth_field",
+    "stream",
+]
 
 # ASSUME: Roll-off of the spectrum. The spectrum is flat above a wavelength of 2.5 mm. Reason: Half
 # the square holds only a few longer waves.
 ROLL_OFF_MM = 2.5
+# Step of rounded heights, about 1 nm: at most a tenth of any error they are compared with.
+_HEIGHT_STEP_MM = 2.0**-20
 # Shortest wavelength, in scan points. A scan resolves it with one spare point per half wave.
 _SHORTEST_POINTS = 4.0
 
@@ -191,13 +199,18 @@ def smooth_field(
 ) -> np.ndarray:
     """A periodic Gaussian field (count, count), mean 0, variance 1, correlated over `length`."""
     spectrum = scipy.fft.rfft2(_white_noise(generator, count))
-    spectrum *= np.exp(
-        -((np.pi * length / 2 * radial_frequency((count, count), spacing)) ** 2)
-    )
+    along_y = scipy.fft.fftfreq(count, spacing)[:, None]
+    for frequency in (along_y, scipy.fft.rfftfreq(count, spacing)):
+        spectrum *= np.exp(-((np.pi * length / 2 * frequency) ** 2))
     field = scipy.fft.irfft2(spectrum, s=(count, count), overwrite_x=True)
     field -= field.mean()
     deviation = field.std()
     return (field / deviation if deviation > 0 else field).astype(np.float32)
+
+
+def rounded(heights: np.ndarray) -> np.ndarray:
+    """Heights (mm) to about 1 nm, float32."""
+    return (np.round(heights / _HEIGHT_STEP_MM) * _HEIGHT_STEP_MM).astype(np.float32)
 
 
 def _white_noise(generator: np.random.Generator, count: int) -> np.ndarray:

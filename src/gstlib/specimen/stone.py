@@ -10,6 +10,8 @@ partly at random. Chips break out, more of them in the same regions. Grit betwee
 material anywhere, in valleys and on summits. If these overlap, the deepest counts.
 """
 
+import functools
+
 import numpy as np
 import scipy
 import xarray as xr
@@ -30,7 +32,7 @@ from gstlib.specimen.randomness import (
 from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["MARGIN_MM", "Stone", "surface_at"]
+__all__ = ["MARGIN_MM", "Stone", "block_means", "surface_at"]
 
 # Width of the margin of detail around the square, for misplaced scans at its edge.
 MARGIN_MM = 0.25
@@ -134,9 +136,12 @@ class Stone:
         self.detail *= np.float32(factor)
         self._factor = factor
 
+    @functools.cached_property
     def heights(self) -> np.ndarray:
-        """The whole true surface before use (n, n), mm, on the grid of `detail`."""
-        return self.macroscale(self.grid, self.grid) + self.detail
+        """The whole true surface before use (n, n), mm, float32, on the grid of `detail`."""
+        heights = self.macroscale(self.grid, self.grid)
+        heights += self.detail
+        return heights.astype(np.float32)
 
     def waves(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Waves above the cut-off (mm) at positions (y, x) in mm, without the pebble's shape."""
@@ -178,8 +183,7 @@ class Stone:
         """The macroscale surface (mm) averaged over each of (count, count) elements."""
         fine = count * _SUBSAMPLES
         places = (np.arange(fine) + 0.5) * (self.square_mm / fine)
-        heights = self.macroscale(places, places)
-        return heights.reshape(count, _SUBSAMPLES, count, _SUBSAMPLES).mean(axis=(1, 3))
+        return block_means(self.macroscale(places, places), _SUBSAMPLES)
 
     def face_means(self, count: int, around: int) -> np.ndarray:
         """The true surface (mm), all waves, averaged over the elements of the face.
@@ -204,12 +208,10 @@ class Stone:
             shortest=2 * step,
             **self._spectrum,
         )
-        heights = self.macroscale(places, places) + detail[: len(places), : len(places)]
-        split = (total, _SUBSAMPLES, total, _SUBSAMPLES)
-        face = heights.reshape(split).mean(axis=(1, 3))
+        means = block_means(detail[: len(places), : len(places)], _SUBSAMPLES)
         inside = slice(around, around + count)
-        face[inside, inside] = self.macroscale_means(count) + self._detail_means(count)
-        return face
+        means[inside, inside] = self._detail_means(count)
+        return block_means(self.macroscale(places, places), _SUBSAMPLES) + means
 
     def _detail_means(self, count: int) -> np.ndarray:
         """The detail (mm) averaged over each of (count, count) elements of the square."""
@@ -324,6 +326,14 @@ def surface_at(
     return surface.assign_coords(
         {axis: surface[axis].copy(data=along) for axis in "yx"}
     )
+
+
+def block_means(heights: np.ndarray, points: int) -> np.ndarray:
+    """Means of a grid over its whole blocks of (points, points)."""
+    rows, columns = (count // points for count in heights.shape)
+    whole = heights[: rows * points, : columns * points]
+    blocks = whole.reshape(rows, points, columns, points)
+    return blocks.mean(axis=(1, 3), dtype=float)
 
 
 def _bilinear(coarse: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -94,7 +94,7 @@ def test_t1_is_the_worn_stone(specimen, truth, parameters):
     place = PatchPosition(*(true[name].item() for name in PatchPosition._fields))
     fresh, lost = (
         sample(field, stone, place, 64, order=order, patch="13")
-        for field, order in ((stone.heights(), 3), (stone.worn_by_rules(), 1))
+        for field, order in ((stone.heights, 3), (stone.worn_by_rules(), 1))
     )
     assert lost.max() > 1e-3
     level, _ = remove_plane(make_surface(fresh - lost, SPACING))
