@@ -121,6 +121,11 @@ class Specimen(Section):
     """Spacing of the points of a scan (µm)."""
     unmeasured_size_um: float = Field(12.0, gt=0, le=1000)
     """Size of the spots of unmeasured points (µm)."""
+    noise_length_along_um: float = Field(0.0, ge=0, le=10_000)
+    """Distance along a scan line at which the errors of two points correlate by 1/e (µm). With 0,
+    errors are independent. Neighbours on measured repeats correlate by 0.88 to 0.97."""
+    noise_length_across_um: float = Field(0.0, ge=0, le=10_000)
+    """The same distance across scan lines (µm)."""
     wear_placement: Literal["summits", "archard", "interlayer"] = "archard"
     """Origin of the wear. Archard's law wears the bare stone (archard), or an interlayer takes part
     (interlayer). Their load case is hidden from the study. With summits, a rule without contact

@@ -69,6 +69,9 @@ class SpecimenParameters:
         R.m.s. error of the T1 scan's position relative to T0, along each axis.
     noise_um : float
         R.m.s. noise of the instrument at single points.
+    noise_length_along_um, noise_length_across_um : float
+        Distance along and across scan lines at which the noise of two points correlates by 1/e. 0
+        for independent noise.
     spike_fraction : float
         Fraction of points that are spikes.
     wear_fraction : float
@@ -116,6 +119,8 @@ class SpecimenParameters:
     placement_error_um: float = 30.0
     relocation_error_um: float = 40.0
     noise_um: float = 0.1
+    noise_length_along_um: float = 0.0
+    noise_length_across_um: float = 0.0
     spike_fraction: float = 0.005
     wear_fraction: float = 0.25
 

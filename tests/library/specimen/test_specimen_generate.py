@@ -10,7 +10,7 @@ from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.specimen.generate import make_specimen, write_specimen
-from gstlib.specimen.scanning import sample
+from gstlib.specimen.scanning import sample, take_scan
 from gstlib.specimen.stone import Stone
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import make_surface, spacing_of
@@ -86,6 +86,29 @@ def test_scan_is_the_truth_with_tilt_noise_spikes_and_holes(
     )
     differences = truth[["unmeasured", "plane_x_mrad"]].astype(float).diff("epoch")
     assert differences.any(["y", "x"]).all().to_array().all()
+
+
+@pytest.mark.parametrize(("along_um", "across_um"), [(0, 0), (60, 0), (40, 20)])
+def test_errors_correlate_over_their_lengths(parameters, along_um, across_um):
+    """They fall exponentially in both directions, and have the same r.m.s. everywhere."""
+    flat, spacing_um = np.zeros((1024, 1024)), parameters.scan_spacing_um
+    correlated = dataclasses.replace(
+        parameters,
+        noise_um=1e3,
+        spike_fraction=0.0,
+        noise_length_along_um=along_um,
+        noise_length_across_um=across_um,
+    )
+    scan, _ = take_scan(flat, "a", "T0", correlated)
+    errors = scan.fillna(0.0).values
+    measured_share = scan.notnull().mean().item()
+    for lines, length_um in ((errors, across_um), (errors.T, along_um)):
+        assert lines.std() == pytest.approx(np.sqrt(measured_share), rel=0.02)
+        assert lines[[0, -1]].std(axis=1) == pytest.approx(1, rel=0.2)
+        for lag in (1, 2, 4):
+            expected = np.exp(-lag * spacing_um / length_um) if length_um else 0
+            correlation = np.corrcoef(lines[lag:].ravel(), lines[:-lag].ravel())[0, 1]
+            assert correlation == pytest.approx(expected, abs=0.02)
 
 
 def test_t1_is_the_worn_stone(specimen, truth, parameters):
