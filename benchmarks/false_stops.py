@@ -1,6 +1,6 @@
 """Does a sound study stop, or believe a match that is wrong? For docs/explanation/evidence.md.
 
-    python benchmarks/false_stops.py [--seeds 5201 5202 ...] [--processes 2]
+    python benchmarks/false_stops.py [--seeds 5201 5202 ...] [--noise-lengths 23 2]
     python benchmarks/false_stops.py --tables
 
 Synthetic stones of fresh seeds go through the study up to the inference of the use. All their files
@@ -10,6 +10,9 @@ default study's own scans of 512 × 512 points. The others have 256 × 256 point
 apart as those on which the search of a registration runs in the default study; all else is as in
 config/config.yaml. The stone `STOPPED` is added, with 512 × 512 points, because a wrong match
 stopped its study once.
+
+`--noise-lengths` are the distances along and across scan lines (points) at which the errors of the
+instrument correlate by 1/e; by default, errors are independent.
 
 Rows go to benchmarks/results/false_stops.csv as each stone is done. A stone that the file holds
 already is not made again. There is a row for each patch and one, ``all``, for the study:
@@ -21,6 +24,10 @@ found            whether the registration is believed;
 error_um, turn_error_deg   of the registration against the true places of the two scans;
 overlap          the true share of the area of T0 that T1 covers;
 correlation, dale_depth_ratio, residual_um   as the registration states them;
+false_loss, loss_recall   the share of the unworn points, and of those worn deeper than the
+                 threshold of the specimen, that count as lost;
+false_gain       the share of all points that count as gained;
+above_noise      whether the loss of the patch counts;
 status           of the placement of the patch;
 answer           of the inference of the use;
 cpu_s            of the whole study.
@@ -67,8 +74,8 @@ STAGES = ["check", "change", "placement", "use"]
 WRONG_UM, COVERED = 10.0, 0.6
 # The columns of the rows after these, in their order.
 _COLUMNS = """stated_x_mm stated_y_mm stated_radius_mm worn_x_mm worn_y_mm worn_radius_mm
-found error_um turn_error_deg overlap correlation dale_depth_ratio residual_um status
-answer cpu_s"""
+found error_um turn_error_deg overlap correlation dale_depth_ratio residual_um
+false_loss loss_recall false_gain above_noise status answer cpu_s"""
 
 
 def drawn_use(generator):
@@ -78,7 +85,7 @@ def drawn_use(generator):
     return off, float(np.exp(generator.uniform(*np.log(RADII_MM))))
 
 
-def config_of(seed):
+def config_of(seed, noise_lengths):
     """The config of the study of a stone, with the use that wore it."""
     changes = {"specimen": {"seed": seed}, "reference_realisations": None}
     if seed == STOPPED:
@@ -93,6 +100,9 @@ def config_of(seed):
         "worn_radius_mm": worn_radius_mm,
     }
     config = merged(specimen_config(), changes)
+    specimen = config["specimen"]
+    for way, points in zip(("along", "across"), noise_lengths, strict=True):
+        specimen[f"noise_length_{way}_um"] = points * specimen["scan_spacing_um"]
     y_mm, x_mm = config["square"]["size_mm"] / 2 + stated
     told = {"load": {"at_mm": [float(x_mm), float(y_mm)]}}
     return merged(config, told | {"counterface": {"radius_mm": radius_mm}})
@@ -140,6 +150,18 @@ def registered(change, at):
     }
 
 
+def detected(change, at):
+    """Which unworn and worn points of a height change count as lost, against the truth `at` it."""
+    is_known = np.isfinite(change.change.values)
+    loss, depth = change.loss.values[is_known], at.wear_depth.values[is_known]
+    deep = depth * MM_TO_UM > at.attrs["wear_threshold_um"]
+    return {
+        "false_loss": loss[depth == 0].mean(),
+        "loss_recall": loss[deep].mean() if deep.any() else np.nan,
+        "false_gain": change.gain.values[is_known].mean(),
+    }
+
+
 def patch_rows(study, truth):
     """The registration of each patch; one that stops it leaves the study, as its message asks."""
     for patch in list(study.worn):
@@ -149,15 +171,16 @@ def patch_rows(study, truth):
         if row["change"]:
             study.worn.remove(patch)
         else:
-            row |= registered(study.changes[patch].attrs, at)
+            change = study.changes[patch]
+            row |= registered(change.attrs, at) | detected(change, at)
         yield row
 
 
-def stone_rows(seed):
+def stone_rows(seed, noise_lengths):
     """The rows of one stone."""
     logging.disable()
     start = time.process_time()
-    config = config_of(seed)
+    config = config_of(seed, noise_lengths)
     parameters = SpecimenParameters(**config["specimen"])
     patches = worn_patches(specimen_config())
     size_mm = config["square"]["size_mm"]
@@ -167,6 +190,8 @@ def stone_rows(seed):
     whole = {"patch": ALL, "check": message_of(partial(check_files, config, specimen))}
     study = study_of(config, patches, specimen)
     rows = list(patch_rows(study, specimen.truth))
+    counts = study.registration.set_index("patch").above_noise
+    rows = [row | {"above_noise": counts.get(row["patch"])} for row in rows]
     whole["change"] = message_of(
         lambda: raise_unless_accepted(
             exchanged_epochs(study.registration), config["accept"]
@@ -233,4 +258,5 @@ def tables(rows):
 
 
 if __name__ == "__main__":
-    run_stones(__doc__, ROWS, stone_rows, tables, [STOPPED, *SEEDS])
+    seeds = [STOPPED, *SEEDS]
+    run_stones(__doc__, ROWS, stone_rows, tables, seeds, noise_lengths=[0.0, 0.0])

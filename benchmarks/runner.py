@@ -90,16 +90,17 @@ def by_seed(rows):
     return rows.sort_values("seed", kind="stable", ignore_index=True)
 
 
-def run_stones(text, file, rows_of, show, seeds):
+def run_stones(text, file, rows_of, show, seeds, **others):
     """Make the rows of each stone that a file lacks, and print the tables of all rows.
 
     ``rows_of(seed)`` makes the rows of one stone, and ``show(rows)`` the tables. `text` and `file`
-    are those of `options`.
+    are as in `options`. `others` are further options, and arguments of `rows_of` after the seed.
     """
-    chosen = options(text, file, seeds=list(seeds))
+    chosen = options(text, file, seeds=list(seeds), **others)
     if not chosen.tables:
         there = set(read_table(chosen.output).seed) if chosen.output.exists() else ()
-        tasks = [(seed,) for seed in chosen.seeds if seed not in there]
+        values = [getattr(chosen, name) for name in others]
+        tasks = [(seed, *values) for seed in chosen.seeds if seed not in there]
         add_rows(chosen.output, rows_of, tasks, chosen.processes, order=by_seed)
     for table in show(read_table(chosen.output)):
         print(table.to_string(), end="\n\n")
