@@ -1,7 +1,6 @@
 """Studies of synthetic specimens in memory, with any kind of wear: for the other scripts."""
 
 import re
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -9,7 +8,7 @@ from runner import ROOT
 
 from gst.config.reading import complete, read_config_file, read_study
 from gstlib.errors import InputError
-from gstlib.specimen.generate import make_specimens
+from gstlib.specimen.generate import make_specimen
 from gstlib.specimen.law import wear_depth
 from gstlib.specimen.randomness import (
     ROLL_OFF_MM,
@@ -87,15 +86,12 @@ def specimen_studies(config, patches, specimen_seed, wears=BY_RULE):
     The later studies take from the first every stage that no scan after use enters. `config` is
     complete, and each patch has a T1; `specimen_seed` takes the place of that of ``specimen``.
     """
-    specimens = make_specimens(
-        patches,
-        replace(SpecimenParameters(**config["specimen"]), seed=specimen_seed),
-        square_mm=config["square"]["size_mm"],
-        grid=config["macroscale"]["grid"],
-        wear={name: WEARS[name] for name in wears},
-    )
+    parameters = SpecimenParameters(**config["specimen"] | {"seed": specimen_seed})
+    square_mm, grid = config["square"]["size_mm"], config["macroscale"]["grid"]
+    sizes = {"square_mm": square_mm, "grid": grid}
     first = None
-    for wear, specimen in specimens.items():
+    for wear in wears:
+        specimen = make_specimen(patches, parameters, **sizes, wear=WEARS[wear])
         study = study_of(config, patches, specimen)
         if first is not None:
             take(study, first, _BEFORE_USE)

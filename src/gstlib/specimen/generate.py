@@ -7,7 +7,7 @@ has the dims ``(macroscale_y, macroscale_x)``.
 
 import io
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -40,13 +40,7 @@ from gstlib.surfaces.leveling import remove_plane
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = [
-    "Specimen",
-    "counterface_stl",
-    "make_specimen",
-    "make_specimens",
-    "stone_stl",
-]
+__all__ = ["Specimen", "counterface_stl", "make_specimen", "stone_stl"]
 __all__ += ["within_square", "write_specimen"]
 
 # Depth (µm) from which a point counts as worn, which preparation can distinguish from noise.
@@ -132,30 +126,32 @@ def counterface_stl(parameters: SpecimenParameters, square_mm: float) -> bytes:
 def stone_stl(
     parameters: SpecimenParameters, square_mm: float, *, radius_mm: float = math.inf
 ) -> bytes:
-    """Binary STL of a specimen's mesh alone, as in `make_specimens`, bent to a radius."""
+    """Binary STL of a specimen's mesh alone, as in `make_specimen`, bent to a radius."""
+    return _stl(Stone(parameters, square_mm), radius_mm)
+
+
+def _stl(stone: Stone, radius_mm: float = math.inf) -> bytes:
     import trimesh
 
-    stone = Stone(parameters, square_mm)
     vertices, faces = stone.mesh()
     vertices[:, 2] -= (vertices[:, :2] ** 2).sum(axis=1) / (2 * radius_mm)
     stl: Any = trimesh.Trimesh(vertices, faces, process=False).export(file_type="stl")
     return stl
 
 
-def make_specimens(
+def make_specimen(
     patches: pd.DataFrame,
     parameters: SpecimenParameters,
     *,
     square_mm: float,
     grid: int,
     around: int = 0,
-    wear: Mapping[str, Callable[[Stone], np.ndarray]],
-) -> dict[str, Specimen]:
-    """Make specimens of one stone that differ only in the positions of wear.
+    wear: Callable[[Stone], np.ndarray] | None = None,
+) -> Specimen:
+    """Make a specimen. The same arguments give the same specimen.
 
-    They share the STL and the scans before use (the same objects). The same arguments give the same
-    specimens. The scans of a patch depend on the seed and on its own name and position, not on the
-    other patches. But a fixed fraction of all T1 scans is badly misplaced.
+    The scans of a patch depend on the seed and on its own name and position, not on the other
+    patches. But a fixed fraction of all T1 scans is badly misplaced.
 
     Parameters
     ----------
@@ -163,7 +159,6 @@ def make_specimens(
         The patch table. An empty ``t1`` means that the patch was not scanned after use. An empty or
         missing ``repeat`` means that it was not scanned again before use.
     parameters : SpecimenParameters
-        Its ``wear_placement`` is not used.
     square_mm : float
         Side of the analysed square. Its frame has its origin at (square/2, square/2, 0) of the
         mesh, its x axis along -x and its y axis along -y.
@@ -171,9 +166,9 @@ def make_specimens(
         Number of elements along each side of the grid of the true macroscale surface.
     around : int
         Number of elements of the face on every side of the square.
-    wear : mapping of str to callable
-        By name of the specimen, a function that returns the depth lost by a stone, such as
-        `gstlib.specimen.law.wear_depth`.
+    wear : callable, optional
+        Returns the depth lost by the stone. The default is `gstlib.specimen.law.wear_depth` with
+        the placement in the parameters.
 
     Raises
     ------
@@ -181,68 +176,63 @@ def make_specimens(
         A scan would extend beyond the surface.
     ConfigError
         The square is larger than the use-face.
-    """
-    import trimesh
 
+    Examples
+    --------
+    A coarse specimen with a single patch, scanned before and after use:
+
+    >>> import gstlib
+    >>> lengths = {"mesh_edge_mm": 3.0, "cut_off_wavelength_mm": 1.2, "unmeasured_size_um": 60.0}
+    >>> scanned = {"scan_points": 32, "scan_spacing_um": 25.0, "wear_placement": "summits"}
+    >>> parameters = gstlib.SpecimenParameters(7, None, **lengths, **scanned)
+    >>> patch = {"patch": "a", "x_mm": 1.0, "y_mm": 1.0, "rotation_deg": 0.0}
+    >>> patches = pd.DataFrame([patch | {"t0": "a_T0.plu", "t1": "a_T1.plu"}])
+    >>> specimen = gstlib.make_specimen(patches, parameters, square_mm=2.0, grid=20)
+    >>> sorted(specimen.scans), specimen.mesh.is_watertight, specimen.truth.wear_depth.shape
+    ([('a', 'T0'), ('a', 'T1')], True, (1, 32, 32))
+    """
     p = parameters
     _refuse_wide(square_mm)
     stone = Stone(p, square_mm)
-    stl: Any = trimesh.Trimesh(*stone.mesh(), process=False).export(file_type="stl")
-    surface = stone.heights
-    depths = {name: lost(stone) for name, lost in wear.items()}
+    stl = _stl(stone)
+    depth = wear(stone) if wear else wear_depth(stone, p.wear_placement)
     poor = poor_overlaps(list(patches.patch), p.seed)
-    scans: dict[str, dict] = {name: {} for name in depths}
-    truths: dict[str, list] = {name: [] for name in depths}
+    scans: dict[tuple[str, str], xr.DataArray] = {}
+    truths = []
     for row in patches.itertuples():
         nominal = PatchPosition(row.y_mm, row.x_mm, row.rotation_deg)
         t0, t1 = place_scans(
             row.patch, nominal, p, square_mm=square_mm, poor_overlap=row.patch in poor
         )
+        visits = {"T0": (t0, row.t0), "T1": (t1, row.t1)}
+        if again := getattr(row, "repeat", ""):
+            visits["repeat"] = place_again(row.patch, t0, p), again
         at_points = partial(sample, stone=stone, points=p.scan_points, patch=row.patch)
-        before = at_points(surface, place=t0, order=3)
-        unworn = at_points(surface, place=t1, order=3)
-        level, _ = remove_plane(make_surface(before, p.scan_spacing_mm))
-        scan_before, true_before = take_scan(before, row.patch, "T0", p)
-        again = {}
-        if file := getattr(row, "repeat", ""):
-            anew = at_points(surface, place=place_again(row.patch, t0, p), order=3)
-            scan, _ = take_scan(anew, row.patch, "repeat", p)
-            again = {(row.patch, "repeat"): scan.assign_attrs(file=file)}
-        for name, depth in depths.items():
-            after = unworn - at_points(depth, place=t1, order=1)
-            scan_after, true_after = take_scan(after, row.patch, "T1", p)
-            for epoch, scan, file in (
-                ("T0", scan_before, row.t0),
-                ("T1", scan_after, row.t1),
-            ):
-                if file:
-                    scans[name][row.patch, epoch] = scan.assign_attrs(file=file)
-            scans[name] |= again
-            of_epochs = t0._asdict() | true_before, t1._asdict() | true_after
-            truths[name].append(
-                {
-                    key: np.stack([true[key] for true in of_epochs])
-                    for key in of_epochs[0]
-                }
-                | {
-                    "nominal_x_mm": nominal.x_mm,
-                    "nominal_y_mm": nominal.y_mm,
-                    "overlap": _overlap(t0, t1, p.scan_size_mm),
-                    # rounded heights compress twice as well
-                    "height": rounded(level.values),
-                    "wear_depth": rounded(at_points(depth, place=t0, order=1)),
-                }
-            )
-    square = within_square(surface, stone)
-    return {
-        name: Specimen(
-            stl,
-            scans[name],
-            _truth(patches, stone, p, (grid, around), of_patches),
-            square,
-        )
-        for name, of_patches in truths.items()
-    }
+        heights, seen = {}, {}
+        for epoch, (place, file) in visits.items():
+            heights[epoch] = at_points(stone.heights, place=place, order=3)
+            if epoch == "T1":
+                heights[epoch] -= at_points(depth, place=place, order=1)
+            scan, masks = take_scan(heights[epoch], row.patch, epoch, p)
+            seen[epoch] = place._asdict() | masks
+            if file:
+                scans[row.patch, epoch] = scan.assign_attrs(file=file)
+        level, _ = remove_plane(make_surface(heights["T0"], p.scan_spacing_mm))
+        of_epochs = {
+            name: np.stack([seen[epoch][name] for epoch in ("T0", "T1")])
+            for name in seen["T0"]
+        }
+        of_patch = {
+            "nominal_x_mm": nominal.x_mm,
+            "nominal_y_mm": nominal.y_mm,
+            "overlap": _overlap(t0, t1, p.scan_size_mm),
+            # rounded heights compress twice as well
+            "height": rounded(level.values),
+            "wear_depth": rounded(at_points(depth, place=t0, order=1)),
+        }
+        truths.append(of_epochs | of_patch)
+    truth = _truth(patches, stone, p, (grid, around), truths)
+    return Specimen(stl, scans, truth, within_square(stone.heights, stone))
 
 
 def _refuse_wide(square_mm: float) -> None:
@@ -266,36 +256,6 @@ def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
     return surface_at(
         stone.grid[part], surface[part, part], stone.spacing, long_name=name
     )
-
-
-def make_specimen(
-    patches: pd.DataFrame,
-    parameters: SpecimenParameters,
-    *,
-    square_mm: float,
-    **grids: int,
-) -> Specimen:
-    """Make the specimen of the parameters; arguments and errors are as in `make_specimens`.
-
-    Examples
-    --------
-    A coarse specimen with a single patch, scanned before and after use:
-
-    >>> import gstlib
-    >>> lengths = {"mesh_edge_mm": 3.0, "cut_off_wavelength_mm": 1.2, "unmeasured_size_um": 60.0}
-    >>> scanned = {"scan_points": 32, "scan_spacing_um": 25.0, "wear_placement": "summits"}
-    >>> parameters = gstlib.SpecimenParameters(7, None, **lengths, **scanned)
-    >>> patch = {"patch": "a", "x_mm": 1.0, "y_mm": 1.0, "rotation_deg": 0.0}
-    >>> patches = pd.DataFrame([patch | {"t0": "a_T0.plu", "t1": "a_T1.plu"}])
-    >>> specimen = gstlib.make_specimen(patches, parameters, square_mm=2.0, grid=20)
-    >>> sorted(specimen.scans), specimen.mesh.is_watertight, specimen.truth.wear_depth.shape
-    ([('a', 'T0'), ('a', 'T1')], True, (1, 32, 32))
-    """
-    name = parameters.wear_placement
-    wear = {name: partial(wear_depth, placement=name)}
-    return make_specimens(patches, parameters, square_mm=square_mm, wear=wear, **grids)[
-        name
-    ]
 
 
 def write_specimen(

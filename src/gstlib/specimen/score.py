@@ -50,7 +50,7 @@ def score_truth(
     Parameters
     ----------
     truth : xarray.Dataset
-        From `gstlib.specimen.generate.make_specimens`.
+        From `gstlib.specimen.generate.make_specimen`.
     face : xarray.Dataset
         ``height`` (y, x), mm, of the square and its surroundings on the analysis grid.
     scans, changes : mapping to xarray.Dataset
