@@ -183,8 +183,8 @@ def infer_use(
     -------
     xarray.Dataset
         By ``draw``: ``y_mm``, ``x_mm``, ``radius_mm`` (NaN if it is not inferred), ``scatter_mm``,
-        ``stroke_mm``, ``spread_mm``, ``stroke_angle_deg``, the parameters of the evidence and ``weight``,
-        the posterior weight of the draw. By ``draw`` and ``patch``: ``pressure`` and
+        ``stroke_mm``, ``spread_mm``, ``stroke_angle_deg``, the parameters of the evidence and
+        ``weight``, the posterior weight of the draw. By ``draw`` and ``patch``: ``pressure`` and
         ``pressure_at_centre``, MPa, and ``weight_without``, the posterior weight without the wear
         of the patch. By ``patch``: ``log_score`` of each patch given the others and
         ``effective_sample_size_without``. By ``competitor`` and ``patch``:
