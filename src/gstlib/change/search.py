@@ -158,11 +158,11 @@ class Details(NamedTuple):
             best.is_beyond_chance
         ):  # striae that match: finer details show where along them
             _, direction = self.compare_slopes(best.pose)
-            along = (
+            one, other = (
                 np.nan_to_num(np.einsum("i,i...->...", direction, slopes))
                 for slopes in self.slopes
             )
-            match = self._peak(*along, least_overlap)
+            match = self._peak(one, other, least_overlap)
             if self.determine(match):
                 return match
         return best

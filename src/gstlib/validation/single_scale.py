@@ -125,7 +125,7 @@ def solve_realisations(
         for patch in patches.patch.values
     }
     scan = scans[next(iter(places))].height
-    drawn = []
+    drawn: list[xr.Dataset] = []
     for heights in surfaces:
         solved = solve_reference(heights, contact, source=source)
         if not drawn:
