@@ -160,14 +160,18 @@ def _nodes(path: str | Path, file: h5py.File) -> list[h5py.Group | h5py.Dataset]
     """A file and everything in it, each once."""
     names = []
 
-    def check(name: str, link: object) -> None:
+    def problem(name: str, link: object) -> str | None:
         names.append(name)
         if len(names) > _MOST_MEMBERS:
-            raise _refused(path, f"more than {_MOST_MEMBERS} groups and arrays")
+            return f"more than {_MOST_MEMBERS} groups and arrays"
         if not isinstance(link, h5py.HardLink):
-            raise _refused(path, f"a link ({name!r:.60}) that may lead to another file")
+            return f"a link ({name!r:.60}) that may lead to another file"
+        return None
 
-    file.visititems_links(check)
+    # a result ends the visit, and an exception would be lost in HDF5
+    content = file.visititems_links(problem)
+    if content is not None:
+        raise _refused(path, content)
     nodes = [file]
     file.visititems(lambda name, node: nodes.append(node))
     return nodes

@@ -236,7 +236,7 @@ def _unpacked_sur(path: Path, packed: bytes) -> bytes:
     return heights + packed[at:]
 
 
-def _check_sur(path: Path, header: bytes, rest: bytes) -> None:
+def _check_sur(path: Path, header: bytearray, rest: bytes) -> None:
     """Refuse heights beyond the stated range, or followed by odd bytes."""
     bits, lowest, highest, nx, ny = unpack_from("<H4i", header, 98)
     heights = np.frombuffer(rest, f"<i{bits // 8}", nx * ny)
