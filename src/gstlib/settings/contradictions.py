@@ -274,8 +274,8 @@ def _in_use(settings: "Settings") -> _Problems:
         moved = gesture and getattr(gesture, other)
         yield (
             value == 0 and bool(moved),
-            f"'use.{key}' is 0, but gesture.{other} is {moved}, so the inference would exclude "
-            "this motion: raise the former, or set the latter to 0",
+            f"'use.{key}' is 0, but gesture.{other} is {moved or 0:g}, so the inference would "
+            "exclude this motion: raise the former, or set the latter to 0",
         )
     errors = settings.uncertainty
     is_round = tool is not None and tool.radius_mm is not None
