@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gst.page.load_points import load_points
+from gst.page.load_points import load_points, truth_met
 from gst.page.results import Results
-from gst.page.truth import truth_met
 from gstlib.io.store import write_dataset
 
 MIDDLE, SPREAD = np.array([2.0, 3.0]), np.array([[0.09, 0.03], [0.03, 0.04]])

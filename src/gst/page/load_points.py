@@ -1,9 +1,9 @@
-"""The load points for the map: given, inferred from the wear, and true.
+"""The load points for the map: given, inferred from the wear, and true; the truth that is met.
 
-The true load point is known only for a synthetic specimen.
+The truth is known only for a synthetic specimen.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import xarray as xr
 
 from gst.page.results import Results
 
-__all__ = ["adopted_use", "load_points"]
+__all__ = ["adopted_use", "load_points", "truth_met"]
 
 _CERTAINTY = 0.95  # weight of the draws that the region contains
 
@@ -66,3 +66,24 @@ def load_points(study: Results, given: Sequence[float] | None) -> dict[str, Any]
         "region": [*half.tolist(), float(turn)],
         "held": dict(zip(points, (of_points <= reach).tolist(), strict=True)),
     }
+
+
+def truth_met(study: Results, held: Mapping[str, bool]) -> dict[str, tuple[int, int]]:
+    """The number of true values of each kind inside their 95 % intervals, and the number of all.
+
+    `held` is from `load_points`. The result is empty for a measured tool.
+    """
+    if "truth" not in study.tables:
+        return {}
+    met = {"load point": (int(held["true"]), 1)} if "true" in held else {}
+    truth = study.table("truth").set_index("quantity")
+    if "use" in study.tables:
+        use = study.table("use").set_index("parameter")
+        if "radius" in use.low.dropna():
+            is_met = use.low.radius <= truth.true.radius <= use.high.radius
+            met["radius"] = int(is_met), 1
+    limits = study.table("patch_intervals")
+    pressures = truth.loc[["pressure"]].merge(limits, on="patch")
+    are_met = pressures.true.between(pressures.low_MPa, pressures.high_MPa)
+    met["pressure"] = int(are_met.sum()), len(pressures)
+    return met

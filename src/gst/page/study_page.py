@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from gst.page.explorer import draws_to_explore
-from gst.page.load_points import load_points
+from gst.page.load_points import load_points, truth_met
 from gst.page.page import Shown, data_url, embedded, render
 from gst.page.results import Results
 from gst.page.scene import tool_scene
-from gst.page.truth import truth_met
 from gst.page.verdict import MODELS, verdict
 from gst.run.chain import messages_of
 from gstlib import __version__
