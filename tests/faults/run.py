@@ -36,21 +36,10 @@ class Study:
         if finished:  # dates and Snakemake's records included
             shutil.copytree(finished, folder, symlinks=True)
             return
-        listed = [
-            "git",
-            "-C",
-            ROOT,
-            "ls-files",
-            "--cached",
-            "--others",
-            "--exclude-standard",
-        ]
-        names = subprocess.run(
-            listed, capture_output=True, text=True, check=True
-        ).stdout
-        for name in filter(lambda name: (ROOT / name).is_file(), names.splitlines()):
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, folder / name)
+        folder.mkdir(parents=True, exist_ok=True)
+        names = "git ls-files --cached --others --exclude-standard"
+        copy = f"{names} | tar -c --ignore-failed-read -T - | tar -x -C {folder}"
+        subprocess.run(copy, shell=True, cwd=ROOT, check=True)
         (folder / ".venv").symlink_to(sys.prefix)
 
     def start(self):
@@ -76,25 +65,20 @@ class Study:
 
     def processes(self, kind):
         """The run's jobs (`job`), or its Snakemake (`run`), as they are now."""
-        running = []
+        here = str(self.folder.resolve())
         for process in psutil.process_iter(["cwd", "cmdline"]):
             command = process.info["cmdline"] or []
             is_job = any("/.snakemake/scripts/" in word for word in command)
             is_run = "gst.run.scheduler" in command and not is_job
-            here = process.info["cwd"] == str(self.folder.resolve())
-            running += (
-                [process] if here and (is_job if kind == "job" else is_run) else []
-            )
-        return running
+            if process.info["cwd"] == here and (is_job if kind == "job" else is_run):
+                yield process
 
     def files(self):
         """Every result by its name; hidden files are none."""
-        files = [file for file in sorted(self.results.rglob("[!.]*")) if file.is_file()]
-        named = {file.relative_to(self.results): file for file in files}
         return {
-            str(name): file.read_bytes()
-            for name, file in named.items()
-            if name.parts[0] not in NO_RESULTS
+            str(file.relative_to(self.results)): file.read_bytes()
+            for file in sorted(self.results.rglob("[!.]*"))
+            if file.is_file() and NO_RESULTS.isdisjoint(file.parts)
         }
 
     def half_written(self):
@@ -137,14 +121,14 @@ def kill_at_random(study, kind, choose, duration):
                 process,
             ]:
                 each.kill()
-        elif running := study.processes(kind):
+        elif running := [*study.processes(kind)]:
             choose.choice(running).kill()
         else:
             time.sleep(0.05)
             continue
         break
     process.communicate()
-    while study.processes("job"):  # those that outlive Snakemake
+    while [*study.processes("job")]:  # those that outlive Snakemake
         time.sleep(0.2)
     if kind == "job" and process.returncode == 0:
         return "a killed job passed for done"
