@@ -178,6 +178,7 @@ def save(page, name=""):
 def test_cards_and_explorer_work_in_the_sandbox_of_gst_place(browser, used):
     """Where forms are dead: their buttons have scripts."""
     page = browser.new_page()
+    page.set_default_timeout(0)  # a busy machine is no fault
     policy = {"Content-Security-Policy": "sandbox allow-scripts allow-downloads"}
     answer = {"path": used, "headers": policy, "content_type": "text/html"}
     page.route("**", lambda route: route.fulfill(**answer))
