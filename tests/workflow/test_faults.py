@@ -38,37 +38,33 @@ def test_a_failed_step_shows_its_own_error_and_nothing_else(tiny):
 def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
     """And nothing else; the plan says why. A deleted log is missed by nobody."""
     results, folder = tiny.results, tiny.results.name
-    cut, edited = results / "change/1/7.h5", results / "tables/wear.csv"
+    cut, edited = results / "wear/1/7.h5", results / "tables/wear.csv"
     gone, record = results / "figures/patch/7.png", results / "logs/compare_scales.json"
-    lost = results / "microscale/paper/1/7.h5"
-    whole = {file: file.read_bytes() for file in (cut, edited, gone, lost)}
+    whole = {file: file.read_bytes() for file in (cut, edited, gone)}
     before = tiny.tables()
     cut.write_bytes(whole[cut][:9])
     edited.write_bytes(whole[edited].replace(b"0.", b"99.", 1))
-    for file in (gone, lost, record, results / "logs/solve_macroscale.log"):
+    for file in (gone, record, results / "logs/solve_macroscale.log"):
         file.unlink()
     text = tiny.gst("study", tiny.config, "--plan").stdout
     for step, why in (
-        ("register_patches", "change/1/7.h5 is not as it was made"),
-        ("score_wear", "change/1/7.h5 has changed"),
-        ("draw_validation", "change/1/7.h5 has changed"),
+        ("predict_wear", "wear/1/7.h5 is not as it was made"),
+        ("score_wear", "wear/1/7.h5 has changed"),
         ("compare_scales", "no record shows how it was made"),
     ):
         assert re.search(
             rf"^{step}: .*\n    {re.escape(why)}; last took \d", text, re.MULTILINE
         )
-    assert "compose_surface" not in text
+    assert "register_patches" not in text
     result = tiny.gst("study", tiny.config)
     assert result.returncode == 0, result.stderr
-    assert "again: change/1/7.h5 is not as it was made" in result.stderr
+    assert "again: wear/1/7.h5 is not as it was made" in result.stderr
     assert {file: file.read_bytes() for file in whole} == whole
     assert tiny.tables() == before
     assert record.is_file()
     assert "Nothing to do." in tiny.gst("study", tiny.config, "--plan").stdout
-    assert (
-        f"results in  {folder}: finished, with this config"
-        in tiny.gst("check", tiny.config).stdout
-    )
+    stated = f"results in  {folder}: finished, with this config"
+    assert stated in tiny.gst("check", tiny.config).stdout
 
 
 def test_stale_results_are_not_certified_without_the_records_of_snakemake(tiny):
