@@ -107,10 +107,7 @@ def median_outliers(
     above = np.indices(heights.shape).sum(axis=0) % 2 == 1
     unmeasured = np.where(above, np.inf, -np.inf)
     entered = np.where(measured, heights, unmeasured)
-    width = 2 * half_width + 1
-    # The map is mirrored about its outermost points themselves: a spike there is not doubled.
-    medians = scipy.ndimage.median_filter(entered, width, mode="mirror")
-    off = np.abs(heights - medians)
+    off = np.abs(heights - _medians(_windows(entered, half_width)))
     # ASSUME: Lower bound of the local scale. S is at least the value of the whole map. Reason:
     # Otherwise, the small unevenness of a much smoother spot would be marked as outliers.
     scale = max(
@@ -119,8 +116,8 @@ def median_outliers(
     )
     # Because of that bound only these points can be outliers: few enough to gather their windows.
     at = np.nonzero(off > threshold * scale)
-    padded = np.pad(heights, half_width, mode="reflect")
-    around = sliding_window_view(padded, (width, width))[at].reshape(-1, width**2)
+    points = (2 * half_width + 1) ** 2
+    around = _windows(heights, half_width)[at].reshape(-1, points)
     median = np.nanmedian(around, axis=1)
     deviations = np.abs(around - median[:, None])
     local = MAD_TO_SIGMA * np.nanmedian(deviations, axis=1)
@@ -128,3 +125,23 @@ def median_outliers(
     outlier = np.zeros(heights.shape, dtype=bool)
     outlier[at] = np.abs(heights[at] - median) > limit
     return outlier, scale
+
+
+def _windows(heights: np.ndarray, half_width: int) -> np.ndarray:
+    """The window around each point: a view (ny, nx, 2r + 1, 2r + 1)."""
+    # The map is mirrored about its outermost points themselves: a spike there is not doubled.
+    padded = np.pad(heights, half_width, mode="reflect")
+    return sliding_window_view(padded, 2 * (2 * half_width + 1,))
+
+
+def _medians(windows: np.ndarray) -> np.ndarray:
+    """Median (ny, nx) of each window. The windows do not contain NaN.
+
+    It takes half the time of `scipy.ndimage.median_filter`, row by row, which stay in cache.
+    """
+    medians = np.empty(windows.shape[:2])
+    for of_row, row in zip(medians, windows, strict=True):
+        points = row.reshape(len(row), -1)
+        middle = points.shape[1] // 2
+        of_row[:] = np.partition(points, middle)[:, middle]
+    return medians
