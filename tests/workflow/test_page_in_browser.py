@@ -1,20 +1,23 @@
 """The page of the tiny study in a real browser, opened from its file."""
 
 import base64
+import contextlib
 import io
 import itertools
 import re
 import shutil
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from PIL import Image, ImageChops, ImageStat
+from PIL import Image, ImageChops, ImageColor, ImageStat
 
 from gst.config.tables import TABLES
+from gst.page.figures.style import AGREEMENT
 from gst.page.page import Shown
 from gst.page.results import Results
 from gst.page.study_page import write_study_page
@@ -128,6 +131,13 @@ def test_an_accepted_fault_stands_above_the_answer(browser, used):
         assert page.locator("#map ellipse.region, #explorer").count() == 2
 
 
+def cells(page):
+    """The table of the explorer: of each patch pressure, predicted and measured loss."""
+    rows = page.locator("#asked tbody tr").all()
+    texts = [row.locator("td").all_inner_texts() for row in rows]
+    return {name: [float(value) for value in values] for name, *values in texts}
+
+
 def test_a_click_on_the_map_shows_what_the_nearest_draws_did(browser, used, draws):
     losses = pd.read_csv(used.parent / "predicted_losses.csv", dtype={"patch": str})
     with opened(browser, used) as page:
@@ -145,40 +155,51 @@ def test_a_click_on_the_map_shows_what_the_nearest_draws_did(browser, used, draw
         pressure = (worth * nearest.pressure).sum("draw")
         loss = (worth * nearest.wear_coefficient * nearest.pressure).sum("draw")
         wanted = np.stack([pressure, loss, losses.loss_um], axis=1)
-        rows = page.locator("#asked tbody tr").all()
-        names, *shown = zip(
-            *(row.locator("th, td").all_inner_texts() for row in rows), strict=True
+        shown = cells(page)
+        assert list(shown) == list(losses.patch)
+        np.testing.assert_allclose(list(shown.values()), wanted, rtol=6e-3, atol=5e-3)
+        told = page.locator("#asked-how").inner_text()
+        likely = 100 * float(draws.weight[away <= 0.425].sum())
+        assert float(re.search(r"([\d.]+) %", told)[1]) == pytest.approx(
+            likely, rel=6e-3
         )
-        assert list(names) == list(losses.patch)
-        shown = np.array(shown, dtype=float).T
-        np.testing.assert_allclose(shown, wanted, rtol=6e-3, atol=5e-3)
         assert middle_of(page.locator("#asked-at")) == pytest.approx(at, abs=2)
 
 
-def test_a_load_far_from_all_draws_or_beyond_the_face_has_no_numbers(browser, used):
+def test_a_load_far_from_all_draws_or_beyond_the_face_has_no_numbers(
+    browser, used, draws
+):
     with opened(browser, used) as page:
-        for x, words in (("2.2", ""), ("4.9", "No draw"), ("99", "outside the face")):
-            page.fill("#explorer [name=x]", x)
-            page.press("#explorer [name=x]", "Enter")
-            assert page.locator("#asked").is_visible() == (not words)
-            assert words in page.locator("#asked-how").inner_text()
-        assert not page.locator("#asked-at").is_visible()
+        page.fill("#explorer [name=x]", "2.2")
+        page.press("#explorer [name=x]", "Enter")
+        assert page.locator("#asked").is_visible()
+        page.fill("#explorer [name=x]", "4.9")
+        page.click("#explorer button")
+        text = page.locator("#asked-how").inner_text()
+        y = float(page.locator("#explorer [name=y]").input_value())
+        nearest = float(np.hypot(draws.x_mm - 4.9, draws.y_mm - y).min())
+        assert text.startswith("No draw of the load point lies within")
+        assert numbers(text)[-1] == pytest.approx(nearest, rel=6e-3)
+        assert not page.locator("#asked").is_visible()
+        page.fill("#explorer [name=x]", "99")
+        page.click("#explorer button")
+        text = page.locator("#asked-how").inner_text()
+        assert "outside the face" in text
+        assert numbers(text)[-2:] == [-2.5, 7.5]
+        assert not page.locator("#asked, #asked-at").first.is_visible()
         box = page.locator("#map").bounding_box()  # beyond the map, on the face
         page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] - 4)
         assert "No draw" in page.locator("#asked-how").inner_text()
 
 
-def save(page, name=""):
-    """What a button of the menu saves; everything, without a name."""
-    page.locator("#save summary").focus()
-    page.keyboard.press("Enter")
-    return saved(page, page.locator(f"[data-save='{name}']").click)
+def numbers(text):
+    texts = re.findall(r"\N{MINUS SIGN}?\d+(?:\.\d+)?", text)
+    return [float(one.replace("\N{MINUS SIGN}", "-")) for one in texts]
 
 
 def test_cards_and_explorer_work_in_the_sandbox_of_gst_place(browser, used):
     """Where forms are dead: their buttons have scripts."""
     page = browser.new_page()
-    page.set_default_timeout(0)  # a busy machine is no fault
     policy = {"Content-Security-Policy": "sandbox allow-scripts allow-downloads"}
     answer = {"path": used, "headers": policy, "content_type": "text/html"}
     page.route("**", lambda route: route.fulfill(**answer))
@@ -189,12 +210,18 @@ def test_cards_and_explorer_work_in_the_sandbox_of_gst_place(browser, used):
     page.locator("#patch-13").wait_for(state="hidden")
     page.click("#explorer button")
     assert page.locator("#asked").is_visible()
-    assert save(page).startswith(b"PK")
+    assert saved(page, lambda: save_everything(page)).startswith(b"PK")
     page.click("#show-methods")
     page.click("#copy-methods")
     assert page.locator("#copied").inner_text() == "Copied."
     assert complaints == []
     page.close()
+
+
+def save_everything(page):
+    page.locator("#save summary").focus()
+    page.keyboard.press("Enter")
+    page.click("[data-save='']")
 
 
 def saved(page, click):
@@ -209,29 +236,45 @@ def test_a_copy_of_the_page_alone_saves_all_that_it_shows(
     results, alone = finished_tiny.results, tmp_path / "alone.html"
     shutil.copy(results / "index.html", alone)
     with opened(browser, alone) as page:
-        whole = save(page)
-        assert save(page) == whole
+
+        def chosen(folder):
+            page.locator("#save summary").focus()
+            page.keyboard.press("Enter")
+            return saved(page, page.locator(f"[data-save='{folder}']").click)
+
+        whole = chosen("")
+        assert chosen("") == whole
+        methods = chosen("methods.txt").decode()
         with zipfile.ZipFile(io.BytesIO(whole)) as archive:
             assert archive.testzip() is None
             content = {name: archive.read(name) for name in archive.namelist()}
-        methods = content.pop("methods.txt").decode()
-        assert save(page, "methods.txt").decode() == methods
+        figures = {name: content.pop(name) for name in [*content] if "figures" in name}
+        assert content.pop("methods.txt").decode() == methods
         assert "with 550 N" in methods
-        patterns = "tables/*", "figures/*.png", "figures/*.svg", "figures/patch/*.png"
-        files = {file for pattern in patterns for file in results.glob(pattern)}
-        files.remove(results / "tables/microscale_paths.csv")
-        assert {results / name for name in content} == files
-        for name, saved_bytes in content.items():
-            made = (results / name).read_bytes()
-            if name.endswith(".png"):  # which the page has in fewer colours
-                pictures = picture_in(saved_bytes), picture_in(made)
-                assert max(ImageStat.Stat(ImageChops.difference(*pictures)).mean) < 3
+        assert "doi:10.1016/j.jasrep.2024.104939" in methods
+        tables = {*results.glob("tables/*.csv")}
+        tables.remove(results / "tables/microscale_paths.csv")
+        stored = {f"tables/{file.name}": file.read_bytes() for file in tables}
+        assert content == stored
+        patterns = "figures/*.png", "figures/*.svg", "figures/patch/*.png"
+        drawn = [file for pattern in patterns for file in results.glob(pattern)]
+        assert {results / name for name in figures} == {*drawn}
+        for file in drawn:
+            one = figures[file.relative_to(results).as_posix()]
+            if file.suffix == ".svg":
+                assert one == file.read_bytes()
             else:
-                assert saved_bytes == made
+                off = ImageChops.difference(
+                    picture_in(one), picture_in(file.read_bytes())
+                )
+                assert max(ImageStat.Stat(off).mean) < 3
         link = page.locator("a[href='figures/wear.svg']")
-        assert saved(page, link.click) == content["figures/wear.svg"]
+        assert saved(page, link.click) == figures["figures/wear.svg"]
         page.click("#show-methods")
         assert page.locator("#methods-text").text_content() == methods
+        page.click("#copy-methods")
+        page.wait_for_function("document.getElementById('copied').textContent")
+        assert page.evaluate("getSelection().toString()").strip() == methods.strip()
 
 
 def test_turning_the_tool_and_its_light_change_the_picture(page):
@@ -272,10 +315,20 @@ def test_a_click_or_a_key_opens_the_card_of_the_patch(page):
     )
     page.mouse.click(*middle_of(number))
     assert opened_card(page) == "Patch 16"
-    page.locator("#map a[href='#patch-5']").focus()
-    page.keyboard.press("Enter")
-    page.locator("dialog[open] .turn a", has_text="Patch 7").click()
-    assert opened_card(page) == "Patch 7"
+    for place in ("#patch-table a[href='#patch-5']", "#map a[href='#patch-5']"):
+        page.locator(place).focus()
+        page.keyboard.press("Enter")
+        assert opened_card(page) == "Patch 5"
+
+
+def test_a_card_leads_to_the_next_and_the_previous_one(page):
+    names = [row.inner_text() for row in page.locator("#patch-table tbody th").all()]
+    page.click(f"#patch-table a[href='#patch-{names[0]}']")
+    for name in [*names[1:], *names[-2::-1]]:
+        page.locator("dialog[open] .turn a", has_text=f"Patch {name}").click()
+        assert page.locator("dialog[open] h2").inner_text().startswith(f"Patch {name} ")
+        assert page.url.endswith(f"#patch-{name}")
+    assert page.locator("dialog[open] .turn a").count() == 1
 
 
 def test_a_card_has_its_pictures_and_they_open_large(page):
@@ -317,20 +370,31 @@ def picture_in(data):
 def test_thumbnails_lead_to_cards_where_t0_and_t1_are_compared(page):
     strip = page.locator(".thumbnails a[href='#patch-13'] img").get_attribute("src")
     strip = picture_in(base64.b64decode(strip.partition("base64,")[2]))
-    side = strip.height
-    maps = [strip.crop((k * side, 0, (k + 1) * side, side)) for k in range(3)]
     page.click(".thumbnails a[href='#patch-13']")
     page.click("#patch-13 .blink")
     picture = page.locator("#blink-picture")
-    for number, epoch in enumerate(("T0", "T1")):  # the first two of the three maps
+    for number, epoch in enumerate(
+        ("T0", "T1")
+    ):  # the first two of the strip's three maps
         shown = picture_in(picture.screenshot())
-        off = [ImageChops.difference(shown, one.resize(shown.size)) for one in maps]
-        assert np.argmin([sum(ImageStat.Stat(one).sum) for one in off]) == number
+        maps = [
+            strip.crop((k * strip.height, 0, (k + 1) * strip.height, strip.height))
+            for k in range(3)
+        ]
+        off = [
+            ImageStat.Stat(ImageChops.difference(shown, one.resize(shown.size))).sum
+            for one in maps
+        ]
+        assert np.sum(off, axis=1).argmin() == number
         assert epoch in picture.get_attribute("aria-label")
         page.click("#blink-now")
     bar = page.locator("#blink-picture .length")
     share = bar.bounding_box()["width"] / picture.bounding_box()["width"]
+    assert bar.inner_text() == "0.2 mm"
     assert share == pytest.approx(0.2 / 0.85, rel=0.02)
+    page.click("#blink-now")
+    page.check("#blink-on")
+    page.wait_for_function("document.getElementById('blink-now').dataset.epoch === '0'")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -369,31 +433,56 @@ def test_text_stands_out_in_both_colour_schemes(browser, finished_tiny, scheme):
     page.close()
 
 
-def test_a_print_is_short_and_has_the_cards_and_the_whole_table(page):
-    """Answer and tool, table, four figures a sheet, six cards a sheet."""
+def test_a_print_is_short_and_keeps_its_colours(page):
+    """Answer and tool, table, four figures a sheet, six cards a sheet; all with their colours."""
     pdf = page.pdf(prefer_css_page_size=True)
     sheets = len(re.findall(rb"/Type */Page\b", pdf))
     figures = page.locator("main section > figure > .enlarge").count()
     cards = page.locator("dialog.card").count()
     assert figures / 4 < sheets <= 2 + -(-figures // 4) + -(-cards // 6)
+    drawn = b""
+    for stream in re.findall(rb"stream\r?\n(.*?)endstream", pdf, re.DOTALL):
+        with contextlib.suppress(zlib.error):
+            drawn += zlib.decompressobj().decompress(stream)
+    filled = {
+        tuple(round(255 * float(part)) for part in colour)
+        for colour in re.findall(rb"([\d.]+) ([\d.]+) ([\d.]+) rg", drawn)
+    }
+    assert {ImageColor.getrgb(colour) for colour in AGREEMENT.values()} <= filled
+    still = page.locator("#still").evaluate("one => one.toDataURL()")
+    still = np.array(picture_in(base64.b64decode(still.partition("base64,")[2])))
+    assert np.ptp(still.reshape(-1, 3), axis=0).min() > 100
+
+
+def test_a_print_has_the_cards_and_the_whole_table(page):
     page.emulate_media(media="print")
-    heights = "all => all.map(one => one.offsetHeight)"
-    assert all(page.locator("dialog.card").evaluate_all(heights))
-    assert not any(page.locator("#blink, #large").evaluate_all(heights))
+    assert page.locator("dialog.card").evaluate_all(
+        "all => all.every(one => one.offsetHeight > 0)"
+    )
+    assert page.locator("#blink, #large").evaluate_all(
+        "all => all.every(one => !one.offsetHeight)"
+    )
+    table = page.locator("#patch-table")
     page.set_viewport_size({"width": 720, "height": 1000})  # A4 less its margins
-    assert page.locator("#patch-table").bounding_box()["width"] <= 720
+    assert table.bounding_box()["width"] <= 720
 
 
 def test_the_table_sorts(page, finished_tiny):
     table = read_table(finished_tiny.results / "tables/patch_pressures.csv")
     heading = page.locator("#patch-table th", has_text="Pressure")
-    for order in ("descending", "ascending"):
+
+    def patches():
+        return page.locator("#patch-table tbody th").all_inner_texts()
+
+    assert patches() == list(table.patch)
+    for order, ascending in (("descending", False), ("ascending", True)):
         heading.locator("button").click()
         assert heading.get_attribute("aria-sort") == order
-        ascending = order == "ascending"
-        rows = table.sort_values("pressure_MPa", ascending=ascending, kind="stable")
-        shown = page.locator("#patch-table tbody th").all_inner_texts()
-        assert shown == list(rows.patch)
+        ordered = table.sort_values("pressure_MPa", ascending=ascending, kind="stable")
+        assert patches() == list(ordered.patch)
+    page.locator("#patch-table th button", has_text="Patch").click()
+    assert heading.get_attribute("aria-sort") == "none"
+    assert patches() == sorted(table.patch, key=int)
 
 
 @pytest.mark.parametrize("size", [None, PHONE], ids=["screen", "phone"])

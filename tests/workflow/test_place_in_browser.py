@@ -5,6 +5,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import webbrowser
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -17,6 +19,7 @@ import yaml
 
 from gst.config.edited import with_values
 from gst.config.patches import read_patches
+from gst.setup.place import PlaceServer
 from gstlib.io.meshes import read_mesh
 from gstlib.surfaces.frames import find_frame
 
@@ -150,31 +153,39 @@ def say_what_was_scanned(page, folder):
     assert config_of(folder)["scans"]["mould"] == {"invert": True, "flip": "x"}
 
 
-def turn_square(page, degrees):
-    page.fill("#turn", degrees)
-    page.locator("#turn").dispatch_event("change")
-    saved(page)
-
-
 def lay_square(page, folder, stone):
-    """By three corners, undone, by its middle, and turned."""
-    page.check("text=click three corners")
-    # clockwise: x and y are exchanged
-    for right, up in ((-60, -60), (-60, 60), (60, -60)):
-        click_stone(page, right, up)
-    assert frame_of(folder, stone).normal[2] > 0.9
+    """By its middle, undone, by three corners, turned and made larger."""
+    click_stone(page)
+    frame = frame_of(folder, stone)
+    middle = frame.origin + 2.5 * frame.axes[:2].sum(axis=0)
+    assert middle[:2] == pytest.approx([0, 0], abs=0.5)  # that of the stone's view
+    assert frame.normal[2] > 0.9
     page.click("#undo")
     saved(page)
     assert config_of(folder)["square"]["points_mm"] == "TODO"
+    page.check("text=click three corners")
+    for right, up in (
+        (-60, -60),
+        (-60, 60),
+        (60, -60),
+    ):  # clockwise: x and y are exchanged
+        click_stone(page, right, up)
+    assert frame_of(folder, stone).normal[2] > 0.9
     page.check("text=click its middle")
     click_stone(page)
+    page.fill("#turn", "30")
+    page.locator("#turn").dispatch_event("change")
+    saved(page)
+    after = frame_of(folder, stone)
+    assert page.input_value("#turn") == "30"
+    page.fill("#turn", "0")
+    page.locator("#turn").dispatch_event("change")
+    saved(page)
     flat = frame_of(folder, stone)
-    middle = flat.origin + 2.5 * flat.axes[:2].sum(axis=0)
-    assert middle[:2] == pytest.approx([0, 0], abs=0.5)  # that of the stone's view
-    turn_square(page, "30")
-    x_axis = frame_of(folder, stone).x_axis
-    assert flat.axes[:2] @ x_axis == pytest.approx([3**0.5 / 2, 0.5], abs=1e-3)
-    turn_square(page, "0")
+    assert np.dot(after.x_axis, flat.x_axis) == pytest.approx(
+        np.cos(np.pi / 6), abs=1e-3
+    )
+    assert np.dot(after.x_axis, flat.axes[1]) == pytest.approx(0.5, abs=1e-3)
 
 
 def place_scans(page, folder, wanted):
@@ -210,23 +221,29 @@ def turn_and_move(page, folder, patch):
     page.keyboard.press("Shift+ArrowUp")
     saved(page)
     moved = table_of(folder)
-    away = moved.loc[patch, ["x_mm", "y_mm"]] - before.loc[patch, ["x_mm", "y_mm"]]
-    assert [*away] == pytest.approx([-0.05, 0.005])
+    assert moved.x_mm[patch] == pytest.approx(before.x_mm[patch] - 0.05)
+    assert moved.y_mm[patch] == pytest.approx(before.y_mm[patch] + 0.005)
     page.check("#together")
+    on_plan.focus()
+    page.keyboard.press("ArrowLeft")
     page.click("#mirror")
     saved(page)
-    mirrored = table_of(folder).x_mm.to_numpy()
-    assert mirrored == pytest.approx(5 - moved.x_mm.to_numpy())
-    places = ["x_mm", "y_mm", "rotation_deg"]
-    while not table_of(folder)[places].equals(before[places]):
+    assert table_of(folder).x_mm.to_numpy() == pytest.approx(
+        5.05 - moved.x_mm.to_numpy()
+    )
+    while table_of(folder).rotation_deg.any() or not table_of(folder).x_mm.equals(
+        before.x_mm
+    ):
         page.click("#undo")
         saved(page)
     page.uncheck("#together")
+    assert table_of(folder)[["x_mm", "y_mm"]].equals(before[["x_mm", "y_mm"]])
 
 
 def say_how(page, folder):
     page.click("text=2 How")
     assert page.locator("#how [type=radio]:checked").count() == 1  # of the mould
+    assert page.input_value("#rock") == "?"
     page.check("text=with a hand: 100 N")
     page.check("text=not known: anything from 50 to 1500 mm")
     page.select_option("#rock", "73 0.25")
@@ -236,8 +253,6 @@ def say_how(page, folder):
     page.press("[data-key='material.poisson_2']", "Tab")
     saved(page)
     config = config_of(folder)
-    stones = {"young_1_MPa": 73000, "poisson_1": 0.25, "young_2_MPa": 88300}
-    assert stones.items() <= config["material"].items()
     assert config["load"]["force_N"] == 100
     assert config["counterface"] == {"radius_mm": 274}
     assert config["uncertainty"]["radius_log_sd"] == 0.98
@@ -249,6 +264,9 @@ def say_how(page, folder):
     page.click("#load-middle")
     saved(page)
     assert config_of(folder)["load"]["at_mm"] is None
+    page.click("text=2 How")
+    stones = {"young_1_MPa": 73000, "poisson_1": 0.25, "young_2_MPa": 88300}
+    assert stones.items() <= config["material"].items()
 
 
 def wait_for(page, name):
@@ -262,6 +280,9 @@ def open_result(page):
     page.click("text=5 Result")
     answer = page.frame_locator("#answer")
     answer.locator("#patch-table").wait_for(state="attached")
+    answer.locator("a[href='tables/']").click()
+    answer.locator("a[href='../']").wait_for()
+    assert answer.locator("a[href='wear.csv']").count() == 1
     with page.expect_popup() as popup:
         page.click("#open")
     result = popup.value
@@ -271,6 +292,14 @@ def open_result(page):
     result.reload()
     assert result.evaluate("origin") == "null"
     result.wait_for_selector("canvas", state="attached")
+    result.evaluate(
+        "for (const each of document.querySelectorAll('details')) each.open = true"
+    )
+    result.evaluate("for (const each of document.images) each.loading = 'eager'")
+    result.wait_for_function("[...document.images].every((each) => each.complete)")
+    assert result.evaluate(
+        "[...document.images].every((each) => !each.src || each.naturalWidth)"
+    )
     with result.expect_download() as download:
         result.evaluate("document.querySelector('a[download]').click()")
     assert download.value.failure() is None
@@ -356,32 +385,89 @@ def unscanned(tmp_path):
     return folder
 
 
+def test_a_stale_tab_saves_nothing_and_shows_what_was_not_saved(browser, unscanned):
+    with opened(browser, unscanned, complaints=["409 (Conflict)"]) as (stale, _):
+        with browser.new_page() as page:
+            page.goto(stale.url)
+            page.wait_for_selector("canvas", state="attached")
+            click_stone(page)
+            page.check("text=Grade positions")
+            for _ in range(2):
+                page.click("#add")
+            saved(page)
+        files = ("study.yaml", "patches.csv")
+        before = [(unscanned / name).read_bytes() for name in files]
+        click_stone(stale, 20)
+        assert "reload the page" in stale.inner_text("#status")
+        stale.check("text=Grade positions")
+        stale.click("#add")
+        saved(stale)
+        stale.click("text=2 How")
+        stale.check("text=with a hand: 100 N")
+        saved(stale)
+        stale.click("text=1 Where")
+        assert "reload the page" in stale.inner_text("#status")
+        assert stale.locator("#places li").count() == 1  # its own, which is not saved
+        assert stale.is_checked("text=with a hand: 100 N")
+        assert [(unscanned / name).read_bytes() for name in files] == before
+        stale.reload()
+        stale.wait_for_selector("#places li")
+        assert stale.locator("#places li").count() == 2
+        stale.click("[aria-label='Remove 2']")
+        saved(stale)
+        assert "patches.csv.bak" in stale.inner_text("#status")
+        assert (unscanned / "patches.csv.bak").read_bytes() == before[1]
+
+
 def test_the_square_is_proposed_from_the_view_and_its_face_follows(browser, unscanned):
-    """At most 0.3 times the stone's thickness, and less in a closer view."""
+    """As wide as half the view, and at most 0.3 times the stone's thickness."""
     with opened(browser, unscanned) as (page, _):
-        click_stone(page, right=-330)  # beside the stone
+        click_stone(page, right=-330)
+        assert "Click the stone itself" in page.inner_text("#status")
         assert config_of(unscanned)["square"]["points_mm"] == "TODO"
         page.click("#propose")
         saved(page)
-        size_mm = config_of(unscanned)["square"]["size_mm"]
-        assert size_mm == pytest.approx(0.3 * 20, 0.05)
+        assert config_of(unscanned)["square"]["size_mm"] == pytest.approx(
+            0.3 * 20, 0.05
+        )
         page.focus("canvas")
         for _ in range(15):
             page.keyboard.press("+")
         page.click("#propose")
         saved(page)
         config = config_of(unscanned)
-        closer_mm = config["square"]["size_mm"]
-        assert closer_mm < 0.8 * size_mm
-        assert config["macroscale"]["face_mm"] == pytest.approx(3 * closer_mm, rel=0.01)
+        side = config["square"]["size_mm"]
+        assert side == pytest.approx(
+            page.evaluate(
+                "(() => { const box = document.querySelector('canvas').getBoundingClientRect();"
+                "const [x, y] = [box.left + box.width / 2, box.top + box.height / 2];"
+                "const [a, b] = [-1, 1].map((k) => viewer.pick(x + k * box.height / 4, y).point);"
+                "return Math.hypot(...add(a, b, -1)); })()"
+            ),
+            rel=0.05,
+        )
+        assert config["macroscale"]["face_mm"] == pytest.approx(3 * side, rel=0.01)
         page.check("text=Grade positions")
         page.mouse.click(*seen_on_plan(page, 2.5, 2.5 + 2.9))
+        assert "outside the square" in page.inner_text("#status")
         assert page.locator("#places li").count() == 0
         page.check("text=Set the load point")
         page.fill("#load-x", "400")
         page.press("#load-x", "Tab")
         assert "must be on the face" in page.inner_text("#status")
         assert "at_mm" not in config_of(unscanned)["load"]
+
+
+def test_the_progress_is_the_steps_and_the_time_since_the_start(browser, unscanned):
+    with opened(browser, unscanned) as (page, _):
+        page.click("text=4 Run")
+        page.evaluate(
+            """const box = document.querySelector("#run .messages");
+            box.innerText = "29 steps to do.\\n0:00:28  3 of 29 steps done\\n0:01:07  Pressing";
+            showProgress({ running: true }, box);"""
+        )
+        text = page.inner_text("#run [role=status]")
+        assert text == "3 of 29 steps done 0:01:07 after the start."
 
 
 # Texts whose contrast is less than 4.5 to 1, and controls without a name.
@@ -425,14 +511,19 @@ def test_every_text_is_readable_and_every_control_has_a_name(browser, unscanned)
 
 def test_each_cause_has_its_own_button(browser, unscanned):
     """The check's words are given here, as it takes a while."""
-    config = unscanned / "study.yaml"
     points = [[-2.5, -2.5, 10.0], [2.5, -2.5, 10.0], [-2.5, 2.5, 10.0]]
-    config.write_text(with_values(config.read_text(), {"square.points_mm": points}))
-    cure = {"values": {"macroscale.face_mm": 14.4}, "cells": {}, "button": "Use 14 mm"}
+    config = unscanned / "study.yaml"
+    values = {"square.points_mm": points, "patches": "patches.csv"}
+    config.write_text(with_values(config.read_text(), values))
+    table = unscanned / "patches.csv"
+    table.write_text("patch;x_mm;y_mm;wear_grade\n1;1;1;0\n2;1.2;1;\n")
     causes = [
-        {"level": "error", "text": "a fault", "more": [], "accept": ["overlap:2"]},
-        {"level": "warning", "text": "thin", "more": [], "accept": [], "cure": cure},
+        {"level": "error", "text": "half of patch 2 is that of patch 1", "more": []},
+        {"level": "warning", "text": "the stone is thin", "more": ["as patch 7 says"]},
     ]
+    causes[0]["accept"], causes[1]["accept"] = ["overlap:2"], []
+    cure = {"values": {"macroscale.face_mm": 14.4}, "cells": {}}
+    causes[1]["cure"] = cure | {"button": "Use 14.4 mm"}
     with opened(browser, unscanned) as (page, _):
         digest = page.evaluate("state.digest")
         report = {"causes": causes, "digest": digest, "summary": "as it is"}
@@ -440,14 +531,21 @@ def test_each_cause_has_its_own_button(browser, unscanned):
         page.reload()
         page.click("text=3 Check")
         page.wait_for_selector("nav a.wrong")
+        assert "1 fault" in page.inner_text("nav a[href='#check']")
         assert page.locator("#causes li").count() == 2
-        page.click("text=Use 14 mm")
+        page.click("#causes .error >> text=Show")
+        assert page.locator("#plan .pointed").count() == 2
+        page.click("text=3 Check")
+        page.click("text=Use 14.4 mm")
         page.click("#causes >> text=Accept")
         page.click("text=Take back")
         page.wait_for_selector("text=Take back", state="detached")
         assert config_of(unscanned)["macroscale"]["face_mm"] == 14.4
         assert config_of(unscanned)["accept"] == []
+        assert (unscanned / "study.yaml.bak").is_file()
         assert page.locator("nav a.wrong").count() == 0
+        page.click("#next")
+        assert page.inner_text("nav [aria-current]").startswith("○ 4 Run")
 
 
 ATTACK = """<!DOCTYPE html><title>working</title><script>
@@ -474,38 +572,71 @@ def test_a_script_in_a_received_result_cannot_use_the_server(browser, unscanned)
         count = len(page.context.pages)
         inner = page.locator("#answer").element_handle().content_frame()
         inner.wait_for_url("**/results/index.html")
-        page.evaluate("document.getElementById('open').rel = 'opener'")
-        with page.expect_popup() as popup:
-            page.click("#open")
-        for place in (inner, popup.value):
-            place.wait_for_function("!['', 'working'].includes(document.title)")
-            tried = json.loads(place.evaluate("document.title"))
+        while inner.evaluate("document.title") in ("", "working"):
+            page.wait_for_timeout(50)
+        assert json.loads(inner.evaluate("document.title"))[:3] == [
+            None,
+            "rejected",
+            "rejected",
+        ]
+        with pytest.raises(Exception, match="cross-origin"):
+            inner.evaluate("String(parent.document)")
+        for link in ("", " without noopener"):
+            if link:
+                page.evaluate("document.getElementById('open').rel = 'opener'")
+            with page.expect_popup() as popup:
+                page.click("#open")
+            popup.value.wait_for_function("document.title !== 'working'")
+            tried = popup.value.evaluate("JSON.parse(document.title)")
             assert tried[:3] == [None, "rejected", "rejected"]
-            assert tried[3] in ("none", "null", "closed")
+            assert tried[3] in ("null", "closed")
             assert tried[4] == "null"
-        popup.value.close()
+            popup.value.close()
         assert len(page.context.pages) == count
+        assert page.evaluate("fetch('state').then((answer) => answer.status)") == 200
+
+
+def test_the_browser_is_led_to_the_page_by_a_file(browser, unscanned, monkeypatch):
+    address = []
+    monkeypatch.chdir(unscanned)
+    monkeypatch.setattr(webbrowser, "open", address.append)
+    with PlaceServer(Path("study.yaml")) as server, browser.new_page() as page:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        server.open_browser()
+        page.goto(address[0])
+        page.wait_for_url(server.url)
+        page.wait_for_selector("canvas", state="attached")
+        assert not Path(address[0].removeprefix("file://")).exists()
+        server.shutdown()
+        thread.join()
 
 
 def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
-    file = unscanned / "patches.csv"
-    with opened(browser, unscanned) as (page, server):
+    folder = unscanned
+    with opened(browser, folder) as (page, server):
         click_stone(page)
         page.check("text=Grade positions")
         page.mouse.click(*seen_on_plan(page, 3.5, 4.5))
         saved(page)
+        table = pd.read_csv(folder / "patches.csv", sep=";")
+        assert table.wear_grade.isna().all()  # until somebody grades it
         page.keyboard.press("0")
         page.click("#add")
         page.select_option("#grade-2", "3")
         saved(page)
-        table = pd.read_csv(file, sep=";")
+        assert "6 are needed" in page.inner_text("#hint")
+        table = pd.read_csv(folder / "patches.csv", sep=";")
         assert table.wear_grade.tolist() == [0, 3]
         assert table[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
             np.array([[3.5, 4.5], [2.5, 2.5]]), abs=0.03
         )
         # as many as tell a use
-        more = "3;1;1;0\n4;1;2.2;1\n5;1;3.4;2\n6;4;1;3\n"
-        file.write_text("patch;x_mm;y_mm;wear_grade\n1;3.5;4.5;0\n2;2.5;2.5;3\n" + more)
+        more = pd.DataFrame(
+            {"patch": range(3, 7), "x_mm": [1, 1, 1, 4], "y_mm": [1, 2.2, 3.4, 1]}
+        )
+        more = pd.concat([table, more.assign(wear_grade=[0, 1, 2, 3])])
+        more.to_csv(folder / "patches.csv", sep=";", index=False)
         page.reload()
         page.click("text=4 Run")
         page.click("[data-start=study]")

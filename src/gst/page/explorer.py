@@ -3,6 +3,7 @@
 `page.js` takes the draws nearest to a point.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,8 +13,8 @@ from gstlib.conditions import Law
 
 __all__ = ["draws_to_explore"]
 
-# The most numbers of a kind: the page grows by less than 1 MB.
-_MOST = 50_000
+# The most numbers of a kind: the page grows by less than 300 kB.
+_MOST = 20_000
 
 
 def draws_to_explore(
@@ -38,7 +39,7 @@ def draws_to_explore(
     """
     if (use := adopted_use(study)) is None:
         return None
-    step = 1 + use.pressure.size // _MOST
+    step = math.ceil(use.pressure.size / _MOST)
     use = use.isel(draw=slice(None, None, step))
     pressure = use.pressure.transpose("draw", "patch")
     columns = {"x_mm": use.x_mm, "y_mm": use.y_mm, "pressure": pressure}
