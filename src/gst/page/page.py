@@ -101,7 +101,7 @@ def _number(value: Any, digits: int = 3) -> str:
     if value is None or pd.isna(value):
         return "–"
     rounded = float(f"{value:.{digits}g}")
-    return f"{rounded:,.12g}".replace("-", "−").replace(",", "\u202f")
+    return f"{rounded:z,.12g}".replace("-", "−").replace(",", "\u202f")
 
 
 def _score(value: Any) -> str:

@@ -236,7 +236,7 @@ def write_all(
 
 def short(value: float) -> str:
     """A number with three digits, as a reader writes it, without a power of ten."""
-    return f"{float(f'{value:.3g}'):.12g}".replace("-", "−")
+    return f"{float(f'{value:.3g}'):z.12g}".replace("-", "−")
 
 
 def name_patches(axes: Axes, names: Sequence[str]) -> None:
