@@ -109,7 +109,7 @@ def test_every_problem_is_named_once(folder):
     lines = str(InputsError(inputs.problems)).splitlines()
     for name, problem in {
         "stone.stl": "STL",
-        "1_T0.plu": ".plu header",
+        "1_T0.plu": "truncated",
         "1_T1.plu (patch 1 at T1)": "0.5 × 0.4 mm",
         "2_T0.plu (patch 2 at T0)": "20 %",
     }.items():

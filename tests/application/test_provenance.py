@@ -83,9 +83,13 @@ ADDED = [
     ("gstlib/change/texture.py", X, {"tabulate_texture"}),
     ("gstlib/surfaces/grid.py", X, set(STEPS)),
     ("gstlib/__init__.pyi", X, set()),
-    (SCHEMA, TABLE, {"tabulate_texture", "write_page"}),
+    (SCHEMA, TABLE, {"tabulate_texture", "draw_figures", "write_page"}),
     (SCHEMA, TABLE.replace("meaning: meaning", "meaning: another"), {"write_page"}),
-    (SCHEMA, TABLE.replace("unit: mm", "unit: m"), {"tabulate_texture", "write_page"}),
+    (
+        SCHEMA,
+        TABLE.replace("unit: mm", "unit: m"),
+        {"tabulate_texture", "draw_figures", "write_page"},
+    ),
 ]
 
 
