@@ -208,7 +208,7 @@ def _plain_sur(path: Path, content: bytes) -> bytes:
     if content.startswith(b"DSCOMPRESSED"):
         header[:12] = b"DIGITAL SURF"
         rest = _unpacked_sur(path, rest)
-    _check_sur(path, bytes(header), rest)
+    _check_sur(path, header, rest)
     for at in _SUR_UNITS:
         unit = bytes(header[at : at + _SUR_UNIT]).strip(b" \0")
         for other in _OTHER_MICRO:
