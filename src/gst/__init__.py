@@ -14,8 +14,6 @@ if sys.argv[:1] == ["-m"] and sys.path[0] == os.getcwd() and not sys.flags.safe_
 
 from pathlib import Path
 
-__all__ = ["ROOT", "SHIPPED"]
-
 # The folder of Snakefile, workflow, config and profiles: in the package once it is installed,
 # or beside `src` in a clone of the project.
 _INSTALLED = Path(__file__).parent / "shipped"

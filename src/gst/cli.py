@@ -21,8 +21,6 @@ import gstlib
 from gstlib.errors import GstError
 from gstlib.io.files import write_whole
 
-__all__ = ["main"]
-
 # The first words of a config that `gst new` wrote.
 _MADE_BY_NEW = "# Made by `gst new`"
 # The user's current folder, if it is not the folder of the study.

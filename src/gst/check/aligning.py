@@ -20,9 +20,6 @@ from gstlib.surfaces.fitting import planes_over, residuals
 from gstlib.surfaces.footprints import PatchPosition, spline_of
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["Fit", "Refined", "part_around", "widened"]
-
-
 # Points along the side of a scan that are enough to refine its position.
 _REFINED = 100
 # Parameters of a plane. A plane and a scale are fitted to each scan, besides its position.

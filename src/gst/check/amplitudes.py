@@ -24,8 +24,6 @@ from gstlib.surfaces.footprints import PatchPosition, on_patch, spline_of
 from gstlib.surfaces.grid import MM_TO_UM, make_surface
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["UNIT_FACTOR", "WRONG_UNIT", "Amplitude", "other_units"]
-
 _log = logging.getLogger(__name__)
 
 WRONG_UNIT = "units"  # the fault's name, as which a config accepts it

@@ -17,8 +17,6 @@ from gstlib.io.meshes import steps_of
 from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
 from gstlib.surfaces.footprints import square_of
 
-__all__ = ["draw", "summary"]
-
 
 def summary(
     config: dict,

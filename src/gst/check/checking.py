@@ -37,8 +37,6 @@ from gstlib.study import Study
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.grid import coarser
 
-__all__ = ["Walk", "check_study"]
-
 _log = logging.getLogger(__name__)
 
 _SPOT = 2  # points of a coarse scan that make a loss or a gain

@@ -21,8 +21,6 @@ from gstlib.study import Study
 from gstlib.surfaces.filtering import low_pass
 from gstlib.surfaces.grid import make_surface, spacing_of
 
-__all__ = ["UNMATCHED", "epochs_on_each_other"]
-
 _log = logging.getLogger(__name__)
 
 # T1 that other software has laid on T0 is off by half a point at most: of a scan four times as fine

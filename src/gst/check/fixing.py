@@ -28,8 +28,6 @@ from gstlib.errors import ConfigError, GstError
 from gstlib.macroscale.face import largest_face
 from gstlib.study import Study
 
-__all__ = ["Cure", "cures_of", "keep_copy", "offer"]
-
 
 class Cure(NamedTuple):
     """The changes that remove a fault, in the config by key and in the patch table; the reason.

@@ -41,8 +41,6 @@ from gstlib.surfaces.grid import MM_TO_UM, coarser, spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Asked", "Inputs", "check_inputs"]
-
 _log = logging.getLogger(__name__)
 
 SAME_SCAN = "same_scan"  # the fault's name, as which a config accepts it

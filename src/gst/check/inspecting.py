@@ -18,8 +18,6 @@ from gstlib.surfaces.leveling import remove_plane
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["describe_files", "inspect_file", "scan_facts"]
-
 
 def describe_files(
     paths: Iterable[Path],

@@ -19,8 +19,6 @@ from gst.check.aligning import Fit
 from gst.check.sliding import Search, correlation_of, elements, peaks_of, wrapped
 from gstlib.surfaces.footprints import PatchPosition
 
-__all__ = ["LEAST_LEAD", "Match", "match_map", "match_together"]
-
 # Number of rotations that are tried. Half a step moves the corners of a map of 2.5 mm by 50 µm, a
 # quarter of the shortest waves that a mesh shows.
 _TURNS = 72

@@ -22,8 +22,6 @@ from gst.check.sliding import Search, Template, correlation_of, peaks_of, wrappe
 from gstlib.surfaces.fitting import vertex
 from gstlib.surfaces.footprints import PatchPosition
 
-__all__ = ["match_near"]
-
 # Largest error of positions by hand (mm), and the step of the rotations that are tried (degrees).
 _REACH, _STEP = 0.75, 3.0
 _BY_HAND = np.arange(-12.0, 12.1, _STEP)

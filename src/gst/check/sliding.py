@@ -21,8 +21,6 @@ from gstlib.surfaces.footprints import rotated
 from gstlib.surfaces.grid import coarser, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["Search", "correlation_of", "elements", "peaks_of", "sides_of", "wrapped"]
-
 # Elements of the surface along the side of a scan. Fewer show no waves. More than the largest
 # number do not improve a search.
 _FEWEST, _MOST = 12, 40

@@ -14,8 +14,6 @@ from docutils.core import publish_parts
 from gst import ROOT
 from gst.config.tables import TABLES
 
-__all__ = ["caption_html", "caption_of", "table_caption"]
-
 
 def caption_of(name: str) -> str:
     """The caption of a figure, by the name of its file, or of a table, ``tables/NAME.rst``."""

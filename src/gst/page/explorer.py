@@ -11,8 +11,6 @@ from gst.page.load_points import adopted_use
 from gst.page.results import Results
 from gstlib.conditions import Law
 
-__all__ = ["draws_to_explore"]
-
 # The most numbers of a kind: the page grows by less than 300 kB.
 _MOST = 20_000
 

@@ -11,8 +11,6 @@ import xarray as xr
 
 from gst.page.results import Results
 
-__all__ = ["adopted_use", "load_points", "truth_met"]
-
 _CERTAINTY = 0.95  # weight of the draws that the region contains
 
 

@@ -12,8 +12,6 @@ import jinja2
 
 from gstlib.conditions import load_force, study_modulus
 
-__all__ = ["methods_text"]
-
 
 def methods_text(provenance: Mapping[str, Any], tables: Container[str]) -> str:
     """The methods of a study, and the references.

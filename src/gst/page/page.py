@@ -21,8 +21,6 @@ from PIL import Image
 from gst.page.figures.style import AGREEMENT, CLASSES
 from gst.page.viewer import shipped, three_js, to_script
 
-__all__ = ["Shown", "data_url", "embedded", "render"]
-
 # The most that a PNG with one byte per pixel can have.
 _COLOURS = 256
 

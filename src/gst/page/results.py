@@ -22,8 +22,6 @@ from gstlib.validation.scoring import own_model
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["PatchResult", "Results"]
-
 
 class PatchResult(NamedTuple):
     """What the study found on one patch."""

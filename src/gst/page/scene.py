@@ -24,8 +24,6 @@ from gstlib.surfaces.footprints import (
     square_of,
 )
 
-__all__ = ["tool_scene"]
-
 # Faces of an active tool, which is drawn transparent over the first.
 _SECOND_FACES = 20_000
 # How much of the face the map shows beside the square, in sides of the square.

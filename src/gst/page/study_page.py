@@ -21,14 +21,6 @@ from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.scoring import own_model
 from gstlib.wear.archard import CAPPED
 
-__all__ = [
-    "refuse_edited",
-    "reported",
-    "write_contents",
-    "write_json",
-    "write_study_page",
-]
-
 # Tables with a row for each patch, by their names on a card.
 _OF_PATCHES = {
     "pressure": "patch_pressures",

@@ -29,8 +29,6 @@ from gstlib.validation.scoring import own_model
 from gstlib.validation.summary import statistic_names
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
-__all__ = ["LEVEL", "MODELS", "TOUCHED", "Answer", "Line", "verdict"]
-
 LEVEL = 0.05  # the usual one
 # A mark for each of these levels that the test can reach.
 _LEVELS = LEVEL, 0.001

@@ -19,8 +19,6 @@ from gstlib.errors import InputError
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["coarsen", "packed", "shipped", "stone_data", "three_js", "to_script"]
-
 # trimesh's page has one script: three.js, its controls and loaders, then trimesh's own code.
 _TEMPLATE = "resources/templates/viewer.zip"
 _BEGIN, _END = "<script>", "var camera,controls,scene"

@@ -4,8 +4,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from zlib import crc32
 
-__all__ = ["files_by_epoch", "files_of", "share_out"]
-
 # About as many patches share a job: two jobs for 25, one on each of two cores.
 _PER_JOB = 13
 # Jobs of a kind; the profile for Slurm sends 20 at a time.

@@ -20,27 +20,6 @@ from gst.run.received import StepRecord, is_readable, places_of, read_json
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
 
-__all__ = [
-    "AGAIN",
-    "LEVELS",
-    "LOGS",
-    "Step",
-    "break_in",
-    "certified_inputs",
-    "check_chain",
-    "check_links",
-    "given_to",
-    "hashes_of",
-    "is_inside",
-    "made_in",
-    "messages_of",
-    "plan_again",
-    "record_of",
-    "step_of",
-    "versions_of",
-    "write_record",
-]
-
 # What a run makes again, and why: of each such step an output, which stands for its job. The
 # Snakefile fills it when it is read; `gst.run.scheduler` hands it to Snakemake, and the display
 # shows the reasons.

@@ -27,18 +27,6 @@ from gst.run.provenance import software
 from gstlib.errors import GstError, InputError, accepting
 from gstlib.io.files import cannot_write
 
-__all__ = [
-    "ASKED",
-    "FILE_ONLY",
-    "PLAN",
-    "job_log",
-    "last_took",
-    "log_failed_start",
-    "logged",
-    "run_in_snakemake",
-    "run_script",
-]
-
 # Environment variable, set by the workflow's display of progress, which shows the log's
 # messages itself: a job then writes nothing to the screen, unless its log cannot be written.
 FILE_ONLY = "GSTLIB_LOG_FILE_ONLY"

@@ -26,23 +26,6 @@ from gst.run.received import AnyRecord, read_json, regular_file
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
-__all__ = [
-    "CLAIMS",
-    "LOCK",
-    "MOVED",
-    "RESULTS",
-    "alive",
-    "claim",
-    "claim_picture",
-    "claimed_by",
-    "locked",
-    "move_aside",
-    "recorded",
-    "refuse_foreign",
-    "refuse_links",
-    "written_by",
-]
-
 CLAIMS = (
     ".gst_outputs"  # in the results: the files that a study would write, one a line
 )

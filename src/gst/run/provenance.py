@@ -22,16 +22,6 @@ from gst.run.received import read_provenance
 from gstlib.errors import InputError
 from gstlib.io.files import sha256
 
-__all__ = [
-    "commit",
-    "library_hash",
-    "program_hash",
-    "refuse_other_study",
-    "software",
-    "source_hash",
-    "study_provenance",
-]
-
 # The extras of gstlib whose packages a study may use.
 _EXTRAS = "fast", "formats", "texture", "workflow"
 _PROGRAM = "src", "workflow", "Snakefile"

@@ -17,17 +17,6 @@ from gst import ROOT
 from gstlib.errors import InputError
 from gstlib.io.files import check_size
 
-__all__ = [
-    "AnyObject",
-    "AnyRecord",
-    "StepRecord",
-    "is_readable",
-    "places_of",
-    "read_json",
-    "read_provenance",
-    "regular_file",
-]
-
 _LARGEST_JSON = 1 << 26  # bytes: digests of half a million files
 # A missing file has an empty digest, which only measured files may have.
 _Digests = dict[str, Annotated[str, Field(min_length=1)]]

@@ -22,8 +22,6 @@ from gst.run.provenance import refuse_other_study
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
-__all__ = ["lay_out", "run_study"]
-
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
 # and returns them at once. Here arrays of up to 32 MB use freed memory again.
 _REUSE_MEMORY = {

@@ -11,16 +11,6 @@ from gstlib.contact import Contact
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_table
 
-__all__ = [
-    "active_tool_of",
-    "changes_of",
-    "contact_of",
-    "contacts_of",
-    "dataset_of",
-    "face_of",
-    "table_of",
-]
-
 # Of a height change, what wear is fitted to and scored by.
 _CHANGE = "change", "loss", "level_of_detection"
 

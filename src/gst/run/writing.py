@@ -7,8 +7,6 @@ import xarray as xr
 from gstlib import __version__
 from gstlib.io.store import write_dataset
 
-__all__ = ["write_result"]
-
 
 def write_result(file: Path, dataset: xr.Dataset, step: str) -> None:
     """Write a result with the version and its step, whose record contains the rest."""

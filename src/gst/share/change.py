@@ -15,8 +15,6 @@ from gstlib.preprocess.scans import prepare_scan
 from gstlib.settings import Settings
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["compare_scans", "describe_change"]
-
 # Points that were not measured are not compared, so that many of them do no harm.
 _MOST_UNMEASURED = 0.9
 # T1 is looked for as far as it covers a quarter of T0, however large the scans are.

@@ -18,8 +18,6 @@ from gst.run.received import AnyObject, read_json, regular_file
 from gstlib.errors import InputError
 from gstlib.io.files import check_size
 
-__all__ = ["compare_results", "describe_changes"]
-
 _PROVENANCE = "provenance"
 # The text of each cell by table, row and column; "present" for each row and each table as a whole.
 _Cells = dict[tuple[str, str, str], str]

@@ -27,8 +27,6 @@ from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
-__all__ = ["export_study"]
-
 # The files of each patch, in the folders of their batches.
 _BY_PATCH = {
     "T0": "surfaces/T0/*/*.h5",

@@ -2,8 +2,6 @@
 
 import re
 
-__all__ = ["in_options"]
-
 # Parts of a message, and their form for a user of `gst inspect`, `press` or `change`.
 _MEANT = {
     r"scans\.unit( in the config)?|mesh_unit:": "--unit",

@@ -30,8 +30,6 @@ from gst.run.received import read_provenance, regular_file
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
 
-__all__ = ["pack_study"]
-
 _Files = dict[str, bytes]  # by their names in the zip
 
 # The folders of the results that are packed: the page with its records, and what it shows.

@@ -13,8 +13,6 @@ from gstlib.errors import InputError
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
 
-__all__ = ["describe_press", "press_scan"]
-
 _log = logging.getLogger(__name__)
 
 _STEPS = 20

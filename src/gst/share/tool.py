@@ -26,8 +26,6 @@ from gstlib.surfaces.grid import spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Tool", "colour_bar", "tool_with"]
-
 # Of each number that is shown in colours: the colours, the power of their scale and its name.
 _SCALES = {
     "pressure_MPa": (FORCE_MAP, 0.5, "pressure (MPa)"),

@@ -16,8 +16,6 @@ from gstlib.surfaces.frames import Frame
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["changed_figure", "inspected_figure", "pressed_figure"]
-
 # From where a mesh is seen: the directions to the right, and towards the eye.
 _VIEWS = {
     "from +z": ((1, 0, 0), (0, 0, 1)),

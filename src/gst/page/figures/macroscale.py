@@ -16,9 +16,6 @@ from gst.page.results import Results
 from gstlib.contact import Interface
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
-__all__ = ["contact_steps_figure", "draw_places", "exposure_figure", "forces_figure"]
-__all__ += ["inputs_figure"]
-
 _STEPS = 8  # the most steps of a contact that are shown
 
 

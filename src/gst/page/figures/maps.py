@@ -32,11 +32,6 @@ from gst.page.figures.style import PALE, VERMILION, panels, short
 from gstlib.surfaces.footprints import outline, places_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
-__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHT_MAP", "LOSS_MAP", "OUTLINE"]
-__all__ += ["draw_footprints", "draw_forces", "draw_heights", "draw_map", "draw_maps"]
-__all__ += ["force_colours", "height_colours", "label_in", "mark_corner"]
-__all__ += ["outline_square", "picture_of", "raking", "scale_bar"]
-
 # Few levels make small files; with these, the eye sees no steps.
 HEIGHT_MAP = colormaps["cividis"].resampled(64)
 CHANGE_MAP = colormaps["RdBu"].resampled(65)

@@ -19,9 +19,6 @@ from gst.page.results import PatchResult, Results
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.wear.archard import seen_depth
 
-__all__ = ["change_maps", "load_curves_figure", "microscale_maps_figure"]
-__all__ += ["overview_figure", "patch_figure", "patch_strip", "two_scales_figure"]
-
 _UNKNOWN = "#ffffff"
 _TILE = 280  # side (pixels) of one of the pictures that the page shows in turn
 _MOST_COMPARED = 8  # patches in the figure of two scales, the most heavily loaded

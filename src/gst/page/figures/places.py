@@ -15,8 +15,6 @@ from gstlib.macroscale.sampling_sites import EXPOSED
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import Frame
 
-__all__ = ["places_figure"]
-
 _HEADS = "place", "x (mm)", "y (mm)", "N/mm", "touched"
 _NOTE = (
     "E: most exposed. C: control, touched in no pose (dashed).\n"

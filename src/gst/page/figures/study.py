@@ -13,8 +13,6 @@ from gst.page.figures.use import use_figure
 from gst.page.results import Results
 from gstlib.io.files import write_whole
 
-__all__ = ["draw"]
-
 # Figures of patches in the study, and of predicted losses: without any, they are a sentence.
 _OF_STUDIED = {"microscale_maps", "two_scales"}
 _OF_PREDICTED = {"validation", "wear"}

@@ -18,26 +18,6 @@ from matplotlib.transforms import Bbox
 
 from gstlib.io.files import write_whole
 
-__all__ = ["AGREEMENT", "AMBER", "BLACK", "BLUE", "CLASSES", "DPI", "GREY", "LEGIBLE"]
-__all__ += [
-    "PALE",
-    "PURPLE",
-    "STONE",
-    "VERMILION",
-    "WIDTH",
-    "colour_legend",
-    "message_figure",
-]
-__all__ += [
-    "name_patches",
-    "panels",
-    "save_figure",
-    "short",
-    "styled",
-    "write_all",
-    "write_beside",
-]
-
 DPI = 120
 LEGIBLE = 26  # so many patches can be named side by side
 

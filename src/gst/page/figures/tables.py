@@ -16,8 +16,6 @@ from gstlib.validation.baselines import ORACLE
 from gstlib.validation.summary import statistic_names
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
-__all__ = ["texture_figure", "validation_figure", "wear_figure"]
-
 # Parameters that single points do not dominate: roughness, core, summits, dales, grain, direction.
 _TEXTURE = {
     "Sq_um": "r.m.s. height",

@@ -26,16 +26,6 @@ from gstlib.surfaces.grid import make_surface, spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = [
-    "PressedFace",
-    "check_figure",
-    "coloured_tool",
-    "cut_tool",
-    "draw_square",
-    "draw_stone",
-]
-__all__ += ["draw_tool", "outline_on", "tool_view"]
-
 # Direction from which the tool is seen, in the square's axes: oblique, to show its shape.
 _VIEW = np.array([-0.35, -0.55, 1.0])
 FACES = 60_000  # each is a pixel or two: more would not be seen; a page takes 24 bytes of each

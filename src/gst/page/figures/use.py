@@ -12,8 +12,6 @@ from gst.page.figures.style import BLACK, BLUE, GREY, VERMILION
 from gst.page.results import Results
 from gstlib.use.outcome import strikes_of
 
-__all__ = ["use_figure"]
-
 _BINS = 24
 # Uses of which a strike is drawn.
 _STRIKES = 500
