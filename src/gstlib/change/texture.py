@@ -43,6 +43,8 @@ _LINE_WIDTH = 40.0
 _CLASSES = 2001
 # A number of points this close to a whole number counts as whole.
 _ROUNDING = 1e-6
+# The shortest wave of a grid has two points; a little more, for rounding.
+_NYQUIST = 2.01
 
 
 def measure_texture(
@@ -89,17 +91,20 @@ def measure_texture(
 
 def _warn_of_noise(scans: Mapping[str, xr.Dataset], s_filter_um: float) -> None:
     """Warn if the noise of single points passes the S-filter of scans from `prepare_scan`."""
-    shortest = {
-        patch: scans[patch].attrs.get("shortest_trusted_um", 0.0) for patch in scans
-    }
-    noisy = [patch for patch, length in shortest.items() if not length <= s_filter_um]
+    noisy = []
+    for patch in scans:
+        scan = scans[patch]
+        shortest_um = scan.attrs.get("shortest_trusted_um", 0.0)
+        finest_um = _NYQUIST * MM_TO_UM * max(spacing_of(scan.height))
+        if not shortest_um <= max(s_filter_um, finest_um):
+            noisy.append(patch)
     if noisy:
         _log.warning(
             "on %d of %d scans, noise has more than half the power at some wavelengths above "
             "texture.s_filter_um (%g µm), first on patch %s: compare shortest_trusted_um in "
             "preprocessing.csv, and raise the filter to it",
             len(noisy),
-            len(shortest),
+            len(scans),
             s_filter_um,
             noisy[0],
         )

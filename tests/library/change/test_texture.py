@@ -136,10 +136,14 @@ def test_without_a_comparison_t0_stands_alone_and_whole(is_reliable, covered):
 
 
 @pytest.mark.parametrize(
-    ("trusted_um", "is_noisy"), [(4.0, False), (9.0, True), (np.nan, True)]
+    ("spacing_um", "trusted_um", "is_noisy"),
+    [(1, 4, False), (1, 9, True), (1, np.nan, True), (5, 10, False), (5, 14, True)],
 )
-def test_noise_that_passes_the_filter_is_reported(caplog, trusted_um, is_noisy):
-    heights = surface(np.random.default_rng(1).standard_normal((40, 40)), 1.0)
+def test_noise_that_passes_the_filter_is_reported(
+    caplog, spacing_um, trusted_um, is_noisy
+):
+    """A grid that has no waves as short as the filter is not at fault."""
+    heights = surface(np.random.default_rng(1).standard_normal((40, 40)), spacing_um)
     scan = heights.to_dataset(name="height")
     scan.attrs["shortest_trusted_um"] = trusted_um
     measure_texture({"7": scan}, {}, s_filter_um=8.0, l_filter_um=None)
