@@ -88,8 +88,8 @@ def prepare_scan(
         ``outlier_k`` (the rule's threshold), ``outlier_scale_um`` (of `median_outliers`, with that
         rule only), ``tilt_x_mrad``, ``tilt_y_mrad`` (of the plane removed), ``Sq_before_um``
         (r.m.s. of the measured heights about their mean), ``Sq_after_um`` (of the prepared
-        heights), ``shortest_trusted_um`` (see `gstlib.surfaces.spectrum.shortest_trusted`), and the
-        texts of the raw scan.
+        heights), ``shortest_trusted_um`` (the shortest wavelength at which they exceed the noise of
+        single points), and the texts of the raw scan.
 
     Raises
     ------

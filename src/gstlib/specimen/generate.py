@@ -167,7 +167,7 @@ def make_specimen(
     around : int
         Number of elements of the face on every side of the square.
     wear : callable, optional
-        Returns the depth lost by the stone. The default is `gstlib.specimen.law.wear_depth` with
+        Returns the depth lost by the stone. The default is ``gstlib.specimen.law.wear_depth`` with
         the placement in the parameters.
 
     Raises
