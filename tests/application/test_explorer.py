@@ -44,14 +44,15 @@ def test_the_numbers_are_those_of_the_draws(tmp_path):
     pressure = use.pressure.values.T
     loss = use.wear_coefficient.values[:, np.newaxis] * law.equivalent(pressure)
     for name, wanted in {"pressure": pressure, "loss": loss}.items():
-        np.testing.assert_allclose(taken[name], wanted, atol=1e-3)
+        half_a_digit = {"pressure": 0.0051, "loss": 0.00051}[name]
+        np.testing.assert_allclose(taken[name], wanted, rtol=0, atol=half_a_digit)
 
 
 def test_many_patches_take_fewer_draws_evenly(tmp_path):
     study, use = study_of(tmp_path, patches=60)
     taken = draws_to_explore(study, {})
-    assert len(json.dumps(taken)) < 1_000_000
-    np.testing.assert_allclose(taken["x_mm"], use.x_mm[::3], atol=1e-3)
+    assert len(json.dumps(taken)) < 300_000
+    np.testing.assert_allclose(taken["x_mm"], use.x_mm[::6], atol=1e-3)
     assert np.shape(taken["loss"]) == (len(taken["x_mm"]), 60)
 
 

@@ -11,12 +11,13 @@ import pytest
 import trimesh
 import xarray as xr
 from contacts import contact_of
+from in_memory import InMemory
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from gst.page.figures import macroscale, maps, microscale, style, tables, use
 from gst.page.figures.tool import draw_stone
-from gst.page.results import PatchResult, Results
+from gst.page.results import PatchResult
 from gst.page.verdict import MODELS
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
@@ -93,20 +94,6 @@ LOSSES_PREDICTED = table(
 
 
 USE_TABLE = table("parameter  prior\nload_point_x  1.5\nload_point_y  1.5\nradius  200")
-
-
-class InMemory(Results):
-    """A study whose files are their contents."""
-
-    @property
-    def tables(self):
-        return self.files
-
-    def table(self, name):
-        return self.files[name]
-
-    def data(self, name, *only):
-        return self.files[f"{name}.h5"]
 
 
 def study_of(**files):

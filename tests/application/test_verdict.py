@@ -6,9 +6,9 @@ import re
 
 import pandas as pd
 import pytest
+from in_memory import InMemory
 
 from gst.page import verdict as answers
-from gst.page.results import Results
 from gst.page.verdict import MODELS, TOUCHED
 from gstlib.coupling.comparison import AGREES, CANNOT_TELL, ELSEWHERE
 from gstlib.macroscale.sampling_sites import Concentration
@@ -67,22 +67,8 @@ CONFIG = {"gesture": None, "interlayer": None, "pressure_cap_MPa": None}
 CONFIG |= {"square": {"size_mm": 5.0}}
 
 
-class Stored(Results):
-    """A study whose tables are in memory."""
-
-    @property
-    def tables(self):
-        return self.files
-
-    def table(self, name):
-        return self.files[name]
-
-    def data(self, name, *only):
-        return None
-
-
 def verdict(tables, force_N=200.0, **settings):
-    study = Stored(tables, force_N=force_N, size_mm=5.0)
+    study = InMemory(tables, force_N=force_N, size_mm=5.0)
     return answers.verdict(study, CONFIG | {"wear_law": {}} | settings)
 
 

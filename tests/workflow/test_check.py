@@ -73,7 +73,10 @@ def test_an_accepted_fault_is_told_by_the_check_and_by_the_step(measured, check)
     table = "results-measured/tables/inputs.csv"
     assert "accept: [same_scan:5]" in measured.run(table).stderr
     measured.change(accept=["same_scan:5"])
-    assert "ACCEPTED FAULT: data/scans/5_T1.plu" in measured.succeed(table)
+    assert (
+        "ACCEPTED FAULT: data/scans/5_T0.plu, data/scans/5_T1.plu"
+        in measured.succeed(table)
+    )
     code, text = check(measured)
     assert (code, absent(["1 accepted fault"], text)) == (0, [])
 

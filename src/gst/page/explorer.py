@@ -13,6 +13,7 @@ from gstlib.conditions import Law
 
 # The most numbers of a kind: the page grows by less than 300 kB.
 _MOST = 20_000
+_DECIMALS = {"pressure": 2}
 
 
 def draws_to_explore(
@@ -47,7 +48,10 @@ def draws_to_explore(
         equivalent = Law(**wear_law).equivalent(pressure.values)
         columns["loss"] = use.wear_coefficient * pressure.copy(data=equivalent)
         measured = study.table("predicted_losses").set_index("patch").loss_um
-    draws = {name: column.values.round(3).tolist() for name, column in columns.items()}
+    draws = {
+        name: column.values.round(_DECIMALS.get(name, 3)).tolist()
+        for name, column in columns.items()
+    }
     patches = [str(patch) for patch in use.patch.values]
     return {
         **draws,
