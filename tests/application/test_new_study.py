@@ -147,6 +147,12 @@ def test_the_stage_gives_the_distances_of_patches(lab):
     assert half < places.min() < places.max() < 5 - half
 
 
+def test_a_stage_that_hardly_moved_gives_no_positions(lab):
+    write_pairs(lab, stages=[(-40.0, 12.0), (-38.5, 12.25), (-38.4, 12.25)])
+    _, _, rows = new(lab)
+    assert {row["x_mm"] for row in rows} == {"TODO"}
+
+
 @pytest.mark.parametrize(
     ("longest", "unit"), [(60.0, "mm"), (0.06, "m"), (8.0, "TODO")]
 )

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.spatial.distance import pdist
 
 from gst import ROOT
 from gst.config.edited import with_values
@@ -36,6 +37,10 @@ if TYPE_CHECKING:
 _OK, _DOUBT, _TO_DO = "ok", "look", "to do"
 # Sides of a patch that differ by less are equal: as `gstlib.io.scans.cut_scan` has it.
 _SAME_SIZE = 0.01
+# ASSUME: Least distance of scan positions. Scans of different patches share at most half of their
+# side. Reason: If stage coordinates are closer, they were not recorded, or the stone was moved
+# between the scans.
+_LEAST_APART = 0.5
 _CONFIG, _TABLE = "study.yaml", "patches.csv"
 # Columns of the listing.
 _TOPIC, _WIDEST = 10, 90
@@ -293,8 +298,9 @@ def _by_stage(path: Path, pairs: Pairs, problem: str) -> _Line:
     """Write distances of patches, in the middle of a square that is still to be laid."""
     square = state_of(path)["square"]
     size_mm = read_unfinished(path)["scans"]["size_mm"]
-    stages = stages_of([*pairs.before.values()])
-    if stages is None or is_to_do(size_mm):
+    scans = [*pairs.before.values()]
+    stages = stages_of(scans)
+    if stages is None or is_to_do(size_mm) or not _are_apart(scans, size_mm):
         return _Line(
             "Where", f"the study {problem}: please enter x_mm and y_mm", _TO_DO
         )
@@ -316,6 +322,14 @@ def _by_stage(path: Path, pairs: Pairs, problem: str) -> _Line:
         f"by the stage, over {span:.3g} mm; no file contains the direction of its axes"
     )
     return _Line("Where", text, _DOUBT)
+
+
+def _are_apart(scans: Sequence[Scan], size_mm: float) -> bool:
+    """Whether the stage positions of maps of one size are those of different patches."""
+    places = pd.DataFrame([scan.stage_mm for scan in scans])
+    sizes = pd.DataFrame([scan.size_mm for scan in scans])
+    apart = pdist(places, "chebyshev").min() >= _LEAST_APART * size_mm
+    return bool(apart and (np.ptp(sizes, axis=0) <= _SAME_SIZE * sizes.min()).all())
 
 
 def _save(path: Path, square: Mapping, places: Sequence[Mapping]) -> None:
