@@ -130,14 +130,17 @@ class StrikePressures(NamedTuple):
         middle = self.strikes.mean(axis=0)
         centre = uses.points - middle
         node = self.strikes - middle
-        # The squared distance of each centre and node, as products of matrices.
+        # The logarithm of the kernel is a quadratic form of the node, so it is one product.
         pulled = np.einsum("uij,uj->ui", inverse, centre)
-        node_products = np.einsum("ni,nj->nij", node, node).reshape(-1, size**2)
-        squared = inverse.reshape(-1, size**2) @ node_products.T
-        squared -= 2 * pulled @ node.T
-        squared += np.sum(pulled * centre, axis=1, keepdims=True)
-        height = np.prod(lengths) / np.sqrt(np.linalg.det(wide))
-        kernel = height[:, None] * np.exp(-0.5 * squared)
+        at_middle = np.log(np.prod(lengths)) - 0.5 * np.linalg.slogdet(wide).logabsdet
+        at_middle -= 0.5 * np.sum(pulled * centre, axis=1)
+        squares = np.einsum("ni,nj->nij", node, node).reshape(-1, size**2)
+        of_use = np.column_stack(
+            [-0.5 * inverse.reshape(-1, size**2), pulled, at_middle]
+        )
+        of_node = np.column_stack([squares, node, np.ones(len(node))])
+        kernel = of_use @ of_node.T
+        np.exp(kernel, out=kernel)
         pressure = np.maximum(kernel @ self.factors, 0.0)
         pressure[pressure.sum(axis=1) < self.least] = 0.0
         return pressure
