@@ -7,7 +7,7 @@ import importlib.util
 import platform
 import subprocess
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
@@ -181,11 +181,11 @@ def _parts_of(script: Path) -> list[tuple[str, Path]]:
             modules[name] = file
             is_package = file.name == "__init__.py"
             ahead |= _imported(file, name if is_package else name.rpartition(".")[0])
-    parts = []
-    for name, file in sorted(modules.items()):
-        for part in sorted(file.parent.glob(f"{file.stem}.*")):
-            if part.suffix != ".pyi":
-                parts.append((f"{name} {part.name}", part))
+    parts = [
+        (f"{name} {part.name}", part)
+        for name, file in sorted(modules.items())
+        for part in _files_beside(file)
+    ]
     if "gst.config.tables" in modules:
         is_shown = "gst.page.captions" in modules
         schema = gst.ROOT / "workflow/schemas/tables.yaml"
@@ -193,6 +193,14 @@ def _parts_of(script: Path) -> list[tuple[str, Path]]:
     return parts
 
 
+@functools.cache
+def _files_beside(file: Path) -> list[Path]:
+    """A module and the files of its name, except for a stub."""
+    parts = sorted(file.parent.glob(f"{file.stem}.*"))
+    return [part for part in parts if part.suffix != ".pyi"]
+
+
+@functools.cache
 def _imported(file: Path, package: str) -> set[str]:
     """Names of the modules of this project that a file imports, and of their packages."""
     imports, _ = _module(file)
@@ -204,6 +212,7 @@ def _imported(file: Path, package: str) -> set[str]:
     return {".".join(parts[:end]) for parts in ours for end in range(1, len(parts) + 1)}
 
 
+@functools.cache
 def _source(name: str) -> Path | None:
     """The file of a module of this project; None if the name is something else."""
     package, *inside = name.split(".")
@@ -247,23 +256,21 @@ def _module(file: Path) -> tuple[set[str], bytes]:
     Docstrings, comments, empty lines and the raising of errors have no effect.
     """
     content = file.read_bytes()
-    imports: set[str] = set()
-    text: set[int] = set()
-    silent: set[int] = set()
-    for node in ast.walk(ast.parse(content)):
-        if isinstance(node, ast.Import):
-            imports.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            source = f"{'.' * node.level}{node.module or ''}"
-            imports.update(f"{source}.{alias.name}" for alias in node.names)
-        elif isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-            if isinstance(node.value.value, str):
-                silent.update(range(node.lineno, (node.end_lineno or 0) + 1))
-        elif isinstance(node, ast.Raise):
-            silent.update(range(node.lineno, (node.end_lineno or 0) + 1))
-        elif isinstance(node, ast.Constant | ast.JoinedStr):
-            text.update(range(node.lineno, (node.end_lineno or 0) + 1))
     lines = content.splitlines(keepends=True)
+    imports: set[str] = set()
+    silent: set[int] = set()
+    text: set[int] = set()
+    for statement in _statements(ast.parse(content).body):
+        span = range(statement.lineno, (statement.end_lineno or 0) + 1)
+        if isinstance(statement, ast.Import):
+            imports.update(alias.name for alias in statement.names)
+        elif isinstance(statement, ast.ImportFrom):
+            source = f"{'.' * statement.level}{statement.module or ''}"
+            imports.update(f"{source}.{alias.name}" for alias in statement.names)
+        elif isinstance(statement, ast.Raise) or _is_text(statement):
+            silent.update(span)
+        elif any(b'"""' in line for line in lines[span.start - 1 : span.stop - 1]):
+            text.update(span)  # in which a # or an empty line need not be a comment
     code = (
         line
         for number, line in enumerate(lines, start=1)
@@ -271,3 +278,23 @@ def _module(file: Path) -> tuple[set[str], bytes]:
         and (number in text or (line.strip() and not line.lstrip().startswith(b"#")))
     )
     return imports, b"".join(code)
+
+
+def _statements(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
+    """The simple statements of a body and of all bodies in it."""
+    for statement in body:
+        inside = [
+            each
+            for field in ("body", "orelse", "finalbody", "handlers", "cases")
+            for each in getattr(statement, field, ())
+        ]
+        if inside:
+            yield from _statements(inside)
+        else:
+            yield statement
+
+
+def _is_text(statement: ast.stmt) -> bool:
+    """Whether a statement is a string alone, such as a docstring."""
+    value = statement.value if isinstance(statement, ast.Expr) else None
+    return isinstance(value, ast.Constant) and isinstance(value.value, str)
