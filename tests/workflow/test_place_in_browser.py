@@ -631,6 +631,15 @@ def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
         assert table[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
             np.array([[3.5, 4.5], [2.5, 2.5]]), abs=0.03
         )
+        page.click("#grid")
+        for key in "0123":
+            page.keyboard.press(key)
+        saved(page)
+        table = pd.read_csv(folder / "patches.csv", sep=";")
+        assert len(table) == 2 + 15  # one of sixteen is near the first position
+        assert table.wear_grade[2:6].tolist() == [0, 1, 2, 3]
+        assert table.wear_grade[6:].isna().all()
+        table = table[:2]
         # as many as tell a use
         more = pd.DataFrame(
             {"patch": range(3, 7), "x_mm": [1, 1, 1, 4], "y_mm": [1, 2.2, 3.4, 1]}

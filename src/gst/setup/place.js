@@ -183,6 +183,7 @@ function straighten() {
 // --- step 1: the patches, seen straight from above; the plan has its y down, as SVG has
 
 const MARGIN = 0.1;
+const GRID = 4; // proposed positions along each side
 const span = () => size() * (1 + 2 * MARGIN);
 const svg = (name, attributes, ...inside) => {
   const made = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -317,9 +318,12 @@ function drawOnPlan(patch, number) {
 
 function press(event, patch) {
   if (!state.has_scans && "0123".includes(event.key)) {
+    const isNew = !isGraded(patch);
     keep();
     patch.wear_grade = Number(event.key);
     savePlaces();
+    const next = state.patches.find((each) => isSet(each) && !isGraded(each));
+    if (isNew && next) drawPlan(next.patch); // so that one key after the other grades them all
     return;
   }
   const step = event.shiftKey ? 0.005 : 0.05;
@@ -392,16 +396,35 @@ function removal(patch) {
   return make("button", { type: "button", ariaLabel: `Remove ${patch.patch}`, onclick }, "✕");
 }
 
-function addPlace(x, y) {
+/** Append an ungraded position, and return its name. */
+function append(x, y) {
   const numbers = state.patches.map((patch) => Number(patch.patch) || 0);
   const name = String(Math.max(0, ...numbers) + 1);
+  const at = { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) };
+  state.patches.push({ patch: name, ...at, rotation_deg: 0, wear_grade: null });
+  return name;
+}
+
+function addPlace(x, y) {
   if ([x, y].some((value) => value < 0 || value > size()))
     return say("This click is outside the square. Click inside it, or enlarge it first.", true);
   keep();
-  const at = { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) };
-  state.patches.push({ patch: name, ...at, rotation_deg: 0, wear_grade: null });
+  const name = append(x, y);
   savePlaces();
   drawPlan(name); // chosen, so that a key grades it
+}
+
+/** Add positions at equal distances, row by row, where no position is near. */
+function addGrid() {
+  const step = size() / GRID;
+  const middles = Array.from({ length: GRID }, (_, number) => (number + 0.5) * step);
+  const free = middles.toReversed().flatMap((y) => middles.map((x) => [x, y])).filter(([x, y]) =>
+    state.patches.every((each) => Math.hypot(each.x_mm - x, each.y_mm - y) >= step / 2));
+  if (!free.length) return say("Positions are everywhere on the square. Grade them, or remove some first.", true);
+  keep();
+  const names = free.map((each) => append(...each));
+  savePlaces();
+  drawPlan(names[0]);
 }
 
 // --- step 1, drawn
@@ -412,7 +435,7 @@ function gradingHint() {
   const left = state.patches.length - graded.length;
   const counts = `${count(graded.length, "graded position") || "No graded position"}; ${state.fewest} are needed.${
     left ? ` ${left} without a grade ${left > 1 ? "are" : "is"} left out.` : ""}`;
-  if (!state.patches.length) return "Click each position whose wear you can grade, then press 0 (unworn) to 3.";
+  if (!state.patches.length) return "Click each position whose wear you can grade, or add a grid. Then press 0 (unworn) to 3.";
   if (graded.length < state.fewest) return counts;
   return new Set(graded.map((patch) => patch.wear_grade)).size > 1 ? `${counts} Continue with step 2, How.`
     : `${counts} All have the same grade. Grade positions with more or less wear, too.`;
@@ -571,6 +594,7 @@ $("exact").onclick = () => guarded(last.then(async () => {
   if (match.places.length) setMode("places"); // whose list shows how well each fits
 }));
 $("add").onclick = () => addPlace(size() / 2, size() / 2);
+$("grid").onclick = addGrid;
 $("plan").onpointerdown = () => { dragged = false; };
 $("plan").onclick = (event) => {
   if (isPressing()) pressAt(...placeOf(event));
