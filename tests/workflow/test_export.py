@@ -92,6 +92,20 @@ def test_the_grids_lie_where_the_patches_do(finished_tiny, exported, name):
     assert shown == pytest.approx((*(1e3 * corner), 1e3 * spacing_mm))
 
 
+@pytest.mark.slow
+def test_a_gis_reads_the_grids(finished_tiny, exported):
+    """Rasterio, which reads with GDAL as QGIS does, is in the environment of the checks."""
+    rasterio = pytest.importorskip("rasterio", reason="make test-all installs it")
+    expected = stored(finished_tiny.results)["loss"]
+    with rasterio.open(exported / f"{PATCH}_loss.asc") as grid:
+        heights = grid.read(1, masked=True).filled(np.nan)[::-1]
+        corner = grid.bounds.left, grid.bounds.bottom
+    np.testing.assert_allclose(1e-3 * heights, expected.values, rtol=1e-5, atol=1e-9)
+    file = exported / f"{PATCH}_loss.asc"
+    head = dict(line.split() for line in file.read_text().lower().splitlines()[:6])
+    assert corner == pytest.approx((float(head["xllcorner"]), float(head["yllcorner"])))
+
+
 @pytest.mark.parametrize(
     ("name", "column"), [("pressure", "pressure_MPa"), ("loss", "loss_um")]
 )
