@@ -63,18 +63,30 @@ _FILES |= dict.fromkeys(("page.css", "viewer.js"), "gst.page") | {"three.js": ""
 _JSON = "application/json"
 # Most bytes that a page sends: ten thousand patches.
 _MOST_SENT = 2_000_000
-_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
-    "connect-src 'self'; frame-src 'self'; base-uri 'none'; form-action 'none'; "
-    "frame-ancestors 'none'"
-)
+# Policies of content, a directive in each line.
+_POLICY = """
+default-src 'none'
+script-src 'self'
+style-src 'self'
+img-src 'self' data:
+connect-src 'self'
+frame-src 'self'
+base-uri 'none'
+form-action 'none'
+frame-ancestors 'none'
+"""
 # A result's page has its scripts and pictures in it, and asks for nothing. Results may come from
 # somebody else: the sandbox keeps their scripts away from this server's own pages.
-_POLICY_OF_RESULTS = (
-    "sandbox allow-scripts allow-downloads; default-src 'none'; "
-    "script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
-)
+_POLICY_OF_RESULTS = """
+sandbox allow-scripts allow-downloads
+default-src 'none'
+script-src 'unsafe-inline'
+style-src 'unsafe-inline'
+img-src 'self' data:
+base-uri 'none'
+form-action 'none'
+frame-ancestors 'self'
+"""
 # Logs and numbers of processes are kept beside Snakemake's own files.
 _LOGS = Path(".snakemake")
 _LOCK = _LOGS / "place.lock"
@@ -511,7 +523,7 @@ class _Handler(BaseHTTPRequestHandler):
         headers = {
             "Content-Type": kind,
             "Content-Length": str(len(content)),
-            "Content-Security-Policy": policy,
+            "Content-Security-Policy": "; ".join(policy.strip().splitlines()),
             "Cache-Control": cache,
             "Referrer-Policy": "same-origin",
             "X-Content-Type-Options": "nosniff",

@@ -32,7 +32,7 @@ from gstlib.surfaces.grid import coarser, spacing_of
 _COARSE, _SPOT = 128, 2
 # Fields (mm) that a scan of a patch or an overview can have: they determine the unit of text.
 _FIELDS = 0.05, 30.0
-_OTHER_SPACING = "; not compared: another spacing"
+_OTHER_SPACING = ", not compared: another spacing"
 _SCAN_ALIKE = (
     "scans before and after use differ in spacing and cannot be compared: scan both with the same "
     "objective, or resample one in your instrument's software"
@@ -170,7 +170,7 @@ class _Pair:
         spacings = max(before.spacing_mm), max(after.spacing_mm)
         self.obstacle = ""  # to a comparison of their heights
         if (before.unit == TODO) != (after.unit == TODO):
-            self.obstacle = "; not compared: which spacing?"
+            self.obstacle = ", not compared: which spacing?"
         elif max(spacings) > (1 + _SAME_SPACING) * min(spacings):
             self.obstacle = _OTHER_SPACING
         else:

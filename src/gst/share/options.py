@@ -7,7 +7,7 @@ _MEANT = {
     r"scans\.unit( in the config)?|mesh_unit:": "--unit",
     r"scans\.spacing_um( in the config)?": "--spacing-um",
     r"Lower the heights .*? repeat itself \(periodic=True\)": (
-        "Give --periodic if it repeats itself; otherwise it is pressed as if it ended there"
+        "Give --periodic if it repeats itself. Otherwise it is pressed as if it ended there"
     ),
     r", leave it out of the patch table, or raise \S+ in the config": "",
     r" in the patch table, or the folder": "",

@@ -157,7 +157,7 @@ def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
     if not change.attrs["known_fraction"]:
         return "almost no point was measured in both scans"
     if is_other(registration.dale_depth_ratio, _ODD_HEIGHTS):
-        return f"its dales are {registration.dale_depth_ratio:.3g} times as deep as those of t0"
+        return f"its dales are {registration.dale_depth_ratio:.3g} times as deep as the dales of t0"
     summary = wear_summary(change)
     lost, gained = summary["loss_fraction"], summary["gain_fraction"]
     if abs(lost - gained) > max(_CHANGED, min(lost, gained)):
@@ -280,8 +280,8 @@ def _report(
         )
     if not change.attrs["known_fraction"]:
         _log.warning(
-            "patch %s: almost no point was measured at both T0 and T1 (%.0f %% and %.0f %% of the "
-            "scans are holes or outliers, and T1 covers %.0f %% of T0), so its wear is unknown. "
+            "patch %s: almost no point was measured at both T0 and T1, so its wear is unknown. Of "
+            "the scans, %.0f %% and %.0f %% are holes or outliers, and T1 covers %.0f %% of T0. "
             "Scan it again, or leave its t1 empty.",
             patch,
             100 * (before.filled | before.outlier).values.mean(),

@@ -120,8 +120,8 @@ def other_heights(registration: pd.DataFrame) -> Iterator[FaultError]:
             yield FaultError(
                 "heights",
                 f"patch {row.patch}, T1",
-                f"its dales match those of T0, but are {row.dale_depth_ratio:.3g} times as deep, "
-                "and wear does not cause that",
+                f"its dales match the dales of T0, but are {row.dale_depth_ratio:.3g} times as "
+                "deep, and wear does not cause that",
                 "Give both scans in one unit and with one height calibration, or leave t1 empty in "
                 "the patch table.",
                 patches=(row.patch,),

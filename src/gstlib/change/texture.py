@@ -101,8 +101,8 @@ def _warn_of_noise(scans: Mapping[str, xr.Dataset], s_filter_um: float) -> None:
     if noisy:
         _log.warning(
             "on %d of %d scans, noise has more than half the power at some wavelengths above "
-            "texture.s_filter_um (%g µm), first on patch %s: compare shortest_trusted_um in "
-            "preprocessing.csv, and raise the filter to it",
+            "texture.s_filter_um (%g µm), first on patch %s. Raise the filter to "
+            "shortest_trusted_um in preprocessing.csv",
             len(noisy),
             len(scans),
             s_filter_um,
