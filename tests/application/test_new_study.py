@@ -1,6 +1,7 @@
 """`gst new FOLDER --mesh M --scans S`: what files tell is written, and the rest is asked."""
 
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ from scipy.ndimage import gaussian_filter
 from stones import TURN, rough_stone, taken
 
 from gst.cli import main
+from gst.setup.new_study import _sizes
 from gstlib.io.meshes import read_mesh
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.frames import find_frame
@@ -176,6 +178,13 @@ def test_text_is_in_the_unit_that_makes_a_scan(lab):
     assert (
         config["scans"]["size_mm"] == f"TODO {POINTS * SPACING:.3g}"
     )  # as of the other
+
+
+def test_patches_are_cut_from_rectangles_that_contain_them():
+    """Rounding up the shorter side would leave no room for any patch."""
+    scan = SimpleNamespace(unit="mm", size_mm=(1.0766, 1.4348))
+    values, _ = _sizes([scan, scan])
+    assert values == {"scans.size_mm": 1.076, "is_cut": True}
 
 
 def test_scans_are_found_on_an_overview_and_it_on_the_mesh(lab):

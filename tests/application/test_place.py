@@ -217,6 +217,14 @@ def test_places_are_written_and_the_rest_stays(server, study):
     assert ask(server, "state")[1] == state | {"digest": digest_of(server.config)}
 
 
+def test_rows_of_one_name_are_not_taken_for_each_other(server, study):
+    twice = TABLE.replace("\nB\t", "\nA\t")
+    assert twice != TABLE
+    (study / "patches.tsv").write_text(twice)
+    assert save(server, "places", places(BOTH[0], row("A", 2, 2)))[0] == 422
+    assert (study / "patches.tsv").read_text() == twice
+
+
 def test_the_face_keeps_its_ratio_to_the_square(server):
     state = ask(server, "state")[1]
     assert state["face_mm"] == 15.0
@@ -354,7 +362,8 @@ def test_what_cures_a_cause_is_written_while_the_check_holds(server, study):
     ]
     causes = [{"level": "warning", "text": "", "cure": cure} for cure in cures]
     check = {"causes": causes, "digest": digest_of(server.config), "summary": ""}
-    Path(".snakemake/place_check.log").write_text(json.dumps(check))
+    warning = "UserWarning: of another package\n"
+    Path(".snakemake/place_check.log").write_text(warning + json.dumps(check))
     assert ask(server, "report/check")[1]["changed"] is False
     saved(server, "cure", 0)
     assert written()["macroscale"] == {"face_mm": 14.4}
@@ -363,6 +372,7 @@ def test_what_cures_a_cause_is_written_while_the_check_holds(server, study):
     assert "B\t\t2,5\t2" in (study / "patches.tsv").read_text()
     assert ask(server, "report/check")[1]["changed"] is True
     saved(server, "answers", {"load.force_N": 100})
+    saved(server, "answers", {"accept": []})
     for number in (0, 2):
         assert save(server, "cure", number)[0] == 422
 

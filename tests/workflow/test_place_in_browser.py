@@ -228,9 +228,9 @@ def turn_and_move(page, folder, patch):
     page.keyboard.press("ArrowLeft")
     page.click("#mirror")
     saved(page)
-    assert table_of(folder).x_mm.to_numpy() == pytest.approx(
-        5.05 - moved.x_mm.to_numpy()
-    )
+    mirrored = table_of(folder)
+    assert mirrored.x_mm.to_numpy() == pytest.approx(5.05 - moved.x_mm.to_numpy())
+    assert mirrored.rotation_deg.equals(-moved.rotation_deg)
     while table_of(folder).rotation_deg.any() or not table_of(folder).x_mm.equals(
         before.x_mm
     ):
@@ -639,6 +639,15 @@ def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
         assert len(table) == 2 + 15  # one of sixteen is near the first position
         assert table.wear_grade[2:6].tolist() == [0, 1, 2, 3]
         assert table.wear_grade[6:].isna().all()
+        # what is on the stone stays there if the square grows about its middle
+        page.check("text=Place the square")
+        page.fill("#size", "7")
+        page.locator("#size").dispatch_event("change")
+        saved(page)
+        grown = pd.read_csv(folder / "patches.csv", sep=";")
+        assert (grown.x_mm - table.x_mm).to_numpy() == pytest.approx(1)
+        page.click("#undo")
+        saved(page)
         table = table[:2]
         # as many as tell a use
         more = pd.DataFrame(

@@ -13,7 +13,7 @@ from gstlib.conditions import Law
 
 # The most numbers of a kind: the page grows by less than 300 kB.
 _MOST = 20_000
-_DECIMALS = {"pressure": 2}
+_DECIMALS = {"pressure": 2, "weight": 6}
 
 
 def draws_to_explore(

@@ -206,7 +206,7 @@ function explore(draws) {
     for (const [name, value] of Object.entries({ cx: x, cy: -y, display: "inline" }))
       document.getElementById("asked-at").setAttribute(name, value);
     const away = xs.map((draw, k) => Math.hypot(draw - x, ys[k] - y));
-    const nearest = [...away.keys()].sort((a, b) => away[a] - away[b]).slice(0, NEAREST);
+    const nearest = [...away.keys()].filter((k) => weights[k] > 0).sort((a, b) => away[a] - away[b]).slice(0, NEAREST);
     const [first, last] = [away[nearest[0]], away[nearest.at(-1)]].map(short);
     if (away[nearest[0]] > near)
       return say(`No draw of the load point lies within ${short(near)} mm of ${place}: the nearest one is ${first} mm away.`);

@@ -145,7 +145,14 @@ def snapped(
         raise ValueError(
             f"edges of {edge:.2g} mm show no waves in scans of {side:.2g} mm"
         )
-    names = [name for name in scans if name in places]
+    reach = np.array([-_AROUND, size_mm + _AROUND])
+    names = [
+        name
+        for name in scans
+        if name in places and all(reach[0] <= mm <= reach[1] for mm in places[name][:2])
+    ]
+    if not names:
+        return {}
     matches = match_near(
         view, [scans[name] for name in names], [places[name] for name in names]
     )

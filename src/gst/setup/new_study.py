@@ -210,7 +210,11 @@ def _sizes(scans: Sequence[Scan]) -> tuple[dict[str, Any], list[_Line]]:
         return {"scans.size_mm": TODO, "is_cut": False}, []
     shorter = [min(size) for size in sized]
     is_cut = not _are_same([side for size in sized for side in size])
-    side = f"{math.floor(1e3 * min(shorter)) / 1e3 if is_cut else np.mean(sized):.3g}"
+    side = (
+        f"{math.floor(1e3 * min(shorter)) / 1e3:g}"
+        if is_cut
+        else f"{np.mean(sized):.3g}"
+    )
     lines = []
     if is_cut and _are_same(shorter):
         text = f"not all are square: the middle {side} mm of each scan before use are taken"

@@ -85,7 +85,8 @@ function lock() {
 
 let dragged = false; // since the pointer went down
 let last = Promise.resolve();
-/** Save one thing after the other. Each save names the files that the last one left. */
+let isUnsaved = false; // the last entry
+/** Save one thing after the other, and tell whether it was saved. Each save names the files that the last one left. */
 function save(route, sent) {
   const text = JSON.parse(JSON.stringify(sent)); // as it is now
   const origin = state;
@@ -95,7 +96,11 @@ function save(route, sent) {
       if (reports.check) reports.check.changed = true;
       showSteps();
       say(kept ? `Saved. What was there is kept as ${kept}.` : "Saved.");
-    }))));
+      return true;
+    })))).then((isSaved) => {
+    isUnsaved = !isSaved;
+    return !isUnsaved;
+  });
   return last;
 }
 
@@ -109,15 +114,22 @@ const side = () => state.patch_size_mm || 0.85;
 const frame = () => state.square.points_mm && frameOf(state.square.points_mm);
 const rounded = (points) => points.map((point) => point.map((value) => +value.toFixed(3)));
 
-/** Keep the present state, for undo. */
-function keep() {
+/** Keep the present state for undo, with the answers that a change will replace. */
+function keep(replaced = []) {
   const { square, patches } = state;
-  earlier.push(JSON.stringify({ square, patches }));
+  const answers = Object.fromEntries(replaced.map((key) => [key, state.answers[key]]));
+  earlier.push(JSON.stringify({ square, patches, answers }));
 }
 
+let savedSize; // of the square; the face around it follows
 function savePlaces() {
   draw();
-  return save("places", { square: state.square, patches: state.patches });
+  const now = size();
+  return save("places", { square: state.square, patches: state.patches }).then((isSaved) => {
+    if (isSaved && savedSize) state.face_mm *= now / savedSize;
+    if (isSaved) savedSize = now;
+    return isSaved;
+  });
 }
 
 /** Lay the square about a point. */
@@ -211,6 +223,7 @@ function sticksOut({ x_mm: x, y_mm: y, rotation_deg: turn }) {
 /** Move a patch, or with it all that are placed. */
 function move(patch, dx, dy) {
   for (const each of together() ? state.patches.filter(isSet) : [patch]) {
+    delete fits[each.patch];
     each.x_mm = +(each.x_mm + dx).toFixed(3);
     each.y_mm = +(each.y_mm + dy).toFixed(3);
   }
@@ -223,6 +236,7 @@ function rotate(patch, degrees) {
     (key) => group.reduce((sum, each) => sum + each[key], 0) / group.length);
   const [cos, sin] = [Math.cos, Math.sin].map((ratio) => ratio((degrees * Math.PI) / 180));
   for (const each of group) {
+    delete fits[each.patch];
     const [dx, dy] = [each.x_mm - x, each.y_mm - y];
     each.x_mm = +(x + dx * cos - dy * sin).toFixed(3);
     each.y_mm = +(y + dx * sin + dy * cos).toFixed(3);
@@ -317,7 +331,9 @@ function drawOnPlan(patch, number) {
 }
 
 function press(event, patch) {
+  if (event.ctrlKey || event.metaKey || event.altKey) return; // the browser's own keys
   if (!state.has_scans && "0123".includes(event.key)) {
+    if (event.repeat) return; // a key that is held down grades one position
     const isNew = !isGraded(patch);
     keep();
     patch.wear_grade = Number(event.key);
@@ -356,8 +372,10 @@ function thumbnail(patch, number) {
     alt: `Scan of ${patch.patch}`,
     draggable: false,
     onerror: () => guarded(ask(pictureOf(number))), // which shows the reason
-    onpointerdown: (event) => drag(event, (_dx, _dy, [x, y]) =>
-      Object.assign(patch, { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) })),
+    onpointerdown: (event) => drag(event, (_dx, _dy, [x, y]) => {
+      const isOnPlan = [x, y].every((value) => Math.abs(value - size() / 2) <= span() / 2);
+      if (isOnPlan) Object.assign(patch, { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) });
+    }),
   });
 }
 
@@ -535,11 +553,16 @@ async function showStone() {
 $("size").onchange = () => {
   const value = Number($("size").value);
   if (!(value > 0 && value <= 100)) return say("The side must be more than 0 and at most 100 mm. Enter another side.", true);
-  keep();
-  const former = { frame: frame(), side: size() };
+  const [former, load] = [{ frame: frame(), side: size() }, state.answers["load.at_mm"]];
+  keep(former.frame && load ? ["load.at_mm"] : []);
   state.square.size_mm = value;
-  if (former.frame) layAgain(former);
-  savePlaces();
+  if (!former.frame) return savePlaces();
+  layAgain(former);
+  // the reference corner moves, and all that is on the stone stays there
+  const moved = (mm) => +(mm + (value - former.side) / 2).toFixed(3);
+  for (const patch of state.patches.filter(isSet))
+    Object.assign(patch, { x_mm: moved(patch.x_mm), y_mm: moved(patch.y_mm) });
+  return savePlaces().then((isSaved) => isSaved && load && answer({ "load.at_mm": load.map(moved) }));
 };
 let isTurning = false;
 $("turn").oninput = () => {
@@ -558,8 +581,11 @@ $("turn").onchange = () => {
 $("undo").onclick = () => {
   if (clicks.length) clicks.pop();
   else {
-    Object.assign(state, JSON.parse(earlier.pop()));
-    return savePlaces();
+    const { answers, ...former } = JSON.parse(earlier.pop());
+    Object.assign(state, former);
+    fits = {};
+    const saved = savePlaces();
+    return Object.keys(answers).length ? saved.then((isSaved) => isSaved && answer(answers)) : saved;
   }
   return draw();
 };
@@ -572,7 +598,8 @@ for (const id of ["azimuth", "altitude"])
 $("together").onchange = draw;
 $("mirror").onclick = () => {
   keep();
-  for (const patch of state.patches.filter(isSet)) patch.x_mm = +(size() - patch.x_mm).toFixed(3);
+  for (const patch of state.patches.filter(isSet))
+    Object.assign(patch, { x_mm: +(size() - patch.x_mm).toFixed(3), rotation_deg: turned(-patch.rotation_deg) });
   savePlaces();
 };
 $("turn-all").onchange = () => {
@@ -583,12 +610,12 @@ $("turn-all").onchange = () => {
 };
 $("exact").onclick = () => guarded(last.then(async () => {
   const match = await locked("Comparing heights: this takes up to a minute …", () => ask("find", {}));
-  fits = match.fits;
-  keep();
+  keep(Object.keys(match.answers));
   state.square = match.square;
   for (const place of match.places)
     Object.assign(state.patches.find(({ patch }) => patch === place.patch), place);
-  await savePlaces();
+  fits = match.fits;
+  if (!await savePlaces()) return;
   if (match.places.length) await answer(match.answers);
   say(match.all, !match.places.length);
   if (match.places.length) setMode("places"); // whose list shows how well each fits
@@ -601,7 +628,7 @@ $("plan").onclick = (event) => {
   else if (!state.has_scans && !dragged) addPlace(...placeOf(event));
 };
 for (const id of ["load-x", "load-y"])
-  $(id).onchange = () => pressAt(Number($("load-x").value), Number($("load-y").value));
+  $(id).onchange = () => pressAt($("load-x").valueAsNumber, $("load-y").valueAsNumber);
 $("load-middle").onclick = () => answer({ "load.at_mm": null });
 for (const choice of all("[name=mode]")) choice.onchange = () => setMode();
 for (const choice of all("[name=pick]")) choice.onchange = () => { clicks = []; draw(); };
@@ -761,8 +788,12 @@ const does = (text, work) => make("button", { type: "button", onclick: () => gua
 
 /** Remove a cause, whose line then shows it. */
 async function handle(number, route, sent) {
-  handled.add(number);
-  await locked("Saving …", () => save(route, sent).then(load));
+  await locked("Saving …", async () => {
+    if (!await save(route, sent)) return;
+    handled.add(number);
+    if (route === "cure") earlier.length = 0; // undo would take back its cells alone
+    await load();
+  });
 }
 
 function lineOf(cause, number) {
@@ -832,19 +863,18 @@ async function follow(name) {
   else if (wasRunning) {
     if (name === "study") $("answer").removeAttribute("src");
     await showResult();
+    if (name === "study" && now === "run" && howFar().result.done) go("result");
   }
   showSteps();
 }
 
-for (const button of all("[data-start]")) {
-  const name = button.dataset.start;
-  button.onclick = () => guarded(locked("Starting …", async () => {
-    await last;
-    handled.clear();
-    await ask(`start/${name}`, {});
-    await follow(name);
-  }));
-}
+const start = (name) => guarded(locked("Starting …", async () => {
+  await last;
+  handled.clear();
+  await ask(`start/${name}`, {});
+  await follow(name);
+}));
+for (const button of all("[data-start]")) button.onclick = () => start(button.dataset.start);
 for (const button of all("[data-stop]"))
   button.onclick = () => guarded(ask(`stop/${button.dataset.stop}`, {}));
 
@@ -916,7 +946,11 @@ function showSteps() {
   $("next").hidden = !behind;
   $("next").className = steps[now].done ? "ready" : "";
   if (behind) $("next").textContent = `Next: ${behind[0].toUpperCase()}${behind.slice(1)} ▸`;
-  $("next").onclick = () => go(behind);
+  $("next").onclick = () => {
+    go(behind);
+    const isReady = steps.where.done && steps.how.done;
+    if (behind === "check" && isReady && !steps.check.done && !isRunning("check")) start("check");
+  };
 }
 
 const go = (step) => { location.hash = step; };
@@ -949,6 +983,7 @@ async function load() {
   // undo would revert changes of another page
   if (state && state.digest !== fresh.digest) earlier.length = 0;
   state = fresh;
+  savedSize = size();
   $("title").textContent = document.title = state.title;
   $("things").textContent = state.has_scans ? "Place the scans" : "Grade positions";
   $("legend").textContent = state.has_scans ? "Scans" : "Positions and their grades";
@@ -964,7 +999,8 @@ async function load() {
   draw();
 }
 
-$("end").onclick = () => guarded(last.then(() => ask("end", {})).then(() =>
-  say("gst place has ended, and everything is saved. You may close this page.")));
+$("end").onclick = () => guarded(last.then(() => ask("end", {})).then(() => say(isUnsaved
+  ? "gst place has ended. Your last entry was not saved: note it before you close this page."
+  : "gst place has ended, and everything is saved. You may close this page.", isUnsaved)));
 addEventListener("hashchange", () => { say(""); show(); });
 guarded(load());

@@ -182,8 +182,8 @@ class _Command:
 def _causes(text: str) -> dict[str, Any] | None:
     """The output of `gst.setup.place_check`; None until it ends, or if it was interrupted."""
     try:
-        check = json.loads(text)
-    except ValueError:
+        check = json.loads(text.splitlines()[-1])  # after warnings of other packages
+    except (ValueError, IndexError):
         return None
     return check if isinstance(check, dict) and "causes" in check else None
 
@@ -327,8 +327,10 @@ class PlaceServer(ThreadingHTTPServer):
 
     def answer(self, sent: Mapping[str, Any]) -> str | None:
         """Save answers of the page; a fault that is accepted leaves the other cures valid."""
+        report = self.commands["check"].report()
+        is_valid = not report["changed"] or digest_of(self.config) == self.mended
         kept = save_answers(self.config, sent)
-        if {*sent} == {"accept"}:
+        if is_valid and {*sent} == {"accept"}:
             self.mended = digest_of(self.config)
         return kept
 

@@ -229,7 +229,11 @@ def save_places(
     former, has_scans = rows_of(config)
     names = [row["patch"] for row in rows]
     is_known = sorted(names) == sorted(former.patch)
-    if not is_known and (has_scans or len({*names}) < len(names)):
+    if len({*names}) < len(names):
+        problem = f"contains a patch twice, of {names}"
+        remedy = "Give each row a name of its own, then reload the page."
+        raise ConfigError(config["patches"], problem, remedy)
+    if has_scans and not is_known:
         problem = f"contains the patches {[*former.patch]}, but the page shows {names}"
         raise ConfigError(config["patches"], problem, "Reload the page.")
     is_turned = bool(
