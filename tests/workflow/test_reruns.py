@@ -72,32 +72,33 @@ def test_what_no_step_reads_reruns_nothing_but_the_record(tiny):
 FEW = "--config", "patches_per_job=2", "--until", "register_patches"
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "patch"),
-    [
-        ("7\t", "8\t3.50\t3.50\t7_T0.plu\t7_T1.plu\n7\t", "8"),
-        ("13\t2.50", "13\t2.60", None),
-    ],
-)
-def test_another_patch_reruns_its_batch_alone(measured, old, new, patch):
+# Rows of the patch table and what takes their place; and the patch that is then new.
+EDITS = [
+    ("7\t", "8\t3.50\t3.50\t7_T0.plu\t7_T1.plu\n7\t", "8"),
+    ("13\t2.50", "13\t2.60", None),
+]
+
+
+def test_another_patch_reruns_its_batch_alone(measured):
     """Of what is done patch by patch; the stone under all scans is another."""
     table = measured.folder / "config/patches_tiny.tsv"
     before = table.read_text()
     ids = [line.split("\t")[0] for line in before.splitlines()[2:]]
     measured.succeed(*FEW)
-    table.write_text(before.replace(f"\n{old}", f"\n{new}"))
-    assert table.read_text() != before
-    plan = measured.succeed("--dry-run", *FEW)
     steps = (
         "Cleaning the scans at T0",
         "Cleaning the scans at T1",
         "Registering T1 to T0",
     )
-    again = set(re.findall(rf"({'|'.join(steps)}): part (\d+)", plan))
-    batches = share_out({*ids, patch} - {None}, per_job=2)
-    assert len(batches) > 2
-    own = [batch for batch, members in batches.items() if patch in members]
-    assert again == {(step, batch) for step in steps for batch in own}
+    for old, new, patch in EDITS:
+        table.write_text(before.replace(f"\n{old}", f"\n{new}"))
+        assert table.read_text() != before
+        plan = measured.succeed("--dry-run", *FEW)
+        again = set(re.findall(rf"({'|'.join(steps)}): part (\d+)", plan))
+        batches = share_out({*ids, patch} - {None}, per_job=2)
+        assert len(batches) > 2
+        own = [batch for batch, members in batches.items() if patch in members]
+        assert again == {(step, batch) for step in steps for batch in own}, new
 
 
 def test_files_are_checked_before_any_is_read(measured):

@@ -428,5 +428,14 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
         "mean_depth_where_worn_um": float(lost_um.mean()) if lost_um.size else np.nan,
         "mean_wear_depth_um": float(lost_um.sum() * share),
         "gain_fraction": float(gain.sum() * share),
-        "gain_to_loss_ratio": float(gain.sum() / loss.sum()) if loss.any() else np.nan,
+        "gain_to_loss_ratio": _ratio(
+            float(gain.sum() * share), float(loss.sum() * share)
+        ),
     }
+
+
+def _ratio(gained: float, lost: float) -> float:
+    """Gain over loss, as fractions of the area; infinite without loss, unless little is gained."""
+    if lost > 0:
+        return gained / lost
+    return np.inf if gained > _CHANGED else np.nan

@@ -60,8 +60,9 @@ _SLOPE_SMOOTHING = 1.0
 # below the level of detection. Reason: Without a repeat, two scans do not separate error from such
 # wear.
 _ALIKE = 0.5
-# Largest distance of compared errors, as a fraction of the field.
-_REACH = 1 / 8
+# Largest distance of compared errors, as a fraction of the field. Errors of whole scan lines then
+# count as alike over half of the field, so that no single line is a trace.
+_REACH = 1 / 4
 # Spots count if they have at least this many times the number of neighbours with like errors. Spots
 # of Gaussian noise beyond 1.96 sigma have 0.3 times as many on average, and their sizes are
 # exponential (Friston et al. 1994, Human Brain Mapping 1:210). Noise then marks 1e-6 of the area.

@@ -95,11 +95,18 @@ def covered_pressures(
 
     A measured loss refers to this area. Without a registered T1, it is the outline. `pressures` and
     `pressure` are as in `couple_scales`; `registration` is the table of this name, and has no rows
-    without a T1.
+    without a T1. ``leave_one_out_MPa`` then refers to this area, too.
     """
     areas = with_t1(pressures, registration)
-    means = patch_means(pressure, areas, size_mm=patch_mm)
-    return pressures.assign(covered_MPa=means @ pressure.values.ravel())
+    over_area, over_outline = (
+        patch_means(pressure, patches, size_mm=patch_mm) @ pressure.values.ravel()
+        for patches in (areas, pressures)
+    )
+    table = pressures.assign(covered_MPa=over_area)
+    if "leave_one_out_MPa" in table:
+        moved = table.leave_one_out_MPa + over_area - over_outline
+        table["leave_one_out_MPa"] = moved.clip(lower=0.0)
+    return table
 
 
 def covered(pressures: pd.DataFrame) -> pd.Series:

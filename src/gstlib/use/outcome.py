@@ -162,6 +162,9 @@ def pressures_of_use(
     ``stated_MPa`` is the pressure under the prior load case. Neither depends on the wear of the
     patch itself. Patches with unknown wear keep their values, and have no ``leave_one_out_MPa``. If
     no load case is adopted, the table does not change.
+
+    Contacts of the inference yield as the stone wears, and `pressures` are before wear. So only
+    differences of inferred pressures are added to them.
     """
     if use is None or not use.attrs["adopted"]:
         return pressures
@@ -169,13 +172,15 @@ def pressures_of_use(
     def of_patches(values: xr.DataArray) -> pd.Series:
         return pressures.patch.map(values.to_series().round(_DECIMALS))
 
-    spread = (use.weight * (use.pressure - use.pressure_at_centre)).sum("draw")
-    leave_one_out = (use.weight_without * use.pressure).sum("draw")
+    at_centre = (use.weight * use.pressure_at_centre).sum("draw")
+    spread = (use.weight * use.pressure).sum("draw") - at_centre
+    of_others = (use.weight_without * use.pressure).sum("draw") - at_centre
     mean = (pressures.pressure_MPa + of_patches(spread).fillna(0.0)).clip(lower=0.0)
+    leave_one_out = (pressures.pressure_MPa + of_patches(of_others)).clip(lower=0.0)
     return pressures.assign(
         pressure_MPa=mean,
         force_N=mean * patch_mm**2,
-        leave_one_out_MPa=of_patches(leave_one_out),
+        leave_one_out_MPa=leave_one_out,
         stated_MPa=of_patches(use.stated_pressure),
     )
 

@@ -97,7 +97,7 @@ _DESCRIBED = {
     "reach_of": ("mm/MPa", "end of the path of a patch, from the others' losses"),
     "reach_of_all": ("mm/MPa", "the same from the losses of all patches"),
     "measured": ("mm", "measured mean depth lost"),
-    "pressure_MPa": ("MPa", "pressure before use"),
+    "pressure_MPa": ("MPa", "pressure before use, by the wear of the other patches"),
     "patch_mm": ("mm", "side of a patch"),
     "x_mm": ("mm", "centre of the patch along x"),
     "y_mm": ("mm", "centre of the patch along y"),
@@ -270,6 +270,7 @@ def wear_square(
         patch_mm=patch_mm,
     )
     path = path.assign({name: ("patch", table[name]) for name in _OF_PATCHES})
+    path["pressure_MPa"] = "patch", unseen(table)  # for which κ was fitted
     path = described(path, _DESCRIBED)
     if law != ARCHARD:
         path.attrs["wear_law"] = [*law]
