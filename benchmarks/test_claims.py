@@ -487,8 +487,8 @@ WORDS = {
         uses("law, control, scatter, stroke, prior", "held_50, held_95")
     ),
     r"with an error of (\S+)\. The error is (\S+) with the true load case, and (\S+) with "
-    r"the prior\. The ratio .*? median of (\S+) over": lambda: uses(
-        "law", "inferred, known, told, inferred_ratio"
+    r"the prior\. The ratio .*? median of (\S+) over .*? mean errors\s+is (\S+),": lambda: (
+        uses("law", "inferred, known, told, inferred_ratio, mean_ratio")
     ),
     r"made the wear, one was claimed for (\d+) of (\d+) stones": lambda: uses(
         "law", "pressed, stones"

@@ -546,7 +546,8 @@ def summary(rows):
     ``y_mm``, ``x_mm`` and ``log_radius``; for the three together ``held_50`` and ``held_95``,
     percent of the truths inside the middle 50 and 95 % of the draws; ``spread_mm_95``, stones whose
     spread is inside; median errors of the losses, ``told``, ``inferred`` and ``known``, and
-    ``inferred_ratio``, the median of the second over the third.
+    ``inferred_ratio``, the median of the second over the third, and ``mean_ratio``, that of their
+    means.
     """
     summaries = {}
     for case, trials in rows.groupby("case", sort=False):
@@ -556,6 +557,7 @@ def summary(rows):
         if case not in UNPRESSED:
             row |= coverage(answered)
             row["inferred_ratio"] = (answered.inferred / answered.known).median()
+            row["mean_ratio"] = answered.inferred.mean() / answered.known.mean()
         summaries[case] = row | answered[[*ERRORS]].median().to_dict()
     return pd.DataFrame(summaries).T
 

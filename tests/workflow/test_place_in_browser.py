@@ -114,8 +114,9 @@ def table_of(folder):
 
 
 def saved(page):
-    """Wait until what was done is in the files."""
+    """Wait until what was done is in the files, and the page shows it."""
     page.evaluate("last")
+    page.wait_for_function("locks.length === 0")
 
 
 def click_stone(page, right=0, up=0):
