@@ -6,6 +6,7 @@ import pytest
 from gst import ROOT
 from gst.config.reading import read_config
 from gst.page.methods import methods_text
+from gstlib.io.tables import read_table
 
 PACKAGES = dict.fromkeys(("numpy", "scipy", "trimesh", "snakemake"), "1.2.3")
 SOFTWARE = {"gstlib": "9.8", "commit": "abc", "python": "3.99", "packages": PACKAGES}
@@ -68,6 +69,17 @@ def test_what_a_study_has_not_done_is_left_out(name, tables, absent):
     text = methods(name, tables).replace("its scans and its wear", "")
     for word in absent:
         assert word not in text
+
+
+def test_the_load_of_the_contacts_is_stated():
+    config = {"config": read_config(ROOT / "config/config.yaml"), "software": SOFTWARE}
+    use = read_table(ROOT / "tests/baseline/tables/use.csv")
+    assert "load point at x 2.2102 mm, y 3.1444 mm and a radius of 156.35 mm" in (
+        methods_text(config, WHOLE, use)
+    )
+    kept = methods_text(config, WHOLE, use.assign(adopted=False))
+    assert "the given load was kept" in kept
+    assert "2.2102" not in kept
 
 
 def test_a_provenance_without_a_section_is_refused():

@@ -65,7 +65,9 @@ def main(
     origin = study_provenance(config, inputs, commit, program, versions)
     about = {
         "methods": methods_text(
-            origin, [file.stem for file in shown if file.suffix == ".csv"]
+            origin,
+            [file.stem for file in shown if file.suffix == ".csv"],
+            study.table("use") if "use" in study.tables else None,
         ),
         "config_faults": config_faults,
         "active_tool": active_tool,

@@ -91,7 +91,10 @@ def _files(results: Path) -> Iterator[tuple[str, bytes]]:
     # first, because its mesh may be elsewhere
     yield from _tool(results, made, places, by_patch)
     names = {file.stem for file in made if file.parent.name == "tables"}
-    yield "methods.txt", methods_text(read_provenance(results), names).encode()
+    use = results / "tables/use.csv"
+    loads = read_table(use) if use in made else None
+    text = methods_text(read_provenance(results), names, loads)
+    yield "methods.txt", text.encode()
     for patch, stages in sorted(by_patch.items()):
         for name, field in _maps(stages):
             title = f"patch {patch}: {field.attrs['long_name']}"
