@@ -23,7 +23,7 @@ prior                  strikes and errors of the losses drawn from the prior, to
 
 Six cases before the last have 10 stones each. In all but the last, losses that are not measured on
 a worn stone scatter by 30 %, and by 2 % of their mean. This is about the scatter of the losses of
-worn stones, by the column `known_scatter`.
+worn stones, by the column `known_scatter`. Rows of seeds from 8001 were made before, with 15 %.
 
 The rows go to benchmarks/results/use.csv (with --output: elsewhere), one for each stone and case.
 Stones and cases that the file holds already are not made again. Columns:

@@ -74,12 +74,12 @@ def test_what_a_study_has_not_done_is_left_out(name, tables, absent):
 def test_the_load_of_the_contacts_is_stated():
     config = {"config": read_config(ROOT / "config/config.yaml"), "software": SOFTWARE}
     use = read_table(ROOT / "tests/baseline/tables/use.csv")
-    assert "load point at x 2.2102 mm, y 3.1444 mm and a radius of 156.35 mm" in (
+    assert "load point at x 2.21 mm, y 3.14 mm and a radius of 156 mm." in (
         methods_text(config, WHOLE, use)
     )
     kept = methods_text(config, WHOLE, use.assign(adopted=False))
     assert "the given load was kept" in kept
-    assert "2.2102" not in kept
+    assert "2.21 mm" not in kept
 
 
 def test_a_provenance_without_a_section_is_refused():

@@ -44,5 +44,7 @@ def _adopted(use: pd.DataFrame | None) -> dict[str, float] | None:
     """Means of the adopted load case by parameter; None if the study keeps the given load."""
     if use is None or not use.adopted.any():
         return None
-    means: dict[str, float] = use.set_index("parameter").posterior_mean.to_dict()
+    means: dict[str, float] = (
+        use.set_index("parameter").posterior_mean.dropna().to_dict()
+    )
     return means

@@ -410,7 +410,8 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
     height (equal for noise alone); ``loss_area_mm2``; ``loss_volume_um3``;
     ``mean_depth_where_worn_um``: mean depth of the loss (NaN without loss); ``mean_wear_depth_um``:
     volume over the known area, comparable between patches with different overlap;
-    ``gain_to_loss_ratio``: area of gain over area of loss (NaN without loss). Noise raises as often
+    ``gain_to_loss_ratio``: area of gain over area of loss (infinite for a gain alone, NaN for little
+    gain without loss). Noise raises as often
     as it lowers, so this ratio is the fraction of the loss that noise would explain.
     """
     dy, dx = spacing_of(registered)
@@ -428,14 +429,12 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
         "mean_depth_where_worn_um": float(lost_um.mean()) if lost_um.size else np.nan,
         "mean_wear_depth_um": float(lost_um.sum() * share),
         "gain_fraction": float(gain.sum() * share),
-        "gain_to_loss_ratio": _ratio(
-            float(gain.sum() * share), float(loss.sum() * share)
-        ),
+        "gain_to_loss_ratio": _ratio(gain.sum() * share, loss.sum() * share),
     }
 
 
 def _ratio(gained: float, lost: float) -> float:
     """Gain over loss, as fractions of the area; infinite without loss, unless little is gained."""
     if lost > 0:
-        return gained / lost
+        return float(gained / lost)
     return np.inf if gained > _CHANGED else np.nan

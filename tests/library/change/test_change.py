@@ -4,8 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.ndimage
+import xarray as xr
 from numpy.testing import assert_allclose, assert_array_equal
 
+from gstlib.change import noise
 from gstlib.change.change import (
     Detection,
     estimate_detection_limit,
@@ -155,6 +157,30 @@ def test_the_place_of_t1_is_that_of_the_points_known_at_both_epochs(remeasure, c
     is_known = np.isfinite(change.change.values)
     assert (is_covered != is_known).mean() < 0.01
     assert is_known.mean() == pytest.approx(table.overlap[0], abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("gained", "counts"), [(0.0, True), (0.004, True), (0.02, False)]
+)
+def test_a_patch_that_only_gained_height_is_no_measured_zero(gained, counts):
+    """Residue or a torn mould; a little gain is noise beside a loss of zero."""
+    change = height_change(*plateau(0.0)[:2]).copy(deep=True)
+    change["loss"] = xr.zeros_like(change.loss)
+    rose = np.arange(change.gain.size) < gained * change.gain.size
+    change["gain"] = change.gain.copy(data=rose.reshape(change.gain.shape))
+    found = {"registration_found": 1, "known_fraction": 1.0}
+    table = registration_table(
+        {"7": change.assign_attrs(found)}, RULES, max_gain_to_loss_ratio=0.2
+    )
+    assert table.above_noise[0] == counts
+
+
+def test_a_shifted_scan_line_is_no_trace():
+    """All points of a line share an error, so a spot has to be larger than a line."""
+    error = np.tile(np.random.default_rng(1).normal(size=(128, 1)), 128)
+    flat, kept = np.zeros((128, 128)), np.ones(128**2, dtype=bool)
+    detection = noise.own_detection(error, flat, kept, 0.0, 1.0)
+    assert noise.CLUSTER * detection.alike_mm2 > 1.5 * 128
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,10 @@ def test_a_mean_is_over_what_both_scans_cover(pressure, shift_mm, size_mm, turn)
     whole = outlines.pressure_MPa[1]
     np.testing.assert_allclose(table.covered_MPa, [mean, whole], rtol=5e-3)
     assert unseen(table).equals(table.covered_MPa)
+    inferred = outlines.assign(leave_one_out_MPa=[outlines.pressure_MPa[0] + 3, np.nan])
+    moved = covered_pressures(inferred, pressure, registration, patch_mm=1.0)
+    expected = [table.covered_MPa[0] + 3, np.nan]
+    np.testing.assert_allclose(moved.leave_one_out_MPa, expected)
     used = table.assign(leave_one_out_MPa=[7.0, np.nan], stated_MPa=[np.nan, 8.0])
     np.testing.assert_allclose(unseen(used), [7.0, whole])
     np.testing.assert_allclose(stated(used), [table.covered_MPa[0], 8.0])

@@ -265,6 +265,19 @@ def test_a_patch_loses_as_the_law_says_of_its_pressure(square, pressures, law):
     np.testing.assert_allclose(measured, 4e-8 * expected / expected.sum(), rtol=2e-3)
 
 
+def test_another_law_gives_the_sum_of_the_losses_at_pressures_from_others(
+    square, pressures
+):
+    table = pressures.set_index("patch", drop=False)
+    table["leave_one_out_MPa"] = table.pressure_MPa * [1.2, 0.8, 1.1, 0.9]
+    losses, law = dict.fromkeys("abcd", 1e-5), Law(exponent=2.0)
+    worn = wear_square(square, table, losses, patch_mm=1.0, steps=2, law=law)
+    kappa = float(worn.path.kappa_of_all)
+    contact = patch_of(20.0)
+    depths = [depth_of(contact, worn, name, kappa=kappa).mean() for name in "abcd"]
+    assert sum(depths) == pytest.approx(4e-8, rel=2e-3)
+
+
 def test_summits_that_yield_spread_the_same_loss_wider(worn, pressures):
     contact = patch_of(float(pressures.pressure_MPa[0]))
     ((_, maps),) = predict_wear({"a": contact}, worn, pressure_cap=100.0)
