@@ -529,6 +529,7 @@ def test_each_cause_has_its_own_button(browser, unscanned):
         report = {"causes": causes, "digest": digest, "summary": "as it is"}
         (unscanned / ".snakemake/place_check.log").write_text(json.dumps(report))
         page.reload()
+        page.wait_for_selector("canvas", state="attached")  # read last
         page.click("text=3 Check")
         page.wait_for_selector("nav a.wrong")
         assert "1 fault" in page.inner_text("nav a[href='#check']")
