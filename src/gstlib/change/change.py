@@ -410,9 +410,9 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
     height (equal for noise alone); ``loss_area_mm2``; ``loss_volume_um3``;
     ``mean_depth_where_worn_um``: mean depth of the loss (NaN without loss); ``mean_wear_depth_um``:
     volume over the known area, comparable between patches with different overlap;
-    ``gain_to_loss_ratio``: area of gain over area of loss (infinite for a gain alone, NaN for little
-    gain without loss). Noise raises as often
-    as it lowers, so this ratio is the fraction of the loss that noise would explain.
+    ``gain_to_loss_ratio``: area of gain over area of loss (infinite for a gain alone, NaN for
+    little gain without loss). Noise raises as often as it lowers, so this ratio is the fraction of
+    the loss that noise would explain.
     """
     dy, dx = spacing_of(registered)
     change = registered["change"].values
