@@ -270,9 +270,10 @@ def say_how(page, folder):
 
 
 def wait_for(page, name):
-    """Until a command has ended."""
-    page.wait_for_selector(f"[data-stop={name}]:not([disabled])")
-    page.wait_for_selector(f"[data-start={name}]:not([disabled])", timeout=0)
+    """Until a command has ended, whether or not the page then shows another step."""
+    for button in "stop", "start":
+        enabled = f"[data-{button}={name}]:not([disabled])"
+        page.wait_for_selector(enabled, state="attached")
 
 
 def open_result(page):
