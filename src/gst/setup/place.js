@@ -841,8 +841,8 @@ function showPicture() {
 }
 
 /** The steps done of all, and the time since the start, from the messages of the study. */
-function showProgress({ running }, box) {
-  const text = box.innerText;
+function showProgress({ running, records }, box) {
+  const text = records.map((record) => record.text).join("\n"); // the step may be hidden
   const [, done, whole] = [...text.matchAll(/(\d+) of (\d+) steps done/g)].at(-1) || [];
   const [, passed] = [...text.matchAll(/^(\d+:\d\d:\d\d) /gm)].at(-1) || [];
   $("progress").hidden = !done;
