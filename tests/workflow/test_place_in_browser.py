@@ -87,6 +87,7 @@ def opened(browser, folder, complaints=()):
             yield page, server
         finally:
             server.terminate()
+            server.wait()  # it may print until its end
     assert server.returncode in (0, -signal.SIGTERM)
     assert [one for one in asked if not one.startswith((url, "data:"))] == []
     assert [
