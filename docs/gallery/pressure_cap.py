@@ -30,8 +30,9 @@ print(
 )
 last = states[-1]
 print(f"cap of {caps[-1]:.0f} MPa: {100 * contact[-1]:.2f} % in contact")
+plastic = 100 * pressure / caps[-1]
 print(
-    f"{100 * last.capped_fraction:.0f} % of it yields; fully plastic: {pressure / caps[-1]:.2%}"
+    f"{100 * last.capped_fraction:.0f} % of it yields; fully plastic: {plastic:.2f} %"
 )
 
 # %%
