@@ -32,6 +32,8 @@ _log = logging.getLogger(__name__)
 # does not check a signature and takes any bytes for heights. Its `nms` reader makes the field a
 # million times as large.
 _NOT_LEFT = {"asc", "hgt", "nms", "plu", "xyz"}
+# Formats of arrays, whose rows are the rows of the map. They do not state which array has heights.
+_ARRAYS = {"h5", "mat", "npy", "npz"}
 _MOST_POINTS = 1 << 26
 # Measured heights take at least half a byte each, however packed. A small map may be empty.
 _POINTS_PER_BYTE, _FEW_POINTS = 2, 1 << 22
@@ -66,8 +68,8 @@ _OWN_FORMAT = (
 def read_instrument_file(path: Path) -> RawMap:
     """Read the first height map of a file, as a reader of `gstlib.io.scans`.
 
-    SurfaceTopography returns heights as [ix, iy], in a unit that differs between files (Röttger et
-    al. 2022, Surf. Topogr.: Metrol. Prop. 10:035032).
+    SurfaceTopography returns heights as [ix, iy], but arrays as they are, in a unit that differs
+    between files (Röttger et al. 2022, Surf. Topogr.: Metrol. Prop. 10:035032).
     """
     try:
         with warnings.catch_warnings():
@@ -130,6 +132,12 @@ def _first_map(path: Path) -> RawMap:
     maps = [c for c in reader.channels if c.dim == 2 and c.is_height_channel]
     if not maps:
         raise ValueError(_NO_HEIGHTS)
+    if maps[1:] and known_as in _ARRAYS:
+        names = ", ".join(str(each.name) for each in maps)
+        problem = (
+            f"has {len(maps)} arrays ({names:.80}), any of which may be the heights"
+        )
+        raise InputError(path, problem, "Save the heights alone in a file.")
     channel = maps[0]
     nx, ny = channel.nb_grid_pts
     most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
@@ -140,6 +148,8 @@ def _first_map(path: Path) -> RawMap:
     topography = channel.topography(**sizes)
     masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
     heights: np.ndarray = masked.filled(np.nan).T
+    if known_as in _ARRAYS:
+        heights, nx, ny = heights.T, ny, nx
     if heights.shape != (ny, nx):
         raise ValueError(f"{heights.shape} points instead of the {ny, nx} announced")
     size_x, size_y = topography.physical_sizes

@@ -307,8 +307,8 @@ def _binary_stl(path: Path, content: bytes) -> PlainText:
 def _load(path: Path, content: bytes) -> tuple[list[_Part], str | None, bool]:
     """The parts of a mesh, the unit in the file, and whether its last line has an end."""
     kind = path.suffix.lower()[1:]
-    plain = _plain(path, content)
     try:
+        plain = _plain(path, content)
         with warnings.catch_warnings():
             # NumPy stops at a word that is not a number, and only warns.
             warnings.filterwarnings("error", message="string or file could not be read")

@@ -51,10 +51,12 @@ _GWYDDION = re.compile(
     rf"({UNIT_PATTERN})\s*$",
     re.MULTILINE,
 )
-# A line with a unit or a size, in any language, as far as its words show.
+# A line with a unit or a size, in any language, as far as its words show. "um" is also a word.
 _UNIT_STATED = re.compile(
-    rf"(?:[\d\[({{:=/,_]\s*|\bin\s+)({UNIT_PATTERN}|inch(?:es)?|mils?|px)(?![^\W_])"
+    rf"(?:[\d\[({{<:;|=/,_]\s*|\bin\s+)({UNIT_PATTERN}|inch(?:es)?|mils?|px)(?![^\W_])"
+    r"|(?:^|\s)(nm|mm|µm|μm|Å)(?![^\W_])|(?:^|\s)(um)\s*$"
 )
+_TIME = re.compile(r"\d:\d\d(?::\d\d)?\s*[ap]m\b", re.IGNORECASE)
 _SIZE_STATED = re.compile(
     r"\b(?:unit(?!ed)|einheit|unid|eenhe|enhet|jednot|ncols|nrows"
     r"|micro(?:n|met)|nanomet|millimet|mikromet)"
@@ -76,6 +78,8 @@ _SAMPLED = 200
 # needed, and the file is refused. Reason: Measured profiles are not so even.
 _FEWEST_TICKS, _MORE_TICKS = 5, 20
 _ROUNDED, _APART, _FAR_APART = 0.5, 3, 10
+# On a smooth tilted map all lines are nearly even. Coordinates are then far more even than others.
+_FAR_MORE_EVEN, _EVEN = 0.1, 1e-6
 # Coordinates and a spacing in the config that differ by more contradict each other.
 SPACING_TOLERANCE = 0.01
 # ASSUME: Different units of heights and coordinates. If half of the neighbouring heights differ by
@@ -125,7 +129,8 @@ def refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> Non
     A line without numbers that only repeats the `unit` of the config is accepted.
     """
     for line in lines:
-        symbols = _UNIT_STATED.findall(line)
+        matches = _UNIT_STATED.finditer(_TIME.sub("", line))
+        symbols = [match[match.lastindex or 0] for match in matches]
         lengths = {HEADER_UNITS.get(symbol) for symbol in symbols}
         agrees = unit is not None and lengths == {SCAN_UNITS[unit]}
         if agrees and not re.search(r"\d", line):
@@ -225,9 +230,10 @@ def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
         np.nanmedian(np.abs(pair)) if np.isfinite(pair).any() else np.nan
         for pair in (first - others[0], others[0] - others[1])
     )
-    if uneven <= _ROUNDED:  # a plane, or heights in few steps
-        return None
     is_long = len(first) >= _MORE_TICKS
+    is_outstanding = is_long and own < _FAR_MORE_EVEN * uneven and uneven > _EVEN
+    if uneven <= _ROUNDED and not is_outstanding:  # a plane, or heights in few steps
+        return None
     if own <= GRID_TOLERANCE or (is_long and own <= _ROUNDED and near > _APART * next_):
         return first
     steps = np.diff(first)
@@ -321,4 +327,5 @@ def _esri_grid(path: Path, header: str, heights: np.ndarray) -> RawMap | None:
             "Export it again, with one row of the grid a line.",
         )
     heights[heights == stated.get("nodata_value", _ESRI_UNMEASURED)] = np.nan
+    refuse_two_units(path, heights, (dy, dx))
     return heights[::-1], (dy, dx), None, {}

@@ -46,7 +46,7 @@ _SAMPLED = 200
 # many different counts. If up to this share of them differs, digits were lost or added.
 _ODD_FRACTION = 1e-3
 # Fewer cells do not show that each number was split at its decimal comma.
-_FEWEST_SPLIT, _ALIKE = 20, 0.9
+_FEWEST_SPLIT, _ALIKE, _SIGNED = 20, 0.9, 0.05
 
 UNMEASURED_CELLS = (
     "Unmeasured points are empty cells, NaN, BAD, --- or ***. A line that begins with '#' is a "
@@ -116,7 +116,8 @@ def read_table(path: Path) -> Table:
     def is_row(line: str) -> bool:
         """Not a comment, unless its first cell is a number that had no room (####)."""
         is_number = line.startswith("##") and is_full(line)
-        return bool(line) and (is_number or not line.startswith("#"))
+        is_blank = not (line if mark else line.strip())
+        return not is_blank and (is_number or not line.startswith("#"))
 
     top = next(n for n, line in enumerate(lines) if is_full(line) and is_row(line))
     names = _names_in(path, top, lines[top].split(mark))
@@ -198,23 +199,27 @@ def _refuse_numbers_above(path: Path, lines: Iterable[str], count: int) -> None:
 def _refuse_split_numbers(path: Path, rows: Sequence[str]) -> None:
     """Refuse numbers with decimal commas between commas, where each is two whole numbers.
 
-    The second ones have no sign, and as many digits each. Whole heights that look so, too, do so
-    in all columns.
+    The second ones have no sign, but many of the first do, or they have as many digits each. Whole
+    heights that look so, too, do so in all columns.
     """
     cells = [row.split(",") for row in rows[:_SAMPLED]]
     whole = [cell for row in cells for cell in row[::2]]
     parts = [cell for row in cells for cell in row[1::2]]
+    is_pair = (
+        len(parts) >= _FEWEST_SPLIT
+        and len(parts) == len(whole)
+        and all(re.fullmatch(r"\d+", part, re.ASCII) for part in parts)
+        and all(re.fullmatch(r"\s*[-+]?\d+", cell) for cell in whole)
+    )
+    if not is_pair:
+        return
     digits = re.compile(rf"\d{{{len(parts[0])}}}", re.ASCII)
     alike = len([*filter(digits.fullmatch, whole)]) > _ALIKE * len(whole)
     is_padded = any(re.match("0.", part) for part in parts)
     is_padded &= not any(re.match("0.", cell) for cell in whole)
-    if (
-        len(parts) >= _FEWEST_SPLIT
-        and len(parts) == len(whole)
-        and all(map(digits.fullmatch, parts))
-        and all(re.fullmatch(r"\s*[-+]?\d+", cell) for cell in whole)
-        and (is_padded or not alike)
-    ):
+    are_decimals = all(map(digits.fullmatch, parts)) and (is_padded or not alike)
+    is_signed = sum("-" in cell for cell in whole) > _SIGNED * len(whole)
+    if are_decimals or is_signed:
         problem = (
             f"has commas between its cells and in its numbers, as in {rows[0]!r:.40}"
         )
@@ -240,8 +245,10 @@ def numbers_in(path: Path, table: Table) -> np.ndarray:
     """The cells of all rows, NaN where unmeasured."""
     mark, text = table.mark, "\n".join(table.rows)
     if mark != "," and "," in text:  # beside other separators, it is a decimal sign
-        _mind_decimal_commas(path, text)
+        _mind_decimal_commas(path, table, text)
         text = text.replace(",", ".")
+    elif mark != ",":
+        _has_thousands(path, table, text, ".")
     if mark:  # empty cells
         text = re.sub(f"(?<![^{mark}\n]) *(?=[{mark}\n]|\\Z)", "nan", text)
     try:
@@ -253,15 +260,36 @@ def numbers_in(path: Path, table: Table) -> np.ndarray:
         raise InputError(path, problem, remedy) from error
 
 
-def _mind_decimal_commas(path: Path, text: str) -> None:
+def _has_thousands(path: Path, table: Table, text: str, sign: str) -> bool:
+    """Whether each number with this sign has three digits behind it, like thousands.
+
+    Refuse them if their columns also have numbers without the sign, which are below a thousand.
+    """
+    if sign not in text:
+        return False
+    digits = re.compile(rf"[1-9]\d{{0,2}}(?:\{sign}\d{{3}})+", re.ASCII)
+    numbers = (match.group() for match in re.finditer(rf"\d[\d{sign}eE]*", text))
+    if not all(digits.fullmatch(each) for each in numbers if not each.isdecimal()):
+        return False
+    for column in zip(*(row.split(table.mark) for row in table.rows), strict=False):
+        has_sign = {sign in cell for cell in column if any(map(str.isdecimal, cell))}
+        if len(has_sign) > 1:
+            problem = (
+                f"has {sign!r} between thousands: some numbers of a column have it, with three "
+                "digits behind it, and others have none"
+            )
+            raise InputError(path, problem, "Export it again without such marks.")
+    return True
+
+
+def _mind_decimal_commas(path: Path, table: Table, text: str) -> None:
     """Refuse points beside decimal commas, and warn if all commas may separate thousands."""
     if "." in text:
         problem = (
             "has numbers with commas and with points: one of them separates thousands"
         )
         raise InputError(path, problem, _EXPORT)
-    numbers = (match.group() for match in re.finditer(r"[\d,]+", text))
-    if all(re.fullmatch(r"[1-9]\d{0,2},\d{3}", number) for number in numbers):
+    if _has_thousands(path, table, text, ","):
         message = (
             "%s: its commas are read as decimal signs. If they separate thousands, the heights are "
             "wrong. Then export them without"

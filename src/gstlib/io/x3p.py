@@ -7,6 +7,7 @@ reads the first revision of the standard only, and takes seconds to import.
 
 import contextlib
 import datetime
+import itertools
 import re
 import zipfile
 from collections.abc import Callable
@@ -24,6 +25,8 @@ __all__ = ["read_x3p"]
 # Heights of each data type: whole steps, and floating-point numbers.
 _STEPS = {"I": "<i2", "L": "<i4"}
 _NUMBERS = {"F": "<f4", "D": "<f8"}
+# A rotation matrix that differs less from the identity is rounded.
+_UNTURNED = 1e-6
 _EXPORT_AGAIN = (
     "Export the scan again, as a surface with its increments, or as .sur or .plux."
 )
@@ -54,6 +57,7 @@ def read_x3p(path: Path) -> RawMap:
         # for a stack of maps, this fails
         stored = _stored(root, read).reshape(ny, nx)
         is_measured = _mask(root, read, ny * nx).reshape(ny, nx)
+        _refuse_rotation(path, root)
     dx, x = _scale(path, root, "X")
     dy, y = _scale(path, root, "Y")
     step, lowest = _scale(path, root, "Z")
@@ -106,6 +110,17 @@ def _scale(path: Path, root: ElementTree.Element, axis: str) -> tuple[float, flo
         problem = f"the increment of its {axis.lower()} axis is {increment}"
         raise InputError(path, problem, _EXPORT_AGAIN)
     return float(increment), float(root.findtext(f"{where}/Offset") or 0)
+
+
+def _refuse_rotation(path: Path, root: ElementTree.Element) -> None:
+    """Refuse a rotation or reflection of the axes, which no instrument is known to write."""
+    cells = root.findall("Record1/Axes/Rotation/*")
+    stated = {each.tag: float(each.text or 0) for each in cells}
+    for row, column in itertools.product("123", repeat=2):
+        expected = float(row == column)
+        if abs(stated.get(f"r{row}{column}", expected) - expected) > _UNTURNED:
+            problem = "rotates or mirrors its axes (Rotation in its main.xml)"
+            raise InputError(path, problem, "Export it again without a rotation.")
 
 
 def _stored(root: ElementTree.Element, read: Callable[[str], bytes]) -> np.ndarray:

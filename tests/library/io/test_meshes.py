@@ -327,6 +327,7 @@ def test_cut_files_are_refused(write, name):
         ("plain.obj", b"\nf 1 ", b"\n3 1 ", "a line that begins with a number"),
         ("ascii.ply", b"4 0 1", b"4 77 1", "a face refers to a vertex outside its 8"),
         ("ascii.ply", b"40 ", b"4 0 ", "a row that its header does not describe"),
+        ("ascii.ply", b"element vertex 8", b"element vertex", "cannot be read as PLY"),
         ("text.off", b"26 48", b"26 49", "has 74 rows, but states 75"),
         (
             "little.ply",

@@ -3,8 +3,10 @@
 import math
 import zipfile
 
+import h5py
 import numpy as np
 import pytest
+import scipy.io
 from scan_files import FORMATS, refused, write_plu_at, write_sur, write_x3p, zipped
 
 from gstlib.errors import InputError
@@ -42,6 +44,33 @@ def test_a_plu_is_read_back_by_the_library_that_reads_the_instruments_own(
     np.testing.assert_array_equal(stored, (heights * 1e3).astype(np.float32))
     assert topography.physical_sizes == pytest.approx((7 * 0.83, 5 * 1.66))
     assert topography.unit == "µm"
+
+
+@pytest.mark.parametrize("ending", ["npy", "npz", "mat", "h5"])
+def test_an_array_has_the_rows_of_the_map_and_is_the_only_one(
+    tmp_path, heights, ending
+):
+    path = tmp_path / f"a.{ending}"
+    save_arrays(path, heights=heights)
+    scan = read_scan(path, unit="mm", spacing_um=1.0)
+    np.testing.assert_array_equal(scan, heights)
+    if ending != "npy":
+        several = tmp_path / f"b.{ending}"
+        save_arrays(several, x=heights, z=heights)
+        refused(several, "2 arrays", unit="mm", spacing_um=1.0)
+
+
+def save_arrays(path, **arrays):
+    if path.suffix == ".mat":
+        scipy.io.savemat(path, arrays)
+    elif path.suffix == ".npy":
+        np.save(path, *arrays.values())
+    elif path.suffix == ".npz":
+        np.savez(path, **arrays)
+    else:
+        with h5py.File(path, "w") as file:
+            for name, values in arrays.items():
+                file[name] = values
 
 
 # --- x3p ----------------------------------------------------------------------------------------
@@ -128,6 +157,7 @@ def test_x3p_in_steps(tmp_path, heights):
         ([("bindata/data.bin", "bindata/other.bin")], {}),
         ([(HEIGHT_AXIS, HEIGHT_AXIS.replace("1.0", "0"))], {}),
         ([("<FeatureType>SUR", "<FeatureType>PRF")], {}),
+        ([("<Axes>", "<Axes><Rotation><r11>-1</r11></Rotation>")], {}),
     ],
 )
 def test_x3p_that_cannot_be_right_is_refused(tmp_path, heights, changes, members):
@@ -210,10 +240,11 @@ ROWS = "9 8 7 6\n5 -9999 4 3\n2 1 0 1\n"
 
 
 def test_an_esri_grid_begins_with_its_highest_y(tmp_path):
-    (tmp_path / "a.asc").write_text(ESRI.format(cell="0,01", rows=ROWS))
-    scan = read_scan(tmp_path / "a.asc", unit="mm")
-    np.testing.assert_array_equal(scan, [[2, 1, 0, 1], [5, NAN, 4, 3], [9, 8, 7, 6]])
-    assert spacing_of(scan) == pytest.approx((0.01, 0.01))
+    (tmp_path / "a.asc").write_text(ESRI.format(cell="1,5", rows=ROWS))
+    scan = read_scan(tmp_path / "a.asc", unit="um")
+    expected = np.array([[2, 1, 0, 1], [5, NAN, 4, 3], [9, 8, 7, 6]])
+    np.testing.assert_allclose(1e3 * scan.values, expected)
+    assert spacing_of(scan) == pytest.approx((1.5e-3, 1.5e-3))
 
 
 @pytest.mark.parametrize(
@@ -229,6 +260,7 @@ def test_an_esri_grid_begins_with_its_highest_y(tmp_path):
             ESRI.format(cell="0.01", rows=ROWS[:8]),
             "contains 1 rows of 4 .* states 3 of 4",
         ),
+        ("a.asc", ESRI.format(cell="0.002", rows=ROWS), "different units"),
     ],
 )
 def test_a_text_that_is_no_scan_is_refused(tmp_path, name, text, match):

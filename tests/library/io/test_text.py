@@ -79,6 +79,18 @@ def test_a_matrix_in_a_dialect(tmp_path, dialect):
     same(read(tmp_path, DIALECTS[dialect], **CONFIG))
 
 
+def test_coordinates_of_a_smooth_tilted_map_are_no_heights(tmp_path):
+    heights = (PLANE * 9 + HEIGHTS / 100).round(4)
+    numbers = np.vstack([np.r_[0.0, X], np.c_[Y, heights]])
+    same(read(tmp_path, lines_of(numbers), **CONFIG), heights)
+
+
+def test_a_time_of_day_and_an_invisible_line_state_nothing(tmp_path):
+    same(read(tmp_path, f"# Measured 3:20:11 pm\n{PLAIN}", **CONFIG))
+    text = lines_of(points(), " ") + "\t\n\xa0\n"
+    same(read(tmp_path, text, ".xyz", unit="um"))
+
+
 def test_coordinates_give_the_order_and_the_spacing(tmp_path):
     text = lines_of(with_coordinates(X[::-1], 2 * Y[::-1]))
     scan = read(tmp_path, text, unit="um")
@@ -139,6 +151,8 @@ HEADERS = [
     "# Value units: m\n",
     "# Unità dei valori: m\n",
     "heights [nm]\n",
+    "Height nm\n",
+    "Height;nm\n",
     "Height in nanometres\n",
     "dx = 0.5\n",
     "pixel size=1.5e-006 m\n",
@@ -160,6 +174,18 @@ MAPS = {
     "split at commas": (PLAIN.translate(COMMA), "commas between its cells"),
     "thousands": (lines_of(HEIGHTS + 1500, ";", "{:,.4f}"), "thousands"),
     "hashes": (PLAIN.replace(",", ",####,", 1), "damaged"),
+    "split and trimmed": (
+        lines_of(HEIGHTS + 0.0001, cell="{:.7g}").translate(COMMA),
+        "commas between its cells",
+    ),
+    "thousands of nanometres": (
+        lines_of(HEIGHTS * 1e3, "\t", "{:,.0f}"),
+        "between thousands",
+    ),
+    "thousands with points": (
+        lines_of(HEIGHTS * 1e3, ";", "{:,.0f}").replace(",", "."),
+        "between thousands",
+    ),
     "an unknown mark": ("void,void,void,void\n" + "1,2,3,4\n" * 9, "'void' in 3 cells"),
     "other spacing": (
         lines_of(with_coordinates(2 * X, 2 * Y)),
