@@ -68,6 +68,8 @@ _FIELDS = {
 # Ratio of the scatter of the unchanged part to the scatter of repeats beyond which a warning is
 # issued.
 _ODD_SCATTER = 2.0
+# Rounding limits the detection if it alone makes this share of the level of detection.
+_ROUNDED = 0.7
 
 
 def estimate_detection_limit(
@@ -198,8 +200,15 @@ def measured_change(
         minimum_cluster_points=minimum_cluster_points,
         detection=detection,
         shift_errors_mm=tuple(np.nan_to_num(errors_mm)),
+        rounding_mm=_rounding_mm(before, after),
     )
     return registration, change
+
+
+def _rounding_mm(before: xr.Dataset, after: xr.Dataset) -> float:
+    """Standard deviation of a height change from the steps in which both heights were stored."""
+    steps_um = (epoch.attrs.get("height_step_um", 0.0) for epoch in (before, after))
+    return math.hypot(*steps_um) * 1e-3 / math.sqrt(12)
 
 
 def register_patch(
@@ -288,6 +297,15 @@ def _report(
             100 * (after.filled | after.outlier).values.mean(),
             100 * registration.overlap,
         )
+    limit_um = noise.LEVEL_OF_DETECTION * 1e3 * _rounding_mm(before, after)
+    if limit_um > _ROUNDED * change.attrs["level_of_detection_um"]:
+        _log.warning(
+            "patch %s: its heights are stored in steps of up to %.3g µm, so changes below %.2g µm "
+            "cannot be seen. Export the scans with more digits",
+            patch,
+            max(epoch.attrs["height_step_um"] for epoch in (before, after)),
+            limit_um,
+        )
 
 
 def _warn_of_scatter(patch: str, change: xr.Dataset, detection: Detection) -> None:
@@ -312,6 +330,7 @@ def height_change(
     minimum_cluster_points: int = 1,
     detection: Detection | None = None,
     shift_errors_mm: tuple[float, float] = (0.0, 0.0),
+    rounding_mm: float = 0.0,
 ) -> xr.Dataset:
     """Height change from T0 to T1, levelled on the unchanged part.
 
@@ -329,6 +348,8 @@ def height_change(
         is fitted to the unchanged part.
     shift_errors_mm : (float, float)
         Standard errors (y, x) of the registration, mm, which add to the error of repeated scans.
+    rounding_mm : float
+        Smallest standard deviation of the change, mm, because stored heights are rounded.
 
     Returns
     -------
@@ -361,7 +382,8 @@ def height_change(
         datum = np.einsum("i,ijk->jk", plane, planes)
         slopes = noise.squared_slopes(t0)
         left = np.where(inside, difference - datum, np.nan)
-        smallest = float(noise.RESOLUTION * before[inside].std()) ** 2
+        resolution = float(noise.RESOLUTION * before[inside].std())
+        smallest = max(resolution, rounding_mm) ** 2
         cell_mm2 = math.prod(spacing_of(t0))
         source, registered = "repeat", shift_errors_mm
         if detection is None:  # it has the error of the registration in it

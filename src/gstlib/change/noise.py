@@ -39,8 +39,9 @@ __all__ = [
 # side. Reason: It includes the noise of both scans and the residue of the registration.
 LEVEL_OF_DETECTION = 1.96
 # ASSUME: Resolution of stored heights. Differences below single precision, 1e-7 of the variation of
-# heights, are rounding. Reason: Instruments store heights in single precision, and smaller
-# differences would give traces of a scan that is given twice.
+# heights, are rounding. If heights are stored in larger steps, both epochs are off by up to half a
+# step. Reason: Smaller differences would give traces of a scan that is given twice, and equal
+# heights in many points would hide the rounding.
 RESOLUTION = 1e-7
 # Points farther from the plane than this number of standard deviations are left out of the fit.
 _TRIM = 3.0

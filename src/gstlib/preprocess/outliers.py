@@ -24,12 +24,29 @@ from numpy.lib.stride_tricks import sliding_window_view
 from gstlib.surfaces.fitting import MAD_TO_SIGMA
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["median_outliers", "window_outliers"]
+__all__ = ["height_step", "median_outliers", "window_outliers"]
 
 # An r.m.s. below this share of the largest height is rounding of the running sums, not roughness.
 _ROUNDING = 1e-7
 # Deviations below this share of the largest measured height are rounding in double precision.
 _DOUBLE_ROUNDING = 1e-12
+# Heights are stored in visible steps if fewer than this share of the points differ in height.
+_FEW_HEIGHTS = 0.1
+
+
+def height_step(surface: xr.DataArray) -> float:
+    """Step in which the heights (mm) as measured were stored; 0 if it is too small to be seen.
+
+    >>> rough = np.random.default_rng(1).normal(0, 3e-3, (40, 40))
+    >>> rounded = xr.DataArray(rough.round(3), dims=("y", "x"))
+    >>> height_step(rounded), height_step(rounded.copy(data=rough))
+    (0.001, 0.0)
+    """
+    heights = surface.values[np.isfinite(surface.values)]
+    distinct = np.unique(heights)
+    if not 1 < distinct.size <= _FEW_HEIGHTS * heights.size:
+        return 0.0
+    return float(np.median(np.diff(distinct)))
 
 
 def window_outliers(
@@ -108,10 +125,12 @@ def median_outliers(
     unmeasured = np.where(above, np.inf, -np.inf)
     entered = np.where(measured, heights, unmeasured)
     off = np.abs(heights - _medians(_windows(entered, half_width)))
-    # ASSUME: Lower bound of the local scale. S is at least the value of the whole map. Reason:
-    # Otherwise, the small unevenness of a much smoother spot would be marked as outliers.
+    # ASSUME: Lower bound of the local scale. S is at least the value of the whole map, and half of
+    # the step in which heights were stored. Reason: Otherwise, the small unevenness of a much
+    # smoother spot would be marked as outliers, or each height that is one step off.
     scale = max(
         MAD_TO_SIGMA * float(np.median(off[measured])),
+        height_step(surface) / 2,
         _DOUBLE_ROUNDING * float(np.nanmax(np.abs(surface.values))),
     )
     # Because of that bound only these points can be outliers: few enough to gather their windows.

@@ -11,7 +11,7 @@ import xarray as xr
 
 from gstlib.errors import InputError
 from gstlib.io.scans import cut_scan, whole_scan
-from gstlib.preprocess.outliers import median_outliers, window_outliers
+from gstlib.preprocess.outliers import height_step, median_outliers, window_outliers
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 from gstlib.surfaces.spectrum import shortest_trusted
@@ -89,7 +89,8 @@ def prepare_scan(
         rule only), ``tilt_x_mrad``, ``tilt_y_mrad`` (of the plane removed), ``Sq_before_um``
         (r.m.s. of the measured heights about their mean), ``Sq_after_um`` (of the prepared
         heights), ``shortest_trusted_um`` (the shortest wavelength at which they exceed the noise of
-        single points), and the texts of the raw scan.
+        single points), ``height_step_um`` (in which heights were stored, 0 if it is too small to be
+        seen), and the texts of the raw scan.
 
     Raises
     ------
@@ -167,6 +168,7 @@ def prepare_scan(
             "Sq_before_um": MM_TO_UM * float(np.nanstd(raw.values)),
             "Sq_after_um": MM_TO_UM * float(np.std(level.values)),
             "shortest_trusted_um": MM_TO_UM * shortest_trusted(level),
+            "height_step_um": MM_TO_UM * height_step(raw),
         },
     )
 

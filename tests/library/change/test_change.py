@@ -18,6 +18,7 @@ from gstlib.change.change import (
 )
 from gstlib.change.selection import other_heights, registration_table
 from gstlib.macroscale.ensemble import patch_means
+from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.footprints import with_t1
 from gstlib.surfaces.grid import make_surface, spacing_of
 
@@ -48,6 +49,24 @@ def plateau(share, *, noise=0.1e-3):
     datum = 5e-3 + 1e-3 * SPACING * np.indices(t0.shape)[1]
     t1 = t0 - 2e-3 * lost + rng.normal(0, noise, t0.shape) + datum
     return surface(t0), surface(t1), lost
+
+
+@pytest.mark.parametrize("worn", [False, True])
+def test_a_change_below_the_step_of_stored_heights_is_not_seen(worn, caplog):
+    step = 1e-3
+    noise = np.random.default_rng(4).normal(size=(3, 96, 96))
+    stone = 3e-3 * scipy.ndimage.gaussian_filter(8 * noise[0], 2.0)
+    after = np.minimum(stone, np.quantile(stone, 0.8)) if worn else stone
+    t0, t1 = (
+        prepare_scan(surface(step * np.round((heights + 5e-5 * each) / step)))
+        for heights, each in zip((stone, after), noise[1:], strict=True)
+    )
+    change = register_patch(t0, t1, patch="7", **SEARCH)
+    true = 1e3 * np.mean(stone - after)
+    lost = wear_summary(change)["mean_wear_depth_um"]
+    assert lost == pytest.approx(true, rel=0.15, abs=0.002)
+    assert change.attrs["level_of_detection_um"] == pytest.approx(0.8, rel=0.1)
+    assert "steps of up to 1 µm" in caplog.text
 
 
 @pytest.mark.parametrize("share", [0.0, 0.45])

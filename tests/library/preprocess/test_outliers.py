@@ -16,6 +16,14 @@ def rough(seed, size):
     return 1e-2 * gaussian_filter(noise, 2.0)
 
 
+def test_heights_one_step_off_are_no_outliers():
+    heights = rough(3, 60).round(3)
+    outlier, _ = median_outliers(
+        make_surface(heights, 1e-3), half_width=3, threshold=5.0
+    )
+    assert not outlier.any()
+
+
 def windows(heights, r, mode):
     """The points around each point, (points, points of a window)."""
     padded = np.pad(heights, r, mode=mode)
