@@ -461,11 +461,7 @@ def test_the_square_is_proposed_from_the_view_and_its_face_follows(browser, unsc
 
 
 def test_the_progress_is_the_steps_and_the_time_since_the_start(browser, unscanned):
-    lines = [
-        "29 steps to do.",
-        "0:00:28  3 of 29 steps done",
-        "0:01:07  Pressing",
-    ]
+    lines = ["29 steps to do.", "0:00:28  3 of 29 steps done", "0:01:07  Pressing"]
     report = {"running": True, "records": [{"text": line} for line in lines]}
     with opened(browser, unscanned) as (page, _):
         page.evaluate(

@@ -35,6 +35,8 @@ __all__ = [
 
 # The variants of the coupling, and the pressure of a patch that each takes, from `couple_scales`.
 EQUILIBRIUM, PAPER = "equilibrium", "paper"
+# A residual below this is rounding.
+_ROUNDING = 1e-12
 _PRESSURES = {EQUILIBRIUM: "pressure_MPa", PAPER: "square_pressure_MPa"}
 
 
@@ -185,7 +187,8 @@ def microscale_tables(
     """The state of each patch at its pressure, and its load path.
 
     `contacts` are the contacts from `solve_patches` by patch, as stored (`ContactPath.to_dataset`).
-    The residual is rounded up to a power of ten, because its digits differ between processors.
+    The residual is rounded up to a power of ten, at least 1e-12, because its digits differ between
+    processors.
     """
     states, paths = [], []
     for patch, contact in contacts.items():
@@ -199,9 +202,7 @@ def microscale_tables(
                 "target_pressure_MPa": float(contact.target_pressure),
                 **last[["mean_pressure_MPa", "displacement_um", "contact_fraction"]],
                 **last[["stiffness_MPa_per_um", "interface_stiffness_MPa_per_um"]],
-                "residual": 10.0 ** math.ceil(math.log10(residual))
-                if residual > 0
-                else 0.0,
+                "residual": 10.0 ** math.ceil(math.log10(max(residual, _ROUNDING))),
             }
         )
         steps.insert(0, "patch", patch)
