@@ -92,7 +92,7 @@ def allowed(node: dict) -> str:
 
 
 def table(schema: dict) -> str:
-    rows = ["| key | value | default | what it is |", "|---|---|---|---|"]
+    rows = ["| key | value | default | meaning |", "|---|---|---|---|"]
     for name, values, default, description in keys(schema):
         rows.append(
             f"| `{name}` | {values} | {default} | {' '.join(description.split())} |"
@@ -154,7 +154,7 @@ def results() -> Iterator[str]:
         for one in listed:
             only = f" ({one.only})" if one.only else ""
             yield f"### `{one.file}`: {one.title}{only}"
-            rows = ["| column | unit | what it is |", "|---|---|---|"]
+            rows = ["| column | unit | meaning |", "|---|---|---|"]
             for name, column in one.columns.items():
                 key = "**" if name in one.key else ""
                 maybe = " (not always there)" if column.optional else ""

@@ -66,10 +66,11 @@ def test_the_layout_names_what_there_is():
         }
 
 
-# What the terms of the field took the place of. "mats" and "ceilings" stand in no compound, either.
+# What the terms of the field took the place of. "mats" and "ceilings" stand in no compound, either,
+# but .mat is a format.
 PRIVATE = (
     r"rivals?|foretell\w*|foretold|knows? as much|hardest pressed|wanders?|believed|own_area"
-    r"|(active|second|other) stones?|point of force|minded|mats?|ceilings?|yielding|pressure_limit"
+    r"|(active|second|other) stones?|point of force|minded|mats|ceilings?|yielding|pressure_limit"
     r"|hardness_MPa|TipsOver|InvalidContactInput|judge\w*|most_noise|expected_worst|\w+_share"
     r"|loss_per_area_um|loss_depth_um|generated (specimen|stone)s?"
 )
