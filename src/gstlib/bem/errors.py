@@ -89,15 +89,23 @@ def checked_tolerance(tolerance: object) -> float:
     return number
 
 
-def checked_cap(pressure_cap: float, mean_pressure: float) -> float:
-    """A cap on the pressure (MPa), above the mean pressure. Infinite means no cap."""
+def checked_cap(
+    pressure_cap: float, mean_pressure: float, covered: float = 1.0
+) -> float:
+    """A cap on the pressure (MPa), above the mean over the `covered` share of the elements.
+
+    Infinite means no cap.
+    """
     if pressure_cap != math.inf:
         pressure_cap = checked_number(
             "pressure_cap", pressure_cap, "MPa", positive=True
         )
-    if mean_pressure >= pressure_cap:
+    if mean_pressure >= covered * pressure_cap:
+        part = f" over the {100 * covered:.3g} % of the grid with surface"
+        where = part if covered < 1 else ""
         raise ContactInputError(
-            f"mean_pressure {mean_pressure:g} MPa is not below pressure_cap {pressure_cap:g} MPa"
+            f"mean_pressure {mean_pressure:g} MPa is not below pressure_cap {pressure_cap:g} "
+            f"MPa{where}"
         )
     return pressure_cap
 

@@ -31,6 +31,8 @@ _LARGEST_WAVE, _WAVES = 30.0, 600
 _TABLE = np.linspace(0.0, _REACH, 1001)
 # Gauss's nodes along an element: some for a short one, more in proportion to its thicknesses.
 _NODES, _NODES_PER_THICKNESS, _MOST_NODES = 3, 4, 64
+# In thicknesses: on longer elements, so many nodes no longer resolve the layer (1 % at 50).
+_LONGEST_ELEMENT = 40
 
 
 @dataclass(frozen=True)
@@ -147,6 +149,11 @@ class Layer:
 
     def _along(self, count, step):
         """Gauss's nodes and weights in each of `count` elements, in thicknesses."""
+        if step > _LONGEST_ELEMENT * self.thickness:
+            raise ContactInputError(
+                f"a layer of {self.thickness:g} mm is too thin for elements of {step:g} mm: use "
+                f"elements of at most {_LONGEST_ELEMENT * self.thickness:g} mm"
+            )
         step = step / self.thickness
         number = _NODES + math.ceil(_NODES_PER_THICKNESS * step)
         nodes, weights = np.polynomial.legendre.leggauss(min(number, _MOST_NODES))

@@ -251,7 +251,8 @@ class ContactProblem:
                 )
             return LoadControl(displacement, None, pressure_cap)
         mean_pressure = checked_number("mean_pressure", mean_pressure, "MPa")
-        pressure_cap = checked_cap(pressure_cap, mean_pressure)
+        covered = float(np.isfinite(self.relief).mean())
+        pressure_cap = checked_cap(pressure_cap, mean_pressure, covered)
         return LoadControl(None, mean_pressure * self.relief.size, pressure_cap)
 
     def at_rest(self, force, load_point):

@@ -71,8 +71,9 @@ class WearPath:
     highest_pressure : float
         Highest pressure of all elements, bodies and steps (MPa).
     final : ContactState
-        The contact of the worn surface after the last step, of the bare stone unless the third body
-        does all the wear. Its displacement is counted from the highest point of the worn surface.
+        The contact in the last step, of the bare stone unless the third body does all the wear. It
+        is the contact of the surface after the wear of this body in the step. Its displacement is
+        counted from the highest point of the worn surface.
     states : tuple of tuple of ContactState
         For each step the contacts of the bare stone and of the third body, except one whose share
         is 0. It is empty unless requested.
@@ -168,8 +169,9 @@ def wear_path(  # noqa: PLR0913
         raise ContactInputError(
             "mean_pressure must be positive in at least one step (MPa)"
         )
-    highest_mean = max(float(body.pressures.max()) for body in bodies)
-    pressure_cap = checked_cap(pressure_cap, highest_mean)
+    for body in bodies:
+        covered = float(np.isfinite(body.heights).mean())
+        pressure_cap = checked_cap(pressure_cap, float(body.pressures.max()), covered)
     target = checked_number("mean_loss", mean_loss, "mm")
     relief = float(np.ptp(heights[heights > -math.inf]))
     if target > relief:

@@ -97,6 +97,11 @@ class Interface:
         return laid.copy(data=laid.values - self.surroundings)
 
     @property
+    def covered(self) -> float:
+        """Share of the elements where both faces are."""
+        return float(np.isfinite(self.pressed.values).mean())
+
+    @property
     def for_solver(self) -> tuple[np.ndarray, tuple[float, float]]:
         """Heights and spacing for `gstlib.bem`. Heights are −∞ where a face is missing."""
         heights = self.pressed

@@ -222,7 +222,8 @@ def case_table(
             ground[patch] = slip_numbers(slip)
         if pressure_cap is None:
             continue
-        if (mean := float(contact.pressure.mean())) >= pressure_cap:
+        mean = float(contact.pressure.mean())
+        if mean >= pressure_cap * contact.interface.covered:
             _log.warning(
                 "patch %s: its mean pressure is %.4g MPa, so it cannot be solved with "
                 "pressure_cap_MPa of %g MPa. Raise the cap, or set it to null",

@@ -473,7 +473,8 @@ def wear_patch(
     elastic = wear_contact(contact, f"patch {patch}", **options)
     if pressure_cap is None:
         return [elastic.depth]
-    bounded = _bounded(options, ratio, pressure_cap, worn.law)
+    most = _BORNE * pressure_cap * contact.interface.covered
+    bounded = _bounded(options, ratio, pressure_cap, most, worn.law)
     # If no pressure reaches the cap, the contacts are the same as without it.
     is_borne = math.isclose(bounded["mean_loss"], lost, rel_tol=1e-12)
     if is_borne and elastic.highest_pressure < pressure_cap:
@@ -507,9 +508,10 @@ def driven(
     return lost, options
 
 
-def _bounded(options: dict, ratio: float, pressure_cap: float, law: Law) -> dict:
-    """The settings of `driven` with a cap on the pressure, and no more than it allows."""
-    most = _BORNE * pressure_cap
+def _bounded(
+    options: dict, ratio: float, pressure_cap: float, most: float, law: Law
+) -> dict:
+    """The settings of `driven` with a cap on the pressure, at mean pressures of at `most` MPa."""
     share = ratio / (1 + ratio)
     body = options.get("third_body")
     stone = np.minimum(options["mean_pressure"], most)

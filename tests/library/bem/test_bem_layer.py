@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bem_reference import centred
 
-from gstlib.bem import Layer, solve_contact
+from gstlib.bem import ContactInputError, Layer, solve_contact
 
 RIGID = 1e9  # MPa, of what is behind the layer
 
@@ -40,3 +40,9 @@ def test_a_flat_punch_meets_the_published_stiffness(poisson, ratio):
     force = state.pressure.sum() * side**2
     stiffness = force / (2 * equal * layer.modulus * depth)
     assert stiffness == pytest.approx(PUNCH[poisson, ratio], rel=0.01)
+
+
+def test_an_element_too_long_for_the_layer_is_refused():
+    layer = Layer(20.0, 0.3, 1e-3)
+    with pytest.raises(ContactInputError, match="too thin for elements"):
+        solve_contact(np.eye(4), 0.05, RIGID, mean_pressure=1.0, layer=layer)

@@ -120,3 +120,15 @@ def test_a_cap_bounds_what_a_step_takes_off_and_leaves_the_volume():
 def test_bad_input_is_named(wrong, message):
     with pytest.raises(ContactInputError, match=message):
         wear_path(*SURFACE, **(WEAR | wrong))
+
+
+@pytest.mark.parametrize(
+    ("press", "load"),
+    [(wear_path, WEAR), (solve_contact, {"mean_pressure": WEAR["mean_pressure"]})],
+)
+def test_a_cap_bounds_the_mean_over_the_elements_with_surface(press, load):
+    half = HEIGHTS.copy()
+    half[:40] = -np.inf
+    cap = 1.5 * WEAR["mean_pressure"]
+    with pytest.raises(ContactInputError, match="50 % of the grid"):
+        press(half, SPACING, MODULUS, pressure_cap=cap, **load)
