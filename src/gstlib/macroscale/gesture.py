@@ -8,8 +8,9 @@ in Archard's law. Consecutive poses are similar, so each contact starts from the
 """
 
 # ASSUME: Poses as separate contacts. Each pose is a contact in equilibrium under its own force, and
-# the load point moves with the active tool. Between poses, the stones slide by the distance given
-# for the pose. Reason: Archard's law needs only the pressure and the sliding distance of each pose.
+# the load point moves and turns with the active tool. Between poses, the stones slide by the
+# distance given for the pose. Reason: Archard's law needs only the pressure and the sliding
+# distance of each pose.
 # ASSUME: Scatter of the load point. The load point scatters normally about the given one, equally
 # along both axes. The sliding distance does not depend on the load point. Reason: The config gives
 # one scatter for both axes and one sliding distance.
@@ -92,8 +93,10 @@ class Gesture(NamedTuple):
     def case(self, height: xr.DataArray, pose: Any, modulus: float) -> Case:
         """The case that is pressed in a pose, a row of `poses`."""
         place = PatchPosition(pose.y_mm, pose.x_mm, pose.rotation_deg)
-        load_point = self.load_point[0] + pose.y_mm, self.load_point[1] + pose.x_mm
-        load = Load.of_force(pose.force_N, height, load_point)
+        middle = self.size_mm / 2
+        tool = place._replace(y_mm=middle + place.y_mm, x_mm=middle + place.x_mm)
+        at = tool.points(self.load_point[0] - middle, self.load_point[1] - middle)
+        load = Load.of_force(pose.force_N, height, at)
         over = self.counterface
         if self.mesh is not None:
             over = face_in_pose(self.mesh, height, place, size_mm=self.size_mm)
@@ -206,7 +209,6 @@ def press_poses(
     poses = gesture.poses
     means = patch_means(height, patches, size_mm=patch_mm)
     y, x = (height[axis].values - gesture.size_mm / 2 for axis in "yx")
-    from_middle = np.hypot(y[:, None], x)
     cases = (
         gesture.case(height, pose, contact_modulus_MPa) for pose in poses.itertuples()
     )
@@ -225,6 +227,7 @@ def press_poses(
             pressure, displacement = np.zeros(height.shape), np.nan
         else:
             pressure, displacement = contact.pressure.values, contact.displacement
+        from_middle = np.hypot(y[:, None] - pose.y_mm, x - pose.x_mm)
         sliding_mm = np.hypot(
             pose.sliding_mm, np.radians(pose.turning_deg) * from_middle
         )

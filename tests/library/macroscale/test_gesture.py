@@ -1,6 +1,7 @@
 """Many poses of a stone on another: known sums."""
 
 import numpy as np
+import xarray as xr
 from contacts import around, tiles
 from contacts import pressed as press
 
@@ -59,6 +60,28 @@ def test_a_pose_is_a_contact_at_rest_with_the_shifted_face():
     np.testing.assert_allclose(pressure, alone.pressure, rtol=1e-4, atol=1e-3)
 
 
+def test_the_load_point_turns_with_the_tool():
+    """Under half a turn of the tool on a flat, contact and load point turn about the middle."""
+    beside = 0.6 * SIDE, 0.55 * SIDE
+    flat = xr.zeros_like(HEIGHT)
+    tool = rounded_counterface(FACE, 50.0, beside)
+    pose = stroke().iloc[:1].assign(x_mm=0.0)
+    fields = [
+        press_poses(
+            flat,
+            Gesture(flat, tool, SIDE, beside, pose.assign(rotation_deg=angle)),
+            tiles(SIDE),
+            patch_mm=1.0,
+            contact_modulus_MPa=1e4,
+            tolerance=1e-8,
+        ).pressure_sum.values
+        for angle in (0.0, 180.0)
+    ]
+    np.testing.assert_allclose(
+        fields[1], fields[0][::-1, ::-1], atol=0.02 * fields[0].max()
+    )
+
+
 def test_batches_add_up_to_the_whole():
     """Of which one has a pose without weight alone."""
     forces = SIDE**2 * np.array([10.0, 20, 30, 20, 10])
@@ -83,10 +106,10 @@ def test_batches_add_up_to_the_whole():
 
 
 def test_a_turn_slides_farther_out():
-    pose = stroke(x_mm=0.0, sliding_mm=0.1, turning_deg=10.0).iloc[:1]
+    pose = stroke(x_mm=0.3, sliding_mm=0.1, turning_deg=10.0).iloc[:1]
     fields = posed(pose, mesh=None)
     y, x = (fields[axis].values - SIDE / 2 for axis in "yx")
-    slid = np.hypot(0.1, np.radians(10) * np.hypot(y[:, None], x))
+    slid = np.hypot(0.1, np.radians(10) * np.hypot(y[:, None], x - 0.3))
     np.testing.assert_allclose(fields.exposure, fields.pressure_sum * slid, rtol=1e-9)
 
 
