@@ -251,9 +251,10 @@ def _in_another_look(
     problem = _problem(
         "it fits" if len(rows) == 1 else "they fit", orientation, other, fit
     )
-    return _Claim(
-        rows, margin, orientation, problem, remedy_of(orientation, mould, patches)
-    )
+    remedy = remedy_of(orientation, mould, patches)
+    if len(rows) == 1:  # a scan of another place may fit by chance
+        remedy += " If its x_mm and y_mm may be wrong, check these first."
+    return _Claim(rows, margin, orientation, problem, remedy)
 
 
 def _not_there(compared: Comparison, row: int, *, tests: int) -> _Claim:
@@ -294,7 +295,7 @@ def _exchanged(compared: Comparison) -> Iterator[_Claim]:
             f"{names.iloc[row]} at the position of {names.iloc[place[row]]}"
             for row in rows
         )
-        remedy = f"Exchange their x_mm and y_mm, or the names of their scans: {at}."
+        remedy = f"Exchange their x_mm, y_mm and rotation_deg, or the names of their scans: {at}."
         yield _Claim(rows, margin, "", problem, remedy)
 
 

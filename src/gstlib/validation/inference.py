@@ -196,15 +196,16 @@ def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """Covariance of every pair of patches by their distance; 0 for distant pairs."""
     # ASSUME: Classes of distance for covariances. The classes are as wide as the distance of
     # neighbours, up to half of the largest distance; pairs beyond it count as unrelated. Reason:
-    # This is usual for variograms.
-    apart = np.where(np.eye(len(distance), dtype=bool), np.inf, distance)
-    step = float(np.median(apart.min(axis=1)))
+    # This is usual for variograms. Patches at one place are a class of their own, here 0.5.
+    is_self = np.eye(len(distance), dtype=bool)
+    nearest = np.where(distance > 0, distance, np.inf).min(axis=1)
+    step = float(np.median(nearest[np.isfinite(nearest)])) if distance.any() else 1.0
     # Rounded, because on a lattice distances fall on the edges of classes, and the unit must not
     # matter.
     steps = np.round(distance / step, 9)
-    number = np.maximum(np.rint(steps), 1)
-    is_far = number + 0.5 > steps.max() / 2
-    number[is_far | np.isinf(apart)] = 0
+    number = np.where(distance > 0, np.maximum(np.rint(steps), 1), 0.5)
+    is_far = (distance > 0) & (number + 0.5 > steps.max() / 2)
+    number[is_far | is_self] = 0
     centred = values - values.mean()
     products = np.multiply.outer(centred, centred)
     covariance = np.diag(products).mean() * np.eye(len(values))

@@ -89,6 +89,17 @@ def test_smooth_unrelated_fields_are_significant_as_often_as_the_level_says():
     assert abs(np.mean(np.less_equal(spatial, LEVEL)) - LEVEL) < error
 
 
+def test_patches_at_one_place_are_as_alike_as_close_ones():
+    along = np.repeat(np.arange(12.0), 2)
+    rng = np.random.default_rng(0)
+    x, y = np.sin(along / 4) + [[0.05], [0.3]] * rng.standard_normal((2, 24))
+    together, close = (
+        spatial_p_value(x, y, np.stack([along + by, 0 * along], 1), permuted=1e-4)
+        for by in (0.0, 0.01 * (np.arange(24) % 2))
+    )
+    assert together == pytest.approx(close, rel=0.1)
+
+
 def test_the_permutation_test_bounds_the_spatial_p_value():
     x = fields(1.0, seed=4)[0, 0]
     assert spatial_p_value(x, np.exp(x), PLACES, permuted=1e-9) == 1e-9
