@@ -136,7 +136,8 @@ def test_one_patch_in_another_orientation_is_named_with_what_to_set(
     heights = nine(stone, 0.5, rotation_deg=10.0)
     heights[3].values = oriented(heights[3].values, orientation)
     fault = fault_of(square_of(stone), heights, rotation_deg=10.0)
-    assert (fault.patches, fault.remedy) == (("4",), remedy)
+    assert fault.patches == ("4",)
+    assert fault.remedy.startswith(remedy)
     table = place(square_of(stone), heights, rotation_deg=10.0, accept=[f"{FAULT}:4"])
     assert list(table.index[table.status == ELSEWHERE]) == ["4"]
     assert table.status[ALL] == AGREES
@@ -228,4 +229,5 @@ def test_scans_laid_wrongly_are_noticed_and_the_remedy_named(wrong, mould, remed
     heights = [height.copy(data=wrong(height.values)) for height in nine(stone)]
     assert fault_of(square_of(stone), heights, **mould).remedy == remedy
     # one patch is enough
-    assert fault_of(square_of(stone), heights[:1], **mould).remedy == remedy
+    alone = fault_of(square_of(stone), heights[:1], **mould)
+    assert alone.remedy.startswith(remedy)
