@@ -75,3 +75,7 @@ def test_true_values_are_counted_that_lie_within_their_intervals(tmp_path):
     assert truth_met(Results({}), {}) == {}
     del met["load point"]
     assert truth_met(study, {}) == met
+    # without a reference contact
+    (tmp_path / "truth.csv").write_text(HEADINGS + rows[0])
+    del met["pressure"]
+    assert truth_met(study, {}) == met
