@@ -323,6 +323,18 @@ def test_wear_shows_the_counted_patches_and_no_others():
     assert [[4, 3]] in [line.get_xydata().tolist() for line in heights.lines]
 
 
+@pytest.mark.parametrize("after", [True, False])
+def test_texture_is_shown_of_the_epochs_that_have_it(after):
+    rows = [{"patch": "1", "epoch": "T0"} | dict.fromkeys(tables._TEXTURE, 1.0)]
+    if after:
+        rows.append(rows[0] | {"epoch": "T1"} | dict.fromkeys(tables._TEXTURE, 2.0))
+    panels = tables.texture_figure(study_of(texture=pd.DataFrame(rows))).axes
+    for panel in panels:
+        new, old = points_of(panel)
+        assert old == [[0, 1.0]]
+        np.testing.assert_equal(new, [[0, 2.0 if after else np.nan]])
+
+
 def test_the_most_loaded_patches_with_a_t1_are_drawn():
     files = {"patch_pressures": PRESSURES}
     assert InMemory(files, "123", "23", max_plotted_patches=1).compared == ["3"]

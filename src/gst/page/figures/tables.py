@@ -107,8 +107,8 @@ def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
 
 def texture_figure(study: Results) -> Figure:
     """Six texture parameters of every patch at T0 and T1."""
-    epochs = study.table("texture").set_index("patch").groupby("epoch")
-    before, after = epochs.get_group("T0"), epochs.get_group("T1")
+    table = study.table("texture").set_index("patch")
+    before, after = (table[table.epoch == epoch] for epoch in ("T0", "T1"))
     after, places = after.reindex(before.index), np.arange(len(before))
     figure, axes = style.panels(len(_TEXTURE), 2, 0.6)
     for panel, (column, title) in zip(axes, _TEXTURE.items(), strict=True):
