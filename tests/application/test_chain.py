@@ -19,6 +19,7 @@ from gst.run.chain import (
     given_to,
     hashes_of,
     made_in,
+    other_files,
     plan_again,
     record_of,
     versions_of,
@@ -204,6 +205,17 @@ def test_a_result_is_whole_without_the_measured_files(study):
     SCAN.rename("away")
     assert break_in(results) is None
     assert certified_inputs(results, page.params["steps"], [SCAN]).keys() == {str(SCAN)}
+
+
+def test_a_file_that_came_or_went_is_seen(study):
+    """As a scan does that is named after its patch, and not in the table."""
+    results, (*_, page) = study
+    run(results, [page._replace(inputs=[*page.inputs, SCAN])])
+    assert other_files(results, [str(SCAN)]) is None
+    new = "the page was made without scans/2.plu, which the study reads now"
+    assert other_files(results, [str(SCAN), "scans/2.plu"]) == new
+    gone = "the page was made with scans/1.plu, which the study no longer reads"
+    assert other_files(results, []) == gone
 
 
 def test_a_page_is_that_of_its_files_and_of_its_config(study):

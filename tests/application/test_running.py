@@ -132,7 +132,8 @@ def test_one_run_at_a_time_writes_into_a_folder(folder):
 
 def test_the_page_is_named_from_where_the_user_stands(folder, monkeypatch, capsys):
     monkeypatch.setattr(running, "_snakemake", lambda *_, **__: 0)
-    monkeypatch.setattr(running, "break_in", lambda *_: None)
+    for each in ("break_in", "other_files"):
+        monkeypatch.setattr(running, each, lambda *_: None)
     (folder / "mine.yaml").rename(folder / "study.yaml")
     for start, page in ((folder, "results"), (folder.parent, f"{folder.name}/results")):
         monkeypatch.chdir(start)

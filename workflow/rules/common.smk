@@ -9,7 +9,7 @@ from gst import ROOT
 from gst.run.batches import share_out
 from gst.run.chain import AGAIN, hashes_of
 from gst.config.reading import asked_of_files, complete, read_config_file, read_study
-from gst.config.contradictions import check_files, counterface_mesh, improbable
+from gst.config.contradictions import check_files, counterface_mesh, files_read, improbable
 from gst.run.owned import claim, move_aside, refuse_foreign, written_by
 from gst.config.patches import scan_files
 from gst.config.poses import batches_of, poses_of, reach_of

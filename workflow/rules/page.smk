@@ -209,12 +209,7 @@ rule write_page:
         curves=CURVES,
         by_patch=rules.draw_validation.output.patch_png if WORN_PATCHES else [],
         strips=rules.draw_validation.output.strip_jpg if WORN_PATCHES else [],
-        made_from=[*filter(None, [config["patches"], config["published"]])]
-        + [
-            (config["counterface"] or {}).get("mesh", []),
-            (config["gesture"] or {}).get("table", []),
-        ]
-        + ([COUNTERFACE_SCAN] if GENERATED else [MESH, *SCANS]),
+        made_from=files_read(config, PATCHES),
     output:
         page=f"{RESULTS}/index.html",
         record=f"{RESULTS}/provenance.json",

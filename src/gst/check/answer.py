@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from gst.check.inputs import Inputs
-from gst.config.contradictions import counterface_mesh
-from gst.run.chain import break_in
+from gst.config.contradictions import counterface_mesh, files_read
+from gst.run.chain import break_in, other_files
 from gstlib.conditions import load_force, resolved_load_point, study_modulus
 from gstlib.io.meshes import steps_of
 from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
@@ -29,7 +29,9 @@ def summary(
     state = "not there yet"
     if results.is_dir():
         state = (
-            break_in(results, config) or "finished, with this config and these files"
+            break_in(results, config)
+            or other_files(results, files_read(config, patches))
+            or "finished, with this config and these files"
         )
     radii_mm = np.ravel((config["counterface"] or {}).get("radius_mm") or ())
     other = f"a stone of {' and '.join(f'{radius:g}' for radius in radii_mm)} mm radius"

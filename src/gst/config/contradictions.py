@@ -114,6 +114,25 @@ def thinner_than_a_point(
         )
 
 
+def files_read(config: Mapping, patches: pd.DataFrame) -> list[str]:
+    """Every file of the user that a study reads: tables, meshes and scans.
+
+    `config` is whole; `patches` is its patch table.
+    """
+    inputs, gesture = config["inputs"] or {}, config["gesture"] or {}
+    files: list[str | Path | None] = [
+        config["patches"],
+        config["published"],
+        gesture.get("table"),
+        inputs.get("mesh"),
+        *_of_active_tool(config).values(),
+    ]
+    if inputs:
+        scans = scan_files(patches, inputs["scan_folder"] or "", None)
+        files += [scan.path for scan in scans]
+    return sorted({str(Path(file)) for file in files if file is not None})
+
+
 def check_files(config: Mapping, patches: pd.DataFrame, source: str) -> None:
     """Raise a `ConfigError` that lists measured files that are missing, or of unusable names.
 

@@ -188,7 +188,7 @@ def scan_files(
 ) -> list[ScanFile]:
     """Every scan in `folder` that the table of `read_patches` names, and the counterface's."""
     scans = []
-    for row in patches.itertuples():
+    for row in patches[patches.t0 != ""].itertuples():
         crop = None if math.isnan(row.crop_x_mm) else (row.crop_y_mm, row.crop_x_mm)
         place = PatchPosition(row.y_mm, row.x_mm, row.rotation_deg)
         for column, epoch in EPOCHS.items():

@@ -187,6 +187,20 @@ def break_in(results: Path, config: Mapping[str, Any] | None = None) -> str | No
     return next(_breaks(results, steps, places_of(config), accepted), None)
 
 
+def other_files(results: Path, files: Iterable[str]) -> str | None:
+    """A file that came or went since the page was made, in a sentence; None if there is none.
+
+    `files` are the user's, as the study would read them now: a name in the patch table may fit
+    others than before.
+    """
+    before, now = set(_part_of(results, PAGE, "files")), set(files)
+    for file in sorted(before ^ now):
+        if file in now:
+            return f"the page was made without {file}, which the study reads now"
+        return f"the page was made with {file}, which the study no longer reads"
+    return None
+
+
 def check_chain(results: Path) -> None:
     """Raise an `InputError` if results are no finished study, or their chain is broken."""
     check_links(results)

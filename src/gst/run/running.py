@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gst import ROOT
-from gst.config.reading import read_config, refuse_study
+from gst.config.contradictions import files_read
+from gst.config.reading import read_config, read_study, refuse_study
 from gst.config.strict_yaml import read_yaml
-from gst.run.chain import break_in, check_links
+from gst.run.chain import break_in, check_links, other_files
 from gst.run.logs import PLAN
 from gst.run.owned import RESULTS, locked, refuse_links
 from gst.run.provenance import refuse_other_study
@@ -99,7 +100,12 @@ def run_study(
     if code or plan:
         return code
     # the options asked for less, or the config was edited meanwhile
-    if broken := break_in(results, read_config(config)):
+    read = read_config(config)
+    broken = break_in(results, read)
+    broken = broken or other_files(
+        results, files_read(read, read_study(read, str(config)))
+    )
+    if broken:
         print(f"The study is not finished: {broken}.")
         return 0
     page = os.path.relpath(results / "index.html", here or Path())

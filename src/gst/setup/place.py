@@ -35,9 +35,10 @@ import psutil
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
 
-from gst.config.reading import read_unfinished
+from gst.config.contradictions import files_read
+from gst.config.reading import read_study, read_unfinished
 from gst.page.viewer import shipped, three_js
-from gst.run.chain import break_in
+from gst.run.chain import break_in, other_files
 from gst.setup.place_scans import find_places, has_stage, picture_of
 from gst.setup.place_state import (
     SENT_ANSWERS,
@@ -341,6 +342,12 @@ class PlaceServer(ThreadingHTTPServer):
         if not (folder / "index.html").is_file():
             return {"page": None, "problem": "the study has not finished yet"}
         broken = break_in(folder, config)
+        if broken is None:
+            try:
+                patches = read_study(config, str(self.config))
+                broken = other_files(folder, files_read(config, patches))
+            except GstError as error:  # several files fit a name now
+                broken = str(error)
         return {"page": "results/index.html", "problem": broken}
 
     def result_file(self, name: str) -> Path:
