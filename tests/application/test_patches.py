@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from zipfile import ZipFile
 
 import numpy as np
 import openpyxl
@@ -95,6 +96,26 @@ def test_tables_as_spreadsheets_write_them(table, tmp_path):
     refused(workbook, "line 5 (patch 5)")
     workbook.write_bytes(b"PK")
     refused(workbook, "save it as CSV")
+
+
+@pytest.mark.parametrize("stored", ["", "5_T1.plu"])
+def test_a_formula_stands_for_its_stored_value(tmp_path, stored):
+    """An empty text is one, too; a formula that was never computed has none."""
+    path, never = tmp_path / "p.xlsx", tmp_path / "never.xlsx"
+    book = openpyxl.Workbook()
+    book.active.append(["patch", "x_mm", "y_mm", "t0", "t1"])
+    book.active.append(["5", 4.5, 0.5, "5_T0.plu", '=IF(1, "", "")'])
+    book.save(never)
+    refused(never, "never.xlsx, cell E2: its formula has no stored value")
+    with ZipFile(never) as old, ZipFile(path, "w") as new:
+        for name in old.namelist():
+            text = old.read(name).decode()
+            if name.endswith("sheet1.xml"):  # as a spreadsheet program writes it
+                value = f"</f><v>{stored}</v>"
+                text = re.sub(r"</f><v ?/>|</f><v></v>", value, text)
+                text = text.replace('r="E2"', 'r="E2" t="str"')
+            new.writestr(name, text)
+    assert read(path).t1.tolist() == [stored]
 
 
 def test_a_repeat_is_a_scan_of_the_same_piece(table, tmp_path):

@@ -284,18 +284,9 @@ def _sheet(path: Path) -> list[tuple[int, list[str]]]:
 
     Rows without cells are left out, and so are empty cells behind those of the widest row.
     """
-    import openpyxl
-
     try:
-        book = openpyxl.load_workbook(
-            plain_zip(path), read_only=True, data_only=True, keep_links=False
-        )
-        sheet = book.worksheets[0]
-        sheet.reset_dimensions()  # which may be stated wrongly
-        rows = sheet.iter_rows(max_row=_LAST_ROW, values_only=True)
-        lines = [*_filled(enumerate(rows, 1))]
-        book.close()
-    except MemoryError:
+        lines = [*_filled(enumerate(_computed(path), 1))]
+    except (MemoryError, ConfigError):
         raise
     except Exception as error:  # openpyxl raises whatever its parsers raise
         reason = f"{type(error).__name__}: {error}"
@@ -308,6 +299,38 @@ def _sheet(path: Path) -> list[tuple[int, list[str]]]:
         raise ConfigError(path, problem, remedy) from error
     width = max((len(cells) for _, cells in lines), default=0)
     return [(n, cells + [""] * (width - len(cells))) for n, cells in lines]
+
+
+def _computed(path: Path) -> Iterator[list[Any]]:
+    """The values of each row of a workbook's first sheet, as its last program computed them.
+
+    Raises a `ConfigError` if that program wrote a formula and computed nothing: the cell is not
+    empty to who opens the workbook.
+    """
+    rows = (_first_sheet(path, data_only=data_only) for data_only in (True, False))
+    for values, formulas in zip(*rows, strict=True):
+        for cell, formula in zip(values, formulas, strict=True):
+            is_empty = cell.value is None and formula.value is not None
+            if is_empty and cell.data_type == "n":  # that of an empty text is another
+                raise ConfigError(
+                    f"{path}, cell {cell.coordinate}",
+                    "its formula has no stored value",
+                    "Open the workbook in a spreadsheet program, and save it there.",
+                )
+        yield [cell.value for cell in values]
+
+
+def _first_sheet(path: Path, *, data_only: bool) -> Iterator[Sequence[Any]]:
+    """The cells of each row of a workbook's first sheet, with values or with formulas."""
+    import openpyxl
+
+    book = openpyxl.load_workbook(
+        plain_zip(path), read_only=True, data_only=data_only, keep_links=False
+    )
+    sheet = book.worksheets[0]
+    sheet.reset_dimensions()  # which may be stated wrongly
+    yield from sheet.iter_rows(max_row=_LAST_ROW)
+    book.close()
 
 
 def _filled(

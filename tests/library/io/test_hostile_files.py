@@ -240,7 +240,7 @@ def workbook(path, cells):
 
 def test_a_damaged_workbook_is_read_or_refused_in_a_sentence(tmp_path):
     path = tmp_path / "a.xlsx"
-    workbook(path, [("E3", "=1+1"), ("E4", "#N/A")])
+    workbook(path, [("E4", "#N/A")])
 
     @settings(max_examples=40, derandomize=True, database=None, deadline=None)
     @given(damaged(path.read_bytes()))
