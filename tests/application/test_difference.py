@@ -7,13 +7,17 @@ import pytest
 from click.testing import CliRunner
 
 from gst.cli import main
+from gst.run.chain import PAGE, Step, given_to, write_record
 from gst.share.difference import compare_results, describe_changes
 
 TABLES = {
     "patch_pressures.csv": "patch,pressure_MPa,in_study\n5,47.104,yes\n8,40.2,yes\n10,0,no\n",
     "microscale_paths.csv": "patch,step,stiffness\n5,1,100.5\n5,2,200\n8,1,90\n",
 }
-PROVENANCE = {"config": {"pressure_cap_MPa": 2000.0}, "software": {"gstlib": "0.1.0"}}
+PROVENANCE = {
+    "config": {"pressure_cap_MPa": 2000.0, "use": None},
+    "software": {"gstlib": "0.1.0"},
+}
 
 
 @pytest.fixture
@@ -105,6 +109,18 @@ def test_rows_are_told_apart_by_the_key_of_the_schema(folders, name, rows):
         text = f"patch,model,mcc\n5,archard,{value}\n5,none,{value}\n"
         (folder / "tables" / name).write_text(text)
     assert compare_results(*folders).row.tolist() == rows
+
+
+def test_a_table_that_another_config_left_is_not_compared(folders):
+    for folder in folders:
+        page = folder / "index.html"
+        shown = [folder / "tables" / name for name in TABLES]
+        step = Step(PAGE, {"steps": {}}, shown, [page])
+        (folder / "logs").mkdir()
+        page.touch()
+        write_record(folder, step, given_to(folder, step), {})
+    (folders[0] / "tables/use.csv").write_text("parameter,prior\nradius,200\n")
+    assert compare_results(*folders).empty
 
 
 def test_command_and_its_exit_codes(folders, tmp_path):

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from gst.config.tables import TABLES
+from gst.run.chain import shown_in
 from gst.run.received import AnyObject, read_json, regular_file
 from gstlib.errors import InputError
 from gstlib.io.files import check_size
@@ -73,8 +74,13 @@ def describe_changes(changes: pd.DataFrame, at_most: int = 20) -> str:
 
 
 def _cells_of(folder: Path) -> _Cells:
-    """Every cell of the tables of results, and every value of their `provenance.json`."""
+    """Every cell of the study's tables, and every value of its `provenance.json`.
+
+    A folder without the record of a page has the tables that are there.
+    """
     files = sorted((folder / "tables").glob("*.csv"))
+    if shown := shown_in(folder):  # other configs may have left others
+        files = [file for file in files if file in shown]
     if not files:
         raise InputError(
             folder, "has no tables/*.csv", "Name the results folder of a study."
@@ -94,7 +100,7 @@ def _cells_of(folder: Path) -> _Cells:
         ) from error
     record = folder / "provenance.json"
     if os.path.lexists(record):
-        flat = pd.json_normalize(read_json(record, folder, AnyObject)).astype(str).T
+        flat = pd.json_normalize(read_json(record, folder, AnyObject)).map(str).T
         table = flat.rename_axis("key").set_axis(["value"], axis=1).reset_index()
         cells |= _cells(_PROVENANCE, table)
     return cells
