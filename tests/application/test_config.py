@@ -275,6 +275,8 @@ BAD_TABLES = {
     "bad.csv": "patch,x_mm,y_mm,t0\n1,9,1,a\n",
     "poses.csv": "x_mm,y_mm\n1,1\n",
     "values.csv": "quantity,patch,unit,value\nload,,MPa,22\n",
+    "named.csv": "quantity,patch,value\npatch pressure,77,8\nmean pressure,7,8\n",
+    "nm.csv": "quantity,patch,unit,value\nmean pressure,,,8\ndisplacement,,MPa,22\n",
 }
 
 
@@ -289,6 +291,9 @@ BAD_TABLES = {
         ({"patches": "bad.csv"}, "bad.csv: 1 problem in this table"),
         ({"gesture": {"table": "poses.csv"}}, "poses.csv: missing columns"),
         ({"published": "values.csv"}, "line 2: quantity is 'load'"),
+        ({"published": "named.csv"}, "line 2 (patch 77): the patch table has no"),
+        ({"published": "named.csv"}, "line 3 (patch 7): patch is '7': leave it"),
+        ({"published": "nm.csv"}, "1 problem in this table\n  - line 3: unit is 'MPa'"),
         ({"specimen": None, "inputs": INPUTS}, "a does not exist (did you mean ab?)"),
         (
             {"specimen": None, "inputs": INPUTS | {"mesh": "{1}"}},

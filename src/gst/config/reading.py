@@ -22,10 +22,11 @@ from pydantic import ValidationError as SettingsError
 from gst.config.contradictions import check_files, file_problems, improbable
 from gst.config.patches import no_patches, read_patches
 from gst.config.poses import poses_of
+from gst.config.published import read_published
 from gst.config.renamed import COUPLINGS, KEYS
 from gst.config.strict_yaml import read_yaml
 from gst.config.todo import is_to_do, sentence
-from gst.config.user_tables import cells_to_do, read_rows
+from gst.config.user_tables import cells_to_do
 from gstlib.conditions import rounded_form
 from gstlib.errors import ConfigError, InputsError
 from gstlib.settings import Settings, json_schema
@@ -94,8 +95,6 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
     or with a table; or the faults of both that the config does not accept.
     """
     refuse_config(config_problems(config), source)
-    if config["published"] is not None:
-        read_rows(config["published"], "published").refuse()
     patches = no_patches()
     if config["patches"] is not None:
         patches = read_patches(
@@ -104,6 +103,8 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
             patch_size_mm=config["scans"]["size_mm"],
             scan_folder=(config["inputs"] or {}).get("scan_folder"),
         )
+    if config["published"] is not None:
+        read_published(config["published"], [*patches.patch])
     refuse_config(_accepted_patches(config, [*patches.patch]), source)
     faults = improbable(config, patches)
     if stopping := [each for each in faults if not each.is_accepted(config["accept"])]:
