@@ -8,6 +8,7 @@ The commands have these exit codes. Once `study` has started Snakemake, it retur
 """
 
 import io
+import itertools
 import logging
 import os
 import shlex
@@ -39,11 +40,8 @@ _SPACING = click.option(
     type=_POSITIVE,
     help="Point spacing of text files that do not contain it, µm.",
 )
-_OUTPUT = click.option(
-    "--output",
-    type=_PATH,
-    help="Output file, by default here and named after its source.",
-)
+# of `gst.page.figures.style.save_figure`
+_ENDINGS = ".png", ".svg", ".pdf"
 _RESULTS = click.argument("results", type=_PATH)
 
 
@@ -65,6 +63,29 @@ def _in_its_folder(
         context.meta[_HERE] = Path.cwd()
         os.chdir(folder)
     return Path("study.yaml")
+
+
+def _drawable(
+    _context: click.Context, _parameter: click.Parameter, picture: Path | None
+) -> Path | None:
+    """The name of a picture; its ending is checked before anything is computed."""
+    if picture is not None and picture.suffix.lower() not in _ENDINGS:
+        raise click.BadParameter("end the name in .png, .svg or .pdf")
+    return picture
+
+
+_PICTURE = click.option(
+    "--output",
+    type=_PATH,
+    callback=_drawable,
+    help="Picture (PNG, SVG or PDF), by default a new one here, named after its source.",
+)
+
+
+def _new_file(path: Path) -> Path:
+    """The path, with a number if there is such a file already."""
+    numbered = (path.with_stem(f"{path.stem}_{n}") for n in itertools.count(2))
+    return next(file for file in itertools.chain([path], numbered) if not file.exists())
 
 
 _CONFIG = click.argument(
@@ -238,7 +259,7 @@ def inspect(files, unit, spacing_um, pictures) -> None:
 @click.option("--periodic", is_flag=True, help="Repeat the surface periodically.")
 @_UNIT
 @_SPACING
-@_OUTPUT
+@_PICTURE
 def press(scan, output, **options) -> None:
     """Press one SCAN on a flat, and draw curve and maps."""
     from gst.page.figures.inspected import pressed_figure
@@ -250,7 +271,7 @@ def press(scan, output, **options) -> None:
     click.echo(curve.to_string(index=False, float_format="{:.5g}".format))
     summary = describe_press(prepared, contact.final, options["modulus"])
     click.echo(f"\n{summary}")
-    picture = output or Path(f"{scan.name}.png")
+    picture = output or _new_file(Path(f"{scan.name}.png"))
     save_figure(pressed_figure(prepared["height"], contact, scan.name), picture)
     table = picture.with_name(f"{picture.stem}_curve.csv")
     write_whole(table, curve.to_csv(index=False, float_format="%.5g").encode())
@@ -268,7 +289,7 @@ def press(scan, output, **options) -> None:
 )
 @_UNIT
 @_SPACING
-@_OUTPUT
+@_PICTURE
 def change(t0, t1, repeat, output, **options) -> None:
     """Measure the loss between two scans T0 and T1; draw it."""
     from gst.page.figures.inspected import changed_figure
@@ -278,7 +299,7 @@ def change(t0, t1, repeat, output, **options) -> None:
     height, changed = compare_scans(t0, t1, repeat, **options)
     for line in describe_change(changed):
         click.echo(line)
-    picture = output or Path(f"{t1.stem}_change.png")
+    picture = output or _new_file(Path(f"{t1.stem}_change.png"))
     save_figure(changed_figure(height, changed, (t0.name, t1.name)), picture)
     click.echo(f"picture     {picture}")
 
@@ -318,7 +339,9 @@ def export(results, to) -> None:
 
 @main.command()
 @_RESULTS
-@_OUTPUT
+@click.option(
+    "--output", type=_PATH, help="Zip file, by default here, named after RESULTS."
+)
 @click.option(
     "--author", "authors", multiple=True, help="Author of the study (repeatable)."
 )

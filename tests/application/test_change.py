@@ -56,6 +56,18 @@ def test_the_loss_of_two_scans(folder, repeat, source):
     assert (folder / "change.png").stat().st_size > 1000
 
 
+def test_a_picture_replaces_no_other_and_its_ending_is_known(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    (folder / "T1_change.png").write_text("mine")
+    result = CliRunner().invoke(main, ["change", "T0.plu", "T1.plu"])
+    assert result.output.splitlines()[-1].split() == ["picture", "T1_change_2.png"]
+    assert (folder / "T1_change.png").read_text() == "mine"
+    for command in ("change T0.plu T1.plu", "press T0.plu --pressure 5"):
+        result = CliRunner().invoke(main, [*command.split(), "--output", "a.txt"])
+        assert (result.exit_code, result.stdout) == (2, "")
+        assert "'--output': end the name in .png, .svg or .pdf" in result.stderr
+
+
 def test_moulds_are_turned_over(folder):
     """Scans of moulds that are taken for the stone's show a gain, which is doubted."""
     assert "--mould" in run(folder, "T1.plu", "T0.plu").output

@@ -99,7 +99,7 @@ def save_figure(
     }
     for path in (png, vector):
         if path is not None:
-            content, kind = io.BytesIO(), path.suffix[1:]
+            content, kind = io.BytesIO(), path.suffix[1:].lower()
             figure.savefig(content, format=kind, **options[kind])
             write_whole(path, content.getvalue())
 
