@@ -261,3 +261,13 @@ def test_a_folder_is_inspected_as_far_as_it_can_be_read(folder):
         assert name in result.stdout
         pixels = np.asarray(Image.open(folder / f"seen/{name}.png").convert("L"))
         assert 0.05 < (pixels < 250).mean() < 0.95
+
+
+def test_files_of_one_name_have_pictures_of_their_own(tmp_path):
+    for epoch in ("T0", "T1"):
+        (tmp_path / epoch).mkdir()
+        write_plu(tmp_path / epoch / "5.plu", noise(3), 2e-3)
+    result = inspect("--pictures", tmp_path / "seen", tmp_path / "T0", tmp_path / "T1")
+    assert result.exit_code == 0
+    names = {file.name for file in (tmp_path / "seen").iterdir()}
+    assert names == {"5.plu.png", "T1_5.plu.png"}

@@ -31,6 +31,7 @@ def describe_files(
     `pictures` is the folder for a picture of each; the others are as in `inspect_file`.
     """
     all_read = True
+    names: set[str] = set()
     for file in (file for path in paths for file in _files_in(path)):
         try:
             facts, content = inspect_file(file, unit=unit, spacing_um=spacing_um)
@@ -38,7 +39,7 @@ def describe_files(
                 from gst.page.figures.inspected import inspected_figure
                 from gst.page.figures.style import save_figure
 
-                facts["picture"] = pictures / f"{file.name}.png"
+                facts["picture"] = pictures / f"{_new_name(file, names)}.png"
                 save_figure(inspected_figure(content, file.name), facts["picture"])
         except GstError as error:
             all_read = False
@@ -51,6 +52,17 @@ def describe_files(
             print(f"  {name.ljust(width)}  {shown}")
         print()
     return all_read
+
+
+def _new_name(file: Path, names: set[str]) -> str:
+    """The name of a file, after those of its folders where `names` has it; added to `names`."""
+    name = file.name
+    for folder in file.absolute().parents:
+        if name not in names:
+            break
+        name = f"{folder.name}_{name}"
+    names.add(name)
+    return name
 
 
 def _files_in(path: Path) -> Iterator[Path]:
