@@ -54,7 +54,7 @@ def _in_its_folder(
     if config not in (folder, study) or not study.is_file():
         return config
     # paths in config/study.yaml of a package start from the folder around config
-    if config == study and not study.read_text("utf-8", "replace").startswith(
+    if config == study and not study.read_text("utf-8-sig", "replace").startswith(
         _MADE_BY_NEW
     ):
         return config

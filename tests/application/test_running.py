@@ -7,6 +7,7 @@ import socket
 import subprocess
 import threading
 from contextlib import nullcontext
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -140,6 +141,20 @@ def test_the_page_is_named_from_where_the_user_stands(folder, monkeypatch, capsy
         with pytest.raises(SystemExit, match="0"):
             main(["study", str(folder)])
         assert f"Open {page}/index.html in" in capsys.readouterr().out
+
+
+def test_a_profile_is_named_from_where_the_user_stands(folder, monkeypatch):
+    """The study is in a folder that `gst new` made; an editor has marked its encoding."""
+    ran = []
+    monkeypatch.setattr(running, "_snakemake", lambda *words, **_: ran.append(words))
+    study, here = folder / "study.yaml", folder / "home"
+    study.write_text("\ufeff# Made by `gst new`\ntitle: mine\n")
+    shutil.copytree(gst.ROOT / "profiles/default", here / "profiles/mine")
+    monkeypatch.chdir(here)
+    with pytest.raises(SystemExit):
+        main(["study", "../study.yaml", "--plan", "--profile", "./profiles/mine"])
+    assert here / "profiles/mine" in ran[0]
+    assert Path.cwd() == folder
 
 
 @pytest.mark.parametrize("name", [".snakemake", ".snakemake/log"])

@@ -55,9 +55,9 @@ def run_study(
     """Run a study in the working folder, print the path of the page, return Snakemake's code.
 
     `cores`, `profile` and `plan` are as on the command line; `options` are further ones of
-    Snakemake; what is to be opened is named from `here`, by default the working folder. Raises an
-    `InputError` if the config cannot be used; there is no such profile, or no Slurm for it; an
-    option is refused; Snakemake is not installed; a run is, or may be, active in
+    Snakemake; a profile, and what is to be opened, are named from `here`, by default the working
+    folder. Raises an `InputError` if the config cannot be used; there is no such profile, or no
+    Slurm for it; an option is refused; Snakemake is not installed; a run is, or may be, active in
     this folder.
     """
     read = read_config(config)
@@ -71,7 +71,8 @@ def run_study(
         raise InputError(
             "gst study", problem, "Install it: pip install 'gstlib[workflow]'"
         )
-    folder = Path(profile) if os.sep in profile else ROOT / "profiles" / profile
+    shipped = ROOT / "profiles" / profile
+    folder = (here or Path()) / profile if os.sep in profile else shipped
     if not folder.is_dir():
         remedy = "Name default, slurm, or your own folder by its path, such as ./profiles/mine."
         raise InputError("--profile", f"there is no folder {folder}", remedy)
