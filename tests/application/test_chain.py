@@ -209,13 +209,21 @@ def test_a_result_is_whole_without_the_measured_files(study):
 
 def test_a_file_that_came_or_went_is_seen(study):
     """As a scan does that is named after its patch, and not in the table."""
-    results, (*_, page) = study
+    results, (*steps, page) = study
     run(results, [page._replace(inputs=[*page.inputs, SCAN])])
     assert other_files(results, [str(SCAN)]) is None
     new = "the page was made without scans/2.plu, which the study reads now"
     assert other_files(results, [str(SCAN), "scans/2.plu"]) == new
     gone = "the page was made with scans/1.plu, which the study no longer reads"
     assert other_files(results, []) == gone
+    first, *_ = steps
+    Path("scans/2.plu").write_text("heights")
+    for files, why in (
+        ([SCAN, Path("scans/2.plu")], "scans/2.plu is new"),
+        ([], "scans/1.plu is no longer read"),
+    ):
+        again = plan_again([first._replace(inputs=files)], results)
+        assert again == {"results/1.h5": why}
 
 
 def test_a_page_is_that_of_its_files_and_of_its_config(study):

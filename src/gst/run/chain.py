@@ -145,14 +145,22 @@ def _difference(
     now = given_to(contents.results, step, contents)
     for part in ("files", "inputs"):
         if name := _changed(record[part], now[part]):
-            is_missing = now[part].get(name) == ""
-            return f"{name} is missing" if is_missing else f"{name} has changed"
+            return _changed_file(name, record[part], now[part])
     if name := _changed(record["params"], now["params"]):
         values = (each["params"].get(name) for each in (record, now))
         return _changed_param(name, *values)
     if name := _changed(record["outputs"], contents.digests(step.outputs)):
         return f"{name} is not as it was made"
     return _judged_otherwise(record, accepted)
+
+
+def _changed_file(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """In words, that a file that a step reads has changed, came or went."""
+    if name not in now:
+        return f"{name} is no longer read"
+    if now[name] == "":
+        return f"{name} is missing"
+    return f"{name} has changed" if name in before else f"{name} is new"
 
 
 def _changed_param(name: str, *values: Any) -> str:
