@@ -5,6 +5,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import threading
 from contextlib import nullcontext
 from pathlib import Path
@@ -15,7 +16,8 @@ import pytest
 import gst
 from gst.cli import main
 from gst.run import running
-from gst.run.owned import LOCK, RESULTS, locked
+from gst.run.logs import PLAN
+from gst.run.owned import LOCK, NO_RUN, RESULTS, locked
 from gst.run.running import lay_out, run_study
 from gst.run.scheduler import end
 from gstlib.errors import InputError
@@ -63,6 +65,7 @@ USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
         ("mine.yaml", {"profile": "mine"}, "no folder .*mine"),
         ("mine.yaml", {"profile": "slurm"}, "no sbatch on this machine"),
         ("mine.yaml", {"options": ["--config=a"]}, "--config=a would make"),
+        ("mine.yaml", {"cores": "0"}, "0 cores run no step"),
         ("mine.yaml", {"options": ["-d/tmp"]}, "-d/tmp would make"),
         ("mine.yaml", {"options": ["--trust-io"]}, "--trust-io would make"),
         ("bad.yaml", {}, r"bad\.yaml: .*\n  - 'results' is 5"),
@@ -155,6 +158,32 @@ def test_a_profile_is_named_from_where_the_user_stands(folder, monkeypatch):
         main(["study", "../study.yaml", "--plan", "--profile", "./profiles/mine"])
     assert here / "profiles/mine" in ran[0]
     assert Path.cwd() == folder
+
+
+@pytest.mark.parametrize("option", ["-n", "-np", "-nq", "-pn", "--dry", "--dryrun"])
+def test_a_dry_run_of_snakemake_is_a_plan(folder, option, monkeypatch, capsys):
+    asked = []
+    monkeypatch.setattr(running, "_snakemake", lambda *_, **how: asked.append(how) or 0)
+    assert run_study("mine.yaml", **USUAL | {"options": [option]}) == 0
+    assert asked == [{"environment": {PLAN: "1"}}]
+    assert "Done" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [(["--summary"], NO_RUN), (["--touch"], NO_RUN), ([], 0), (["gone.txt"], 1)],
+)
+def test_what_is_asked_for_beside_a_run_is_not_called_done(
+    folder, monkeypatch, capsys, options, code
+):
+    (folder / "Snakefile").write_text("rule all:\n    output: touch('a.txt')\n")
+    (folder / "a.txt").touch()
+    command = [sys.executable, "-m", "gst.run.scheduler", "--cores", "1", *options]
+    around = os.environ | {RESULTS: "results"}
+    assert subprocess.run(command, env=around, check=False).returncode == code
+    monkeypatch.setattr(running, "_snakemake", lambda *_, **__: NO_RUN)
+    assert run_study("mine.yaml", **USUAL) == 0
+    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.parametrize("name", [".snakemake", ".snakemake/log"])

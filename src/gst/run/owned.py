@@ -36,6 +36,9 @@ MOVED = (
 LOCK = ".gst_lock"
 # Environment variable of every process of a run: the results that it writes.
 RESULTS = "GSTLIB_RESULTS"
+# Exit code of Snakemake, as `gst study` starts it, if it was asked for something else than a run:
+# a plan, a list, a graph.
+NO_RUN = 3
 # Snakemake's empty file in each folder that a step made.
 _STAMP = ".snakemake_timestamp"
 _LONGEST_NAME = 1000  # of a claim

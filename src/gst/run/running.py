@@ -5,6 +5,7 @@ Whose the files in the results are, and which run may write them, is known to `g
 
 import importlib.util
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -18,7 +19,7 @@ from gst.config.reading import read_config, read_study, refuse_study
 from gst.config.strict_yaml import read_yaml
 from gst.run.chain import break_in, check_links, other_files
 from gst.run.logs import PLAN
-from gst.run.owned import RESULTS, locked, refuse_links
+from gst.run.owned import NO_RUN, RESULTS, locked, refuse_links
 from gst.run.provenance import refuse_other_study
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
@@ -32,7 +33,8 @@ _REUSE_MEMORY = {
 # Nothing in the working folder is a module or a profile unless the command line names it: a study
 # that somebody received must run no code of its own.
 _NO_OTHER_CODE = {"PYTHONSAFEPATH": "1", "SNAKEMAKE_PROFILE": "none"}
-_PLANNING = {"-n", "--dry-run", "--dryrun"}
+# -n may be joined with other options that take no value
+_PLANNING = re.compile("--dry.*|-[aDFSfklpt]*n.*")
 _REFUSED = (
     "--configfiles",  # gst reads CONFIG, too,
     "--directory",  # and looks for the results here
@@ -66,6 +68,8 @@ def run_study(
         problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
         remedy = "Leave it out. Give gst another CONFIG, or start it elsewhere."
         raise InputError("gst study", problem, remedy)
+    if cores == "0":
+        raise InputError("--cores", "0 cores run no step", "Give 1 or more, or all.")
     if importlib.util.find_spec("snakemake") is None:
         problem = "Snakemake, which runs the study, is not installed"
         raise InputError(
@@ -87,7 +91,7 @@ def run_study(
     results = Path(read["results"])
     refuse_other_study(read)
     check_links(results)
-    plan = plan or not _PLANNING.isdisjoint(options)
+    plan = plan or any(map(_PLANNING.fullmatch, options))
     command: list[object] = ["--configfile", config, "--workflow-profile", folder]
     command += ["--cores", cores] if cores else []
     if plan:
@@ -98,6 +102,8 @@ def run_study(
         with locked(results):
             mark = {RESULTS: str(results.resolve())}
             code = _snakemake(*command, *options, environment=mark)
+    if code == NO_RUN:
+        return 0
     if code or plan:
         return code
     # the options asked for less, or the config was edited meanwhile

@@ -15,6 +15,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from snakemake.api import DAGApi
 from snakemake.cli import args_to_api, parse_args
 from snakemake.dag import DAG
 from snakemake.exceptions import print_exception
@@ -25,6 +26,7 @@ from snakemake.settings.enums import RerunTrigger
 
 from gst.run.chain import AGAIN, LOGS, Step, hashes_of, plan_again, step_of
 from gst.run.logs import ASKED
+from gst.run.owned import NO_RUN, RESULTS
 
 _end_gracefully = JobScheduler.exit_gracefully
 _preamble = PythonScript.get_preamble
@@ -139,8 +141,19 @@ def _parsed(words: list[str]) -> tuple[Any, Any]:
 
 
 def main() -> None:
-    """Run Snakemake; the exit code is 0 if all went well, else 1."""
+    """Run Snakemake; the exit code is 0 if all went well, else 1.
+
+    Under `gst study`, it is `NO_RUN` if no step was to run.
+    """
     JobScheduler.exit_gracefully = end
+    runs: list[bool] = []
+    execute = DAGApi.execute_workflow
+
+    def noted(*arguments: Any, **options: Any) -> None:
+        runs.append(True)
+        execute(*arguments, **options)  # raises an error if a step fails
+
+    DAGApi.execute_workflow = noted
     try:
         parser, arguments = _parsed(sys.argv[1:])
         AGAIN.update(dict.fromkeys(arguments.forcerun, "asked for"))
@@ -150,7 +163,10 @@ def main() -> None:
         is_done = args_to_api(arguments, parser)
     except Exception as error:
         print_exception(error)
-        is_done = False
+        sys.exit(1)
+    is_run = runs and not (arguments.dryrun or arguments.touch)
+    if is_done and RESULTS in os.environ and not is_run:
+        sys.exit(NO_RUN)
     sys.exit(not is_done)
 
 
