@@ -128,8 +128,8 @@ def fit_wear(
     if wears.sum() < 2:
         above = f" of more than {law.threshold_MPa:g} MPa" * (law.threshold_MPa > 0)
         _log.warning(
-            "wear is not predicted: fewer than two patches under load%s lost height, so its "
-            "coefficient cannot be fitted to some and tested on others",
+            "wear is not predicted: fewer than two patches in the study lost height under load%s, "
+            "so its coefficient cannot be fitted and tested",
             above,
         )
         return None

@@ -321,7 +321,7 @@ def test_without_two_worn_patches_nothing_is_fitted(square, pressures, caplog):
         pressure_MPa=pressures.pressure_MPa.where(pressures.patch != "c", 0)
     )
     assert fit_wear(square, bare, registration, **options) is None
-    assert "fewer than two patches" in caplog.text
+    assert "fewer than two patches in the study lost" in caplog.text
 
 
 def test_a_gesture_that_stays_in_place_wears_as_the_single_pose_does(square):
