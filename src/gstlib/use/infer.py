@@ -217,7 +217,7 @@ def infer_use(
     """
     count = len(patches)
     if count < FEWEST_PATCHES:
-        reason = f"the wear of only {count} patches is known"
+        reason = f"the wear of only {count} patch{'es' * (count != 1)} is known"
         return _unknown(reason, f"Scan at least {FEWEST_PATCHES} patches")
     if not evidence.tells:
         reason = f"fewer than {FEWEST_WORN} of {count} patches lost more than the noise"

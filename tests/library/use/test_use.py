@@ -364,6 +364,7 @@ def test_wear_that_nothing_pressed_is_no_use(face, patches, name, monkeypatch, c
         ({"sampling": Sampling(50, 1, 200, 1)}, "use.rounds"),
         ({"stated": FAR}, "load.at_mm"),
         ({"evidence": Losses(np.ones(5))}, "only 5 patches"),
+        ({"evidence": Losses(np.ones(1))}, "only 1 patch is"),
         ({"evidence": Losses(np.ones(16), np.arange(16) < 3)}, "fewer than 4 of"),
     ],
 )
