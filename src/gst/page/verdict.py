@@ -22,11 +22,12 @@ from gst.page.results import Results
 from gstlib.conditions import ARCHARD, Law
 from gstlib.coupling.comparison import AGREES, CANNOT_TELL
 from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, concentration
+from gstlib.use.evidence import FEWEST_WORN
 from gstlib.use.infer import NOT_PRESSED, PRESSED, UNKNOWN
 from gstlib.use.laws import BASE, UNDECIDED
 from gstlib.validation.baselines import ORACLE
 from gstlib.validation.scoring import own_model
-from gstlib.validation.summary import statistic_names
+from gstlib.validation.summary import ERROR_TO_BEAT, statistic_names
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 LEVEL = 0.05  # the usual one
@@ -61,6 +62,8 @@ _WORDS = {
     "PRESSED": PRESSED,
     "NOT_PRESSED": NOT_PRESSED,
     "UNKNOWN": UNKNOWN,
+    "FEWEST_WORN": FEWEST_WORN,
+    "ERROR_TO_BEAT": ERROR_TO_BEAT,
 }
 
 
@@ -239,7 +242,7 @@ def _certainty(study: Results) -> dict[str, Any]:
 def _answer(**facts: Any) -> Answer:
     """The sentences for the facts."""
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
-    filters = _listed, _two, _fixed, _least, _extent, _p, _sign
+    filters = _listed, _two, _times, _fixed, _least, _extent, _p, _sign
     environment.filters |= {each.__name__[1:]: each for each in filters}
     environment.tests["known"] = pd.notna
     template = Path(__file__).with_suffix(".jinja").read_text(encoding="utf-8")
@@ -267,6 +270,10 @@ def _listed(names: Sequence[str]) -> str:
 
 def _two(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.3g}" if _two(ratio) == "1" else _two(ratio)
 
 
 def _fixed(value: float, form: str) -> str:

@@ -44,6 +44,7 @@ from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 from gstlib.wear.fit import Prediction
 
 __all__ = [
+    "ERROR_TO_BEAT",
     "patch_statistics",
     "score_wear",
     "separated",
@@ -57,7 +58,7 @@ _PREDICTIONS = BARE, INTERLAYER, CAPPED
 # patches overlap.
 _EXTENTS = "loss_fraction", "mean_wear_depth_um"
 # An interlayer is detected if its error out of contact is below this fraction of the bare stone's.
-_ERROR_TO_BEAT = 0.98
+ERROR_TO_BEAT = 0.98
 
 # model, statistic, estimate, against
 _Row = tuple[str, str, Estimate, str]
@@ -294,7 +295,7 @@ def _interlayer_rows(
 ) -> Iterator[_Row]:
     """Whether there was an interlayer between the stones, and its part of the wear."""
     error = _by_model(scored, "out_of_contact_um").fillna(0.0)
-    errors = error[INTERLAYER].to_numpy(), _ERROR_TO_BEAT * error[BARE].to_numpy()
+    errors = error[INTERLAYER].to_numpy(), ERROR_TO_BEAT * error[BARE].to_numpy()
     p = exchange_p_value(errors[1] - errors[0], draws.generator)
     yield INTERLAYER, "relative(out_of_contact)", ratio_of_sums(*errors, draws, p), BARE
     misfit = interlayer.misfit.transpose("patch", "ratio").values
