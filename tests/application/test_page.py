@@ -73,6 +73,31 @@ def test_the_scene_has_its_patches_where_the_table_puts_them(stone, tmp_path):
     assert picture[:9].min() == 255
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_an_unknown_loss_is_not_drawn_as_none(stone, tmp_path, known):
+    """Of two patches, that of "b" is not known; if there is no other, none is drawn."""
+    mesh, pressure = stone
+    contact = pressure.assign_attrs(units="MPa").to_dataset(name="pressure")
+    write_dataset(tmp_path / "contact.h5", contact)
+    table = tmp_path / "registration.csv"
+    table.write_text(f"patch,mean_wear_depth_um\na,{'2' if known else ''}\nb,\n")
+    files = {"contact": tmp_path / "contact.h5", "registration.csv": table}
+    places = {"patch": ["a", "b"], "x_mm": [1.0, 3.0], "y_mm": [1.0, 3.0]}
+    places["rotation_deg"] = [0.0, 0.0]
+    study = Results(files, places=places, size_mm=4.0, patch_mm=1.0)
+    study.__dict__["tool"] = mesh, FRAME
+    fields = tool_scene(study)["fields"]
+    assert len(fields) == 1 + known
+    if known:
+        png = base64.b64decode(fields[1]["map"].partition(",")[2])
+        picture = Image.open(io.BytesIO(png)).convert("RGB")
+        lost, unknown, beside = map(picture.getpixel, ((5, 14), (15, 4), (15, 14)))
+        assert max(lost) < 60
+        assert "#" + bytes(unknown).hex() == STONE
+        assert min(beside) == 255
+        assert fields[1]["highest"] == 2.0
+
+
 def test_messages_are_told_once_with_their_steps(tmp_path):
     messages = {
         "check_placement": "patches 12, a-1: check their places",

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgba
 from matplotlib.image import imsave
 
 from gst.page.figures.maps import FORCE_MAP, force_colours, label_in
+from gst.page.figures.style import STONE
 from gst.page.figures.tool import coloured_tool, outline_on, tool_view
 from gst.page.page import embedded
 from gst.page.results import Results
@@ -50,7 +52,8 @@ def tool_scene(
         ``square`` and ``patches``: outlines on the tool (mesh's coordinates) and in the square,
         and where in it to name them;
         ``fields``: of each ``title`` and ``units``, ``colours`` on the stone, ``map`` (a data URL)
-        and ``highest``; ``low`` and ``side`` (mm) of the maps, which end near the square;
+        and ``highest``, where a value that is not known has the colour of stone; ``low`` and
+        ``side`` (mm) of the maps, which end near the square;
         ``face``: the ends of the face; ``scale``: colours from 0 to the highest.
     """
     (mesh, frame), size = study.tool, study.size_mm
@@ -61,7 +64,9 @@ def tool_scene(
 
     def mapped(field: xr.DataArray, of_stone: np.ndarray) -> dict[str, Any]:
         scale, png = force_colours(field.values), io.BytesIO()
-        picture = scale.to_rgba(field.sel(y=window, x=window)[::-1])
+        values = field.sel(y=window, x=window)[::-1].values
+        picture = scale.to_rgba(values)
+        picture[np.isnan(values)] = to_rgba(STONE)
         imsave(png, picture, metadata={"Software": None})
         return {
             "title": field.title,
@@ -126,17 +131,16 @@ def _fields(study: Results) -> list[xr.DataArray]:
         return fields
     fields = [square_of(field, study.size_mm) for field in fields]
     if "registration" in study.tables:
-        fields.insert(1, _loss_on(fields[0], study))
+        depths = study.table("registration").set_index("patch").mean_wear_depth_um
+        if depths.notna().any():
+            fields.insert(1, _loss_on(fields[0], study, depths))
     return fields
 
 
-def _loss_on(square: xr.DataArray, study: Results) -> xr.DataArray:
-    """The mean depth that each patch lost, on the grid of the square."""
-    depths = study.table("registration").set_index("patch").mean_wear_depth_um
+def _loss_on(square: xr.DataArray, study: Results, depths: pd.Series) -> xr.DataArray:
+    """The mean depth that each patch lost, on the grid of the square; NaN if it is not known."""
     loss = xr.zeros_like(square)
     for patch, place in places_of(study.outlined).items():
-        depth = depths.get(patch, math.nan)
-        if depth > 0:
-            share = footprint_weights(square, place, study.patch_mm)
-            loss.values[share > _INSIDE] = depth
+        share = footprint_weights(square, place, study.patch_mm)
+        loss.values[share > _INSIDE] = depths.get(patch, math.nan)
     return loss.assign_attrs(title="measured loss, mean over the patch", units="µm")

@@ -58,7 +58,7 @@ def height_colours(
 
 def force_colours(values: np.ndarray) -> ScalarMappable:
     """Colours of forces or pressures, on a square-root scale from 0 to the largest."""
-    norm = PowerNorm(0.5, vmin=0, vmax=float(values.max()) or 1.0)
+    norm = PowerNorm(0.5, vmin=0, vmax=float(np.nanmax(values)) or 1.0)
     return ScalarMappable(norm, FORCE_MAP)
 
 

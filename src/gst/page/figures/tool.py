@@ -80,7 +80,7 @@ def coloured_tool(
 
     `mesh` is the tool, mm, and `frame` the square's; the `fields` (y, x) are pressures, exposures
     and the like, all on the grid of the square, or of the face around it. Behind the mesh come the
-    colours of its vertices by each field, (n, 3), uint8; `STONE` elsewhere.
+    colours of its vertices by each field, (n, 3), uint8; `STONE` elsewhere, and where it is NaN.
     """
     first, element = fields[0], max(spacing_of(fields[0]))
     edge_mm = element * max(1.5, len(first.x) / _ELEMENTS)
@@ -98,10 +98,13 @@ def _colours(
 ) -> np.ndarray:
     """The colours of a mesh's vertices by a field: the highest within an edge, to lose none."""
     reach = round(edge_mm / spacing_of(field)[0] / 1.5)
-    highest = field.copy(data=scipy.ndimage.maximum_filter(field.values, reach))
+    known = field.fillna(0.0)
+    highest = field.copy(data=scipy.ndimage.maximum_filter(known.values, reach))
     colours = np.full((len(mesh.vertices), 3), _STONE_RGB)
     values = on_mesh(highest, mesh, frame)[is_over]
     shown = maps.force_colours(field.values).to_rgba(values, bytes=True)
+    is_unknown = on_mesh(field.isnull(), mesh, frame)[is_over] > 0
+    shown[is_unknown, :3] = _STONE_RGB
     colours[is_over] = shown[:, :3]
     return colours.astype(np.uint8)
 
