@@ -124,6 +124,11 @@ STIFF = INTERLAYER | {"young_MPa": 19500.0}
         ("texture.l_filter_um", 8.0, "no wave passes both filters"),
         ("interlayer", STIFF, "'interlayer.young_MPa' is 19500, not below the stones'"),
         (
+            "interlayer",
+            INTERLAYER | {"thickness_um": 0.5},
+            "of the macroscale's elements",
+        ),
+        (
             "counterface",
             {"mesh": "b.ply"},
             "'counterface.mesh' needs 'counterface.pose'",

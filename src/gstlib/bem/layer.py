@@ -21,7 +21,7 @@ import numpy as np
 from .convolution import love_kernel
 from .errors import ContactInputError, checked_number
 
-__all__ = ["Layer"]
+__all__ = ["LONGEST_ELEMENT", "Layer"]
 
 # In thicknesses: beyond this, the neglected displacement is below 1e-6 of a half-space's, even for
 # an incompressible layer.
@@ -32,7 +32,7 @@ _TABLE = np.linspace(0.0, _REACH, 1001)
 # Gauss's nodes along an element: some for a short one, more in proportion to its thicknesses.
 _NODES, _NODES_PER_THICKNESS, _MOST_NODES = 3, 4, 64
 # In thicknesses: on longer elements, so many nodes no longer resolve the layer (1 % at 50).
-_LONGEST_ELEMENT = 40
+LONGEST_ELEMENT = 40
 
 
 @dataclass(frozen=True)
@@ -149,10 +149,10 @@ class Layer:
 
     def _along(self, count, step):
         """Gauss's nodes and weights in each of `count` elements, in thicknesses."""
-        if step > _LONGEST_ELEMENT * self.thickness:
+        if step > LONGEST_ELEMENT * self.thickness:
             raise ContactInputError(
                 f"a layer of {self.thickness:g} mm is too thin for elements of {step:g} mm: use "
-                f"elements of at most {_LONGEST_ELEMENT * self.thickness:g} mm"
+                f"elements of at most {LONGEST_ELEMENT * self.thickness:g} mm"
             )
         step = step / self.thickness
         number = _NODES + math.ceil(_NODES_PER_THICKNESS * step)

@@ -4,6 +4,7 @@ import difflib
 from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING
 
+from gstlib.bem.layer import LONGEST_ELEMENT
 from gstlib.conditions import load_force, resolved_load_point
 from gstlib.errors import FAULTS, ConfigError
 from gstlib.surfaces.frames import frame_from_points
@@ -73,6 +74,14 @@ def _sources(settings: "Settings") -> _Problems:
             f"'interlayer.young_MPa' is {layer.young_MPa:g}, not below the stones' "
             f"{stones_MPa:g} MPa, but an interlayer must be softer than the stones: lower it, or "
             "set interlayer to null",
+        )
+        element_um = 1e3 * settings.square.size_mm / settings.macroscale.grid
+        thinnest_um = element_um / LONGEST_ELEMENT
+        yield (
+            layer.thickness_um < thinnest_um,
+            f"'interlayer.thickness_um' is {layer.thickness_um:g}, below {thinnest_um:.3g}, a "
+            f"{LONGEST_ELEMENT}th of the macroscale's elements: make it thicker, raise "
+            "macroscale.grid, or set interlayer to null",
         )
 
 
