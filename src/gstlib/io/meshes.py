@@ -237,11 +237,18 @@ def _drop_copies(mesh: "trimesh.Trimesh") -> None:
         mesh.update_faces(is_first)
 
 
+def _used(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Whether each vertex belongs to a face."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    return used
+
+
 def _mind_cut_end(
     path: Path, vertices: np.ndarray, faces: np.ndarray, *, is_ended: bool
 ) -> None:
     """Refuse text that ends within a line, if its last face or its vertices show that it is cut."""
-    unused = len(vertices) - len(np.unique(faces))
+    unused = int(np.count_nonzero(~_used(vertices, faces)))
     sign = (
         f"{unused} of its vertices belong to no face"
         if unused
@@ -428,7 +435,7 @@ def _refuse_zeros(
     count = int(lost.sum())
     if count >= _FEWEST_EMPTY and count > _ZEROS_TIMES * elsewhere:
         _refuse_lost(path, count, "faces")
-    corners = vertices[np.unique(faces)]
+    corners = vertices[_used(vertices, faces)]
     lost = ~corners.any(axis=1)
     count = int(lost.sum())
     if count >= _FEWEST_EMPTY:
