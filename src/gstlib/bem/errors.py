@@ -13,6 +13,7 @@ __all__ = [
     "checked_array",
     "checked_cap",
     "checked_number",
+    "checked_spacing",
     "checked_steps",
     "checked_tolerance",
 ]
@@ -77,6 +78,20 @@ def checked_number(
         wanted = "positive and finite" if positive else "finite and not negative"
         raise ContactInputError(f"{name} must be {wanted} ({unit}), got {value}")
     return number
+
+
+def checked_spacing(spacing: object) -> tuple[float, float]:
+    """Sides (dy, dx) of an element (mm), both positive and finite; one number for a square."""
+    sides = np.ravel(np.asarray(spacing, dtype=object))
+    if sides.size not in (1, 2):
+        raise ContactInputError(
+            f"spacing must be one number or two, (dy, dx) (mm), got {spacing}"
+        )
+    dy, dx = (
+        checked_number("spacing", side, "mm", positive=True)
+        for side in np.broadcast_to(sides, 2)
+    )
+    return dy, dx
 
 
 def checked_tolerance(tolerance: object) -> float:

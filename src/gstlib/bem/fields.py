@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ContactInputError
+from .errors import ContactInputError, checked_spacing
 
 __all__ = ["FIELDS", "as_given", "rows_first", "step_of"]
 
@@ -49,7 +49,7 @@ def as_given(
             f"heights have the dimensions {heights.dims}, not (y, x)"
         )
     ordered = rows_first(heights)
-    stated = (None, None) if spacing is None else np.broadcast_to(spacing, 2)
+    stated = (None, None) if spacing is None else checked_spacing(spacing)
     steps = tuple(
         step_of(ordered, *at) for at in zip(ordered.dims, stated, strict=True)
     )

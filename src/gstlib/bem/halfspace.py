@@ -23,7 +23,7 @@ from .convolution import (
     kernel_spectrum,
     love_kernel,
 )
-from .errors import ContactInputError, checked_array, checked_number
+from .errors import ContactInputError, checked_array, checked_number, checked_spacing
 from .layer import Layer
 
 __all__ = ["APPROXIMATION_ERROR", "HalfSpace", "contact_modulus", "inverse_padding"]
@@ -76,6 +76,12 @@ def contact_modulus(
     """
     compliance = 0.0
     for body, young, poisson in ((1, young_1, poisson_1), (2, young_2, poisson_2)):
+        try:
+            young, poisson = float(young), float(poisson)
+        except (TypeError, ValueError):
+            raise ContactInputError(
+                f"young_{body} and poisson_{body} must be numbers, got {young!r} and {poisson!r}"
+            ) from None
         if not young > 0:
             raise ContactInputError(f"young_{body} must be positive (MPa), got {young}")
         if not -1 < poisson <= 0.5:
@@ -148,14 +154,12 @@ class HalfSpace:
                 f"shape must be (ny, nx), at least (1, 1), got {shape}"
             )
         self.shape = tuple(shape)
-        dy, dx = np.broadcast_to(np.asarray(spacing), 2)
-        self.spacing = (
-            checked_number("spacing", dy, "mm", positive=True),
-            checked_number("spacing", dx, "mm", positive=True),
-        )
+        self.spacing = checked_spacing(spacing)
         self.contact_modulus = checked_number(
             "contact_modulus", contact_modulus, "MPa", positive=True
         )
+        if not isinstance(layer, Layer | None):
+            raise ContactInputError(f"layer must be a gstlib.Layer, got {layer!r}")
         self.springs, self.layer = checked_number("springs", springs, "mm/MPa"), layer
         self.periodic, self.uniform_influence = periodic, math.inf
         if periodic:

@@ -11,7 +11,13 @@ from gstlib.bem.halfspace import APPROXIMATION_ERROR
 
 
 @pytest.mark.parametrize(
-    "constants", [(1, math.nan, 1, 0.3), (math.inf, 0.3, math.inf, 0.3)]
+    "constants",
+    [
+        (1, math.nan, 1, 0.3),
+        (math.inf, 0.3, math.inf, 0.3),
+        ("a", 0.3, 1, 0.3),
+        (1, 0.3, 1, None),
+    ],
 )
 def test_unphysical_constants_are_refused(constants):
     with pytest.raises(ContactInputError):
