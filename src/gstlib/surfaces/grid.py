@@ -5,11 +5,13 @@ the element centres in mm, both increasing in even steps. Heights are float64 in
 the stone; unmeasured elements are NaN. A surface of n elements is n spacings long.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 
+from gstlib.bem.errors import ContactInputError, checked_spacing
 from gstlib.bem.fields import as_given, step_of
 
 __all__ = [
@@ -22,6 +24,8 @@ __all__ = [
 ]
 
 MM_TO_UM = 1e3
+# A unit of length, also other than mm.
+_LENGTH = re.compile(r"\w?m|.*(met(er|re)|micron|inch).*")
 
 
 def axis_coordinates(count: int, spacing: float) -> np.ndarray:
@@ -41,8 +45,8 @@ def make_surface(
     Parameters
     ----------
     heights : (ny, nx) array_like
-        Heights in mm, positive out of the stone, NaN where unmeasured. A `DataArray` is moved so
-        that its first element begins at 0.
+        Heights in mm, positive out of the stone, NaN or masked where unmeasured. A `DataArray` is
+        moved so that its first element begins at 0.
     spacing : float or (dy, dx)
         Element size in mm. For a `DataArray` it must agree with the coordinates.
     long_name : str
@@ -55,18 +59,17 @@ def make_surface(
     >>> surface.y.values, surface.x.values
     (array([0.5, 1.5]), array([0.125, 0.375, 0.625]))
     """
-    heights = np.asarray(as_given(heights, spacing)[0], dtype=float)
-    if heights.ndim != 2:
-        raise ValueError(f"a surface has 2 dimensions, not {heights.ndim}")
-    steps = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
-    if not (np.isfinite(steps).all() and (steps > 0).all()):
-        raise ValueError(f"spacing must be positive and finite, not {spacing}")
+    given: np.ma.MaskedArray = np.ma.asarray(as_given(heights, spacing)[0], dtype=float)
+    values: np.ndarray = given.filled(np.nan)
+    if values.ndim != 2:
+        raise ValueError(f"a surface has 2 dimensions, not {values.ndim}")
+    steps = checked_spacing(spacing)
     coords = {}
-    for axis, count, step in zip("yx", heights.shape, steps, strict=True):
+    for axis, count, step in zip("yx", values.shape, steps, strict=True):
         attrs_of_axis = {"units": "mm", "long_name": f"{axis} position"}
         coords[axis] = (axis, axis_coordinates(count, step), attrs_of_axis)
     return xr.DataArray(
-        heights,
+        values,
         dims=("y", "x"),
         coords=coords,
         name="height",
@@ -81,6 +84,7 @@ def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
     ------
     ContactInputError
         The coordinates y or x are missing, uneven or falling, not in mm, or of a single element.
+        Heights have another unit of length than mm.
     ValueError
         A field has x before y among its dimensions.
 
@@ -99,6 +103,9 @@ def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
         if "y" in dims and "x" in dims and dims.index("x") < dims.index("y"):
             remedy = "give y before x, by .transpose('y', 'x')"
             raise ValueError(f"the dimensions are {dims}: {remedy}")
+        units = str(field.attrs.get("units", "mm"))
+        if units != "mm" and {"y", "x"} <= {*dims} and _LENGTH.fullmatch(units):
+            raise ContactInputError(f"heights are in {units}: convert them to mm")
     return step_of(surface, "y"), step_of(surface, "x")
 
 

@@ -7,7 +7,9 @@ from contacts import around
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gstlib.change.registration import register
+from gstlib.contact import Interface
 from gstlib.errors import InputError
+from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import Frame, on_mesh
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
@@ -74,6 +76,19 @@ def test_a_surface_on_odd_coordinates_is_refused(odd):
         spacing_of(odd)
 
 
+@pytest.mark.parametrize("unit", ["m", "µm", "nm", "micrometer"])
+@pytest.mark.parametrize("used", [spacing_of, prepare_scan, Interface.on_flat])
+def test_heights_in_another_unit_are_refused(used, unit):
+    assert spacing_of(SURFACE.assign_attrs(units="MPa")) == spacing_of(SURFACE)
+    with pytest.raises(ValueError, match=f"heights are in {unit}: convert them to mm"):
+        used(SURFACE.assign_attrs(units=unit))
+
+
+def test_masked_heights_are_unmeasured():
+    masked = np.ma.masked_greater(np.arange(6).reshape(2, 3), 4)
+    assert_array_equal(make_surface(masked, 1.0), [[0, 1, 2], [3, 4, np.nan]])
+
+
 def test_surfaces_of_other_spacings_are_not_compared():
     assert_array_equal(make_surface(SURFACE.T, (0.002, 0.001)), SURFACE)
     with pytest.raises(ValueError, match="spacing"):
@@ -87,6 +102,7 @@ def test_surfaces_of_other_spacings_are_not_compared():
     [
         ((2, 2), (1.0, -1.0), "spacing"),
         ((2, 2), np.nan, "spacing"),
+        ((2, 2), (1.0, 1.0, 1.0), "one number or two"),
         (4, 1.0, "dimensions"),
     ],
 )
