@@ -15,6 +15,7 @@ from gstlib.contact import Contact, Interface, turned_over
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import (
     PatchPosition,
+    check_size,
     footprint_weights,
     on_patch,
     rotated,
@@ -90,10 +91,16 @@ def place_patch(
     contact : Contact
         Contact of the composite at the target pressure.
     patch : str
+
+    Raises
+    ------
+    InputError
+        The scan is not as large as a patch.
     """
     at = composite.sel(patch=patch)
     slopes = float(at.slope_y), float(at.slope_x)
     size_mm = float(composite.patch_mm)
+    check_size(height, size_mm, f"patch {patch}")
     return placed_faces(
         height,
         face,

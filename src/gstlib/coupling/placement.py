@@ -39,6 +39,7 @@ from gstlib.coupling.orientations import (
     remedy_of_table,
 )
 from gstlib.errors import FaultError, raise_unless_accepted
+from gstlib.surfaces.footprints import check_size
 
 __all__ = ["ALL", "FAULT", "check_placement"]
 
@@ -100,6 +101,8 @@ def check_placement(
     ------
     InputsError
         Contains a `FaultError`: patches fit the mesh only in another position, or in none.
+    InputError
+        A scan is not as large as a patch.
 
     Examples
     --------
@@ -116,6 +119,8 @@ def check_placement(
     ['agrees', 'agrees']
     """
     heights = [scans[patch].height for patch in patches.patch]
+    for patch, height in zip(patches.patch, heights, strict=True):
+        check_size(height, patch_mm, f"patch {patch}")
     compared = Comparison(
         surface, patches, heights, patch_mm=patch_mm, placement_um=placement_um
     )

@@ -30,6 +30,7 @@ import xarray as xr
 from gstlib.surfaces.filtering import radial_frequency, s_filtered
 from gstlib.surfaces.footprints import (
     PatchPosition,
+    check_size,
     half_extent,
     on_patch,
     places_of,
@@ -124,6 +125,11 @@ def compose_surface(
         (frequency) mm⁴ is the power spectral density of the detail that only the scans show.
         ``patch_mm`` is the side of a patch.
 
+    Raises
+    ------
+    InputError
+        A scan is not as large as a patch.
+
     Examples
     --------
     A scan has waves of 0.2 mm, which a flat mesh does not show. Most of the detail has them:
@@ -152,6 +158,7 @@ def compose_surface(
     shape = None
     for patch, place in places.items():
         height = s_filtered(scans[patch].height, s_filter_um)
+        check_size(height, patch_mm, f"patch {patch}")
         shape = (
             shape or height.shape
         )  # of the first: densities need the same frequencies

@@ -11,6 +11,7 @@ import pandas as pd
 import scipy
 import xarray as xr
 
+from gstlib.errors import InputError
 from gstlib.surfaces.grid import axis_coordinates, spacing_of
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = [
     "PatchPosition",
     "area_weights",
+    "check_size",
     "covered_areas",
     "footprint_weights",
     "half_extent",
@@ -34,6 +36,10 @@ __all__ = [
 
 # The position of T1 on T0 and its size, in the table of the patches.
 _T1 = ["t1_y_um", "t1_x_um", "t1_rotation_deg", "t1_size_y_um", "t1_size_x_um"]
+
+# Relative difference of a map's sides from the side of its footprint, beside the element by which a
+# scan may differ if it is cut or made coarser at whole elements.
+_SIZE_TOLERANCE = 0.01
 
 
 def rotated(v: Any, u: Any, rotation_deg: float) -> tuple[Any, Any]:
@@ -118,6 +124,24 @@ def on_patch(
     if place.rotation_deg == 0:  # many times as fast
         return spline(place.y_mm + v, place.x_mm + u)
     return spline.ev(*place.points(v[:, None], u))
+
+
+def check_size(height: xr.DataArray, size_mm: float, source: str) -> None:
+    """Refuse a map (y, x) that is no square of this side, over which it would be stretched.
+
+    Raises
+    ------
+    InputError
+    """
+    steps = np.array(spacing_of(height))
+    sides = np.array(height.shape) * steps
+    if (abs(sides - size_mm) > _SIZE_TOLERANCE * size_mm + steps).any():
+        raise InputError(
+            source,
+            f"the map is {sides[1]:.4g} × {sides[0]:.4g} mm, but its place is a square of "
+            f"{size_mm:.4g} mm",
+            "Cut the map to this square, or correct the side of a patch (patch_mm).",
+        )
 
 
 def outline(place: PatchPosition, size_mm: float | tuple[float, float]) -> np.ndarray:

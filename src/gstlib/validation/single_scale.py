@@ -20,7 +20,12 @@ from gstlib.coupling.embedding import placed_faces
 from gstlib.coupling.placement import ALL
 from gstlib.macroscale.composite import compose
 from gstlib.surfaces.filtering import s_filtered
-from gstlib.surfaces.footprints import PatchPosition, footprint_weights, spline_of
+from gstlib.surfaces.footprints import (
+    PatchPosition,
+    check_size,
+    footprint_weights,
+    spline_of,
+)
 from gstlib.surfaces.grid import described, make_surface, spacing_of
 from gstlib.surfaces.leveling import Plane, remove_plane
 from gstlib.validation.masks import mask_counts, mask_scores
@@ -178,6 +183,7 @@ def placed_whole(heights: xr.DataArray, contact: Contact) -> tuple[xr.DataArray,
     counterface, and is displaced by the pressures outside.
     """
     size = spacing_of(heights)[0] * heights.sizes["y"]
+    check_size(heights, size, "square")
     # A generated surface begins at its own first element, less than one element from the corner.
     middle = PatchPosition(*(float(heights[axis].mean()) for axis in "yx"))
     # One map instead of four, because each takes memory for this many points.

@@ -18,7 +18,7 @@ from gstlib.coupling.comparison import (
 )
 from gstlib.coupling.orientations import Mould, lying_right, oriented
 from gstlib.coupling.placement import ALL, FAULT, check_placement
-from gstlib.errors import InputsError
+from gstlib.errors import InputError, InputsError
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import axis_coordinates, make_surface
 
@@ -88,6 +88,21 @@ def test_a_shift_that_all_share_is_found_whatever_planes_and_scales_are(caplog):
     assert (table.correlation > 0.99).all()
     assert (table.status.drop(index=ALL) == AGREES).all()
     assert f"shifted in x by {row.shift_x_um:+.0f}" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("columns", "step", "problem"),
+    [
+        ({}, 2.0, r"patch 1: the map is 1.7 × 1.7 mm, but its place is .* 0.85 mm"),
+    ],
+)
+def test_tables_and_scans_that_cannot_be_compared_are_refused(columns, step, problem):
+    scan = make_surface(np.zeros((64, 64)), step * SIZE / 64)
+    table = {"patch": ["1", "2"], "x_mm": 1.2, "y_mm": 1.2} | columns
+    patches = pd.DataFrame(table).assign(rotation_deg=0.0)
+    scans = {patch: scan.to_dataset(name="height") for patch in "12"}
+    with pytest.raises(InputError, match=problem):
+        check_placement(square_of(stone_of(1)), patches, scans, patch_mm=SIZE)
 
 
 def test_a_shared_shift_is_as_certain_as_the_mean_of_the_patches():

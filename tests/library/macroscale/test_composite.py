@@ -6,8 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from contacts import laid, mesh_face
+from contacts import laid, mesh_face, pressed
 
+from gstlib.coupling.embedding import place_patch
+from gstlib.errors import InputError
 from gstlib.macroscale.composite import (
     compose,
     compose_surface,
@@ -19,7 +21,7 @@ from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import PatchPosition, places_of, spline_of
 from gstlib.surfaces.grid import axis_coordinates, make_surface
 from gstlib.surfaces.leveling import Plane
-from gstlib.validation.single_scale import drawn_surfaces
+from gstlib.validation.single_scale import drawn_surfaces, solve_reference
 
 NO_DETAIL = xr.DataArray(
     np.zeros(2), dims="frequency", coords={"frequency": [1.0, 2.0]}
@@ -110,6 +112,18 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
     assert raised.any()
     assert abs(v[raised] - (40.5 * step - PATCH / 2)).max() < step
     assert abs(u[raised] - (20.5 * step - PATCH / 2)).max() < step
+
+
+def test_a_scan_is_not_stretched_over_its_patch():
+    wide = {patch: scan.assign_coords(x=2 * scan.x) for patch, scan in scans().items()}
+    with pytest.raises(InputError, match=r"patch a: the map is 1\.6 × 0\.8 mm"):
+        on_face(mesh_surface(), wide)
+    composite = composed()
+    contact = pressed(composite.height, mean_pressure=1.0)
+    with pytest.raises(InputError, match=r"patch a: the map is 1\.6 × 0\.8 mm"):
+        place_patch(wide["a"].height, None, composite, contact, "a")
+    with pytest.raises(InputError, match=r"square: the map is 1\.6 × 0\.8 mm"):
+        solve_reference(wide["a"].height, contact)
 
 
 def test_the_mesh_errors_have_the_size_of_the_left_out_errors():

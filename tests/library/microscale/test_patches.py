@@ -33,9 +33,12 @@ PRESSURES = pd.DataFrame(
 )
 
 
-def rough(seed):
+PATCH = 0.3
+
+
+def rough(seed, side=PATCH):
     heights = 1e-3 * np.random.default_rng(seed).standard_normal((16, 16))
-    return make_surface(heights, 0.05).to_dataset(name="height")
+    return make_surface(heights, side / 16).to_dataset(name="height")
 
 
 @pytest.fixture
@@ -46,7 +49,8 @@ def scans():
 @pytest.fixture(scope="module")
 def stone():
     """A composite with the places and planes of its patches, and its contact."""
-    square = rough(9).assign(counterface=0 * rough(9).height, patch_mm=0.3)
+    square = rough(9, side=0.8)
+    square = square.assign(counterface=0 * square.height, patch_mm=PATCH)
     place = {"y_mm": 0.4, "x_mm": 0.4, "rotation_deg": 0.0}
     plane = {"slope_y": 0.01, "slope_x": 0.0}
     columns = {name: ("patch", 3 * [value]) for name, value in (place | plane).items()}

@@ -1,5 +1,7 @@
 """Places on the square: to a scan's points and back, with the shape that is asked for."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import trimesh
@@ -10,7 +12,7 @@ from gstlib.change.registration import register
 from gstlib.contact import Interface
 from gstlib.errors import InputError
 from gstlib.preprocess.scans import prepare_scan
-from gstlib.surfaces.footprints import PatchPosition
+from gstlib.surfaces.footprints import PatchPosition, check_size
 from gstlib.surfaces.frames import Frame, on_mesh
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
 
@@ -21,6 +23,23 @@ def test_a_scan_sees_its_points_where_they_lie():
     assert_allclose(quarter.points(0.5, 0.0), (1.0, 1.5), atol=1e-12)
     assert_allclose(quarter.points(0.0, 0.5), (1.5, 2.0), atol=1e-12)
     assert_allclose(place.seen(*place.points(0.3, -2.0)), (0.3, -2.0), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("points", "spacing", "fits"),
+    [
+        (256, 0.00332, True),
+        (17, 0.0519, True),  # the nearest number of elements
+        (127, 0.85 * 0.991 / 127.9, True),  # of a scan made coarser
+        (100, 0.00858, True),
+        (100, 0.0088, False),
+        (256, (0.00332, 0.00664), False),
+    ],
+)
+def test_a_map_is_as_large_as_its_place(points, spacing, fits):
+    surface = make_surface(np.zeros((points, points)), spacing)
+    with nullcontext() if fits else pytest.raises(InputError, match="a: the map is"):
+        check_size(surface, 0.85, "a")
 
 
 def test_a_field_lies_on_the_vertices_over_it():
