@@ -38,7 +38,7 @@ from gstlib.coupling.orientations import (
     remedy_of,
     remedy_of_table,
 )
-from gstlib.errors import FaultError, raise_unless_accepted
+from gstlib.errors import FaultError, InputError, raise_unless_accepted
 from gstlib.surfaces.footprints import check_size
 
 __all__ = ["ALL", "FAULT", "check_placement"]
@@ -102,7 +102,8 @@ def check_placement(
     InputsError
         Contains a `FaultError`: patches fit the mesh only in another position, or in none.
     InputError
-        A scan is not as large as a patch.
+        A scan is not as large as a patch. There are no patches, or two of one name, or one without
+        a position.
 
     Examples
     --------
@@ -118,6 +119,7 @@ def check_placement(
     >>> table.status.tolist()
     ['agrees', 'agrees']
     """
+    _check_table(patches)
     heights = [scans[patch].height for patch in patches.patch]
     for patch, height in zip(patches.patch, heights, strict=True):
         check_size(height, patch_mm, f"patch {patch}")
@@ -133,6 +135,20 @@ def check_placement(
     if not claims:
         _warn_of_places(table, compared.shared)
     return table
+
+
+def _check_table(patches: pd.DataFrame) -> None:
+    """Refuse a patch table without patches, with a name twice, or without a position."""
+    names, places = patches.patch, patches[["x_mm", "y_mm", "rotation_deg"]]
+    twice, lost = names[names.duplicated()], names[places.isna().any(axis=1)]
+    problem = "has no patches" if names.empty else ""
+    if len(twice):
+        problem = f"has patch {twice.iloc[0]} twice"
+    elif len(lost):
+        problem = f"has no position (x_mm, y_mm, rotation_deg) of patch {lost.iloc[0]}"
+    if problem:
+        remedy = "Give at least one patch, and each a name and a position of its own."
+        raise InputError("patch table", problem, remedy)
 
 
 class _Claim(NamedTuple):

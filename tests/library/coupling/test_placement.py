@@ -93,6 +93,9 @@ def test_a_shift_that_all_share_is_found_whatever_planes_and_scales_are(caplog):
 @pytest.mark.parametrize(
     ("columns", "step", "problem"),
     [
+        ({"patch": [], "x_mm": [], "y_mm": []}, 1.0, "has no patches"),
+        ({"patch": ["1", "1"]}, 1.0, "has patch 1 twice"),
+        ({"x_mm": [1.2, np.nan]}, 1.0, r"has no position .* of patch 2"),
         ({}, 2.0, r"patch 1: the map is 1.7 × 1.7 mm, but its place is .* 0.85 mm"),
     ],
 )
