@@ -110,7 +110,8 @@ class Study:
         Settings of the study, or the keys of its config, all optional. Invalid ones raise a
         `pydantic.ValidationError`.
     patches : pandas.DataFrame
-        The patch table. ``t1`` is empty if there is none; ``repeat`` and ``flip`` are optional.
+        The patch table: ``patch, x_mm, y_mm`` and optionally ``rotation_deg, t1, repeat, flip,
+        crop_x_mm, crop_y_mm``. ``t1`` is empty or NaN if there is none. Names become text.
     read_mesh, read_scan, read_face : callable
         Functions that return the mesh of the stone, mm; the raw scan (y, x) of a patch at an epoch
         or a repeat, such as ``("5", "T0")``; and the scan of the active tool, if there is one.
@@ -133,11 +134,10 @@ class Study:
     ...         "load": {"force_N": 50.0},
     ...         "counterface": {"radius_mm": 100.0},
     ...     },
-    ...     pd.DataFrame({"patch": [], "t1": []}),
+    ...     pd.DataFrame({"patch": []}),
     ...     read_mesh=lambda: block,
     ...     read_scan=lambda patch, epoch: None,
     ... )
-    >>> study.composite = study.face  # no scans are laid on it
     >>> round(float(study.contact.pressure.max()), 1)  # MPa
     46.7
     """
@@ -156,9 +156,9 @@ class Study:
             settings = Settings(**settings)
         self.config = settings.model_dump()
         self.settings = settings.by_stage()
-        self.patches, self.active_tool = patches, active_tool
+        self.patches, self.active_tool = _as_read(patches), active_tool
         self.read_mesh, self.read_scan, self.read_face = read_mesh, read_scan, read_face
-        self.worn = patches.patch[patches.t1 != ""].tolist()
+        self.worn = self.patches.patch[self.patches.t1 != ""].tolist()
         self.prepared = _Stage(lambda scan: self.prepare(*scan))
         self.changes = _Stage(self._register)
         self.contacts = _Stage(lambda patch: self.contact_in(settings.coupling, patch))
@@ -175,7 +175,7 @@ class Study:
     @cached_property
     def composite(self) -> xr.Dataset:
         """The face with the scans, from `compose_surface`, or the face alone."""
-        if self.config["coupling"] == PAPER:
+        if self.config["coupling"] == PAPER or self.patches.empty:
             return self.face
         settings = self.settings["compose_surface"]
         return compose_surface(self.face, self.patches, self._before, **settings)
@@ -230,8 +230,7 @@ class Study:
     @cached_property
     def detection(self) -> Detection | None:
         """The error of a height change, from `estimate_detection_limit`; None without repeats."""
-        table = self.patches
-        twice = table.patch[table["repeat"] != ""] if "repeat" in table else ()
+        twice = self.patches.patch[self.patches["repeat"] != ""]
         again = {patch: self.prepared[patch, "repeat"] for patch in twice}
         return estimate_detection_limit(
             self._before, again, **self.settings["register_patches"]
@@ -260,7 +259,7 @@ class Study:
     def prepare(self, patch: str, epoch: str) -> xr.Dataset:
         """A clean scan, from `prepare_patch`."""
         row = self.patches.set_index("patch").loc[patch]
-        cut = {"epoch": epoch, "crop": crop_of(row), "flip": row.get("flip", "")}
+        cut = {"epoch": epoch, "crop": crop_of(row), "flip": row["flip"]}
         settings = self.settings["prepare_scans"]
         with accepting(self.config["accept"]), concerning([patch]):
             scan = self.read_scan(patch, epoch)
@@ -303,3 +302,12 @@ class Study:
         scans = self.prepared[patch, "T0"], self.prepared[patch, "T1"]
         settings = self.settings["register_patches"] | {"detection": self.detection}
         return register_patch(*scans, patch=patch, **settings)
+
+
+def _as_read(patches: pd.DataFrame) -> pd.DataFrame:
+    """The patch table as a config's: names and files are text, and absent columns are empty."""
+    if patches.empty:
+        patches = patches.reindex(columns=["patch", "x_mm", "y_mm"])
+    texts = patches.reindex(columns=["t1", "repeat", "flip"]).astype(object).fillna("")
+    turns = patches.reindex(columns=["rotation_deg"]).fillna(0.0)
+    return patches.assign(patch=patches.patch.astype(str), **texts, **turns)

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -45,6 +46,23 @@ def test_a_study_opens_without_a_config_and_refuses_wrong_settings():
     ):
         with pytest.raises(ValueError, match=problems):
             gstlib.Study(settings, empty, **readers)
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"patch": [1, 2], "t1": ["b", np.nan], "repeat": np.nan, "flip": None},
+        {"patch": ["1", "2"], "t1": ["b", ""], "rotation_deg": np.nan},
+    ],
+)
+def test_a_study_takes_a_table_as_pandas_reads_it(columns):
+    table = pd.DataFrame(columns | {"x_mm": 1.0, "y_mm": 1.0})
+    readers = {"read_mesh": lambda: None, "read_scan": lambda *_: None}
+    study = gstlib.Study({}, table, **readers)
+    assert study.worn == ["1"]
+    texts = ["patch", "repeat", "flip", "rotation_deg"]
+    expected = [["1", "", "", 0.0], ["2", "", "", 0.0]]
+    assert study.patches[texts].values.tolist() == expected
 
 
 def test_the_program_itself_goes_by_the_rooms():

@@ -1,6 +1,5 @@
 """From a scan as measured to a surface ready for contact, in the same way at both epochs."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -174,9 +173,17 @@ def prepare_scan(
 
 
 def crop_of(row: Any) -> tuple[float, float] | None:
-    """Centre (y, x), mm, of the piece to cut from the scans of a patch, a `row` of the table."""
-    y, x = float(row.crop_y_mm), float(row.crop_x_mm)
-    return None if math.isnan(x) else (y, x)
+    """Centre (y, x), mm, of the piece to cut from the scans of a patch, a `row` of the table.
+
+    Without a centre, the columns are empty or absent.
+    """
+    y, x = (getattr(row, f"crop_{axis}_mm", np.nan) for axis in "yx")
+    if pd.isna(y) and pd.isna(x):
+        return None
+    if pd.isna(y) or pd.isna(x):
+        problem = f"has crop_x_mm {x} and crop_y_mm {y}"
+        raise InputError("patch table", problem, "Give both of them, or neither.")
+    return float(y), float(x)
 
 
 def mould_of(mould: Mapping, flip: str) -> Mapping:

@@ -1,6 +1,7 @@
 """A scan through all of its preparation, and each step of it, against the stone it came from."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import binary_dilation, gaussian_filter
@@ -8,6 +9,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from gstlib.errors import InputError
 from gstlib.preprocess.scans import (
     check_unmeasured,
+    crop_of,
     interpolate_holes,
     prepare_patch,
     prepare_scan,
@@ -53,6 +55,14 @@ def raw(stone, spikes, holes):
     rows, columns = np.indices(stone.shape)
     tilt = 1e-3 * (0.004 * rows - 0.003 * columns)
     return mould_of(stone + 0.2 + tilt, spikes, holes)
+
+
+@pytest.mark.parametrize("empty", [{}, {"crop_x_mm": None, "crop_y_mm": np.nan}])
+def test_a_scan_is_cut_where_the_table_has_a_centre(empty):
+    assert crop_of(pd.Series({"patch": "1"} | empty)) is None
+    assert crop_of(pd.Series({"crop_x_mm": 2, "crop_y_mm": 1.0})) == (1.0, 2.0)
+    with pytest.raises(InputError, match="crop_x_mm 2 and crop_y_mm None"):
+        crop_of(pd.Series({"crop_x_mm": 2, "crop_y_mm": None}, dtype=object))
 
 
 @pytest.mark.parametrize("rule", ["window", "median"])
