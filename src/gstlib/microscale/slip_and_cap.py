@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gstlib.bem.errors import ContactInputError, checked_number
 from gstlib.contact import Contact, solve_again
 from gstlib.surfaces.grid import described
 
@@ -106,6 +107,8 @@ def solve_slip(
     ------
     InputError
         The solver gives up.
+    ContactInputError
+        A number is outside its range.
 
     References
     ----------
@@ -123,6 +126,13 @@ def solve_slip(
     >>> round(float(slip.traction.mean()), 6), int(slip.stick.sum()), int(slip.slip.sum())
     (1.0, 52, 28)
     """
+    friction = checked_number("friction", friction, "dimensionless", positive=True)
+    for name, value, is_right, allowed in (
+        ("tangential_ratio", tangential_ratio, 0 <= tangential_ratio <= 1, "[0, 1]"),
+        ("poisson", poisson, -1 < poisson <= 0.5, "(-1, 0.5]"),
+    ):
+        if not is_right:
+            raise ContactInputError(f"{name} must lie in {allowed}, got {value}")
     pressure, remaining = contact.pressure, 1 - tangential_ratio
     reduced = solve_again(
         contact,

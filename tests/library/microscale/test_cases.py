@@ -6,6 +6,7 @@ from contacts import pressed, rough
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gstlib.bem.closed_forms import Sphere
+from gstlib.bem.errors import ContactInputError
 from gstlib.microscale.slip_and_cap import (
     capped_numbers,
     case_table,
@@ -45,6 +46,21 @@ def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(ratio):
         1e3 * closed_mm, rel=0.01
     )
     assert_array_equal(slip.stick ^ slip.slip, sphere.pressure > 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("tangential_ratio", -0.1),
+        ("tangential_ratio", 1.1),
+        ("tangential_ratio", np.nan),
+        ("friction", 0.0),
+        ("poisson", 2.0),
+    ],
+)
+def test_a_grinding_force_beyond_its_range_is_refused(contact, name, value):
+    with pytest.raises(ContactInputError, match=f"{name} must .* got {value}"):
+        solve_slip(contact, **GRINDING | {name: value})
 
 
 def test_coulomb_holds_and_everything_slips_at_the_end(contact):
