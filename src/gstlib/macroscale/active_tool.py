@@ -55,7 +55,8 @@ class RoundedTool(NamedTuple):
     Attributes
     ----------
     radius_mm : float, (float, float) or None
-        Its radius, or the radii along and across an axis. None for a flat.
+        Its radius, or the radii along and across an axis; negative if it is hollow. None for a
+        flat.
     angle_deg : float
         Direction of this axis, from x towards y.
     """
@@ -177,6 +178,11 @@ def rounded_counterface(
 
     `radius_mm` and `angle_deg` are as in `RoundedTool`, and its summit is at `middle` (y, x), mm.
 
+    Raises
+    ------
+    InputError
+        A radius is 0 or NaN, or there are more than two.
+
     Examples
     --------
     A handstone with a radius of 200 mm along x and of 50 mm across it, 1 mm from its summit:
@@ -188,12 +194,15 @@ def rounded_counterface(
     [-2.5, -10.0]
     """
     y, x = (height[axis].values - at for axis, at in zip("yx", middle, strict=True))
-    if isinstance(radius_mm, Sequence):
+    radii = np.ravel(np.inf if radius_mm is None else radius_mm)
+    if radii.size not in (1, 2) or not abs(radii).min() > 0:
+        remedy = "Give one radius or two, in mm and not 0, or None for a flat."
+        raise InputError("radius_mm", f"is {radius_mm}", remedy)
+    if radii.size == 2:
         across, along = rotated(y[:, None], x, -angle_deg)
-        over = -0.5 * (along**2 / radius_mm[0] + across**2 / radius_mm[1])
+        over = -0.5 * (along**2 / radii[0] + across**2 / radii[1])
     else:
-        curvature = 0.0 if radius_mm is None else 1 / radius_mm
-        over = -0.5 * curvature * (y[:, None] ** 2 + x**2)
+        over = -0.5 * (1 / radii[0]) * (y[:, None] ** 2 + x**2)
     return height.copy(data=over).assign_attrs(long_name="height of the counterface")
 
 

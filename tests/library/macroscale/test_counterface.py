@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from contacts import pressed
+from numpy.testing import assert_array_equal
 from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 from trimesh.transformations import rotation_matrix, translation_matrix
@@ -16,11 +17,13 @@ from gstlib.macroscale.active_tool import (
     grid_counterface,
     pose_frame,
     posed_mesh,
+    rounded_counterface,
 )
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.specimen.randomness import smooth_field
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import frame_from_points
+from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
 
 SIDE, COUNT, EDGE = 4.0, 32, 0.125
@@ -48,6 +51,22 @@ def sheet(heights, up=True):
     vertices = np.stack([x, y, heights], axis=-1).reshape(-1, 3)
     faces = Delaunay(vertices[:, :2]).simplices  # anticlockwise
     return trimesh.Trimesh(vertices, faces if up else faces[:, ::-1], process=False)
+
+
+@pytest.mark.parametrize("radius_mm", [0, np.nan, (50.0, 0), (50.0, 20.0, 9.0)])
+def test_a_tool_of_no_radius_is_refused(radius_mm):
+    surface = make_surface(np.zeros((4, 4)), 1.0)
+    with pytest.raises(InputError, match="Give one radius or two"):
+        rounded_counterface(surface, radius_mm, MIDDLE)
+
+
+def test_two_radii_may_be_an_array():
+    surface = make_surface(np.zeros((4, 4)), 1.0)
+    faces = (
+        rounded_counterface(surface, two((50.0, 20.0)), MIDDLE, 30.0)
+        for two in (tuple, np.array)
+    )
+    assert_array_equal(*faces)
 
 
 def gridded(passive, active=None, pose=None):
