@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from gstlib.errors import InputError
+
 __all__ = ["Comparison", "compare", "interpolate"]
 
 # From the simplest to the smoothest.
@@ -62,6 +64,9 @@ def compare(
     interpolation: str, cloud: np.ndarray, bounds: tuple[float, float]
 ) -> Comparison:
     """The interpolation asked for, or all of them, on the vertices of a cloud within bounds."""
+    if interpolation not in (*_INTERPOLATIONS, "best"):
+        remedy = f"Give {', '.join(_INTERPOLATIONS)} or best."
+        raise InputError("interpolation", f"is {interpolation!r}", remedy)
     tried = _INTERPOLATIONS if interpolation == "best" else (interpolation,)
     low, high = bounds
     places = cloud[:, :2]

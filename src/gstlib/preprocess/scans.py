@@ -94,7 +94,7 @@ def prepare_scan(
     Raises
     ------
     InputError
-        Too many points are unmeasured.
+        Too many points are unmeasured, or a rule or an axis is unknown.
     ContactInputError
         The scan is no surface: see `gstlib.surfaces.grid.spacing_of`.
 
@@ -109,6 +109,11 @@ def prepare_scan(
     """
     spacing_of(raw)  # refuses what is no surface
     check_unmeasured(raw, maximum_unmeasured)
+    if mould_flip not in ("x", "y", None):
+        raise InputError("mould_flip", f"is {mould_flip!r}", "Give x, y or None.")
+    if outlier_rule not in ("window", "median"):
+        remedy = "Give window or median."
+        raise InputError("outlier_rule", f"is {outlier_rule!r}", remedy)
     heights = (
         raw.values
         if mould_flip is None

@@ -152,6 +152,11 @@ def leaning():
     return flat
 
 
+def test_an_unknown_interpolation_is_refused():
+    with pytest.raises(InputError, match=r"interpolation: is 'spline'\. Give linear, "):
+        grid(sheet(hills), interpolation="spline")
+
+
 @pytest.mark.parametrize(
     ("match", "mesh", "frame"),
     [

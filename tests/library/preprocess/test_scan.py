@@ -141,6 +141,13 @@ def test_too_many_unmeasured_points_are_refused(raw):
         prepare_scan(raw * np.nan, **SETTINGS | {"maximum_unmeasured": 1.0})
 
 
+@pytest.mark.parametrize("wrong", [{"mould_flip": "z"}, {"outlier_rule": "mean"}])
+def test_an_unknown_rule_is_refused(raw, wrong):
+    ((name, value),) = wrong.items()
+    with pytest.raises(InputError, match=rf"{name}: is '{value}'\. Give "):
+        prepare_scan(raw, **SETTINGS | wrong)
+
+
 @pytest.mark.parametrize("width", range(1, 8))
 def test_filling_is_exact_on_planes(width):
     holes = np.zeros((30, 25), bool)
