@@ -26,6 +26,7 @@ import numpy as np
 import scipy
 
 from gstlib.conditions import ARCHARD, Law
+from gstlib.errors import InputError
 from gstlib.use.tempering import Particles, tempered
 
 __all__ = [
@@ -65,7 +66,7 @@ class Losses:
     Attributes
     ----------
     depth_um : (patches,) ndarray
-        Lost volume per area of the patch, µm.
+        Lost volume per area of the patch, µm. All are known.
     above_noise : (patches,) ndarray of bool, or bool
         Whether each loss is above the noise.
     law : Law
@@ -78,6 +79,15 @@ class Losses:
     above_noise: np.ndarray | bool = True
     law: Law = ARCHARD
     variables = 3
+
+    def __post_init__(self) -> None:
+        depth_um = np.asarray(self.depth_um, dtype=float)
+        unknown = np.count_nonzero(~np.isfinite(depth_um))
+        if depth_um.ndim != 1 or unknown:
+            problem = f"of shape {depth_um.shape} has {unknown} NaN or infinite values"
+            remedy = "Give one loss for each patch, and leave out patches without."
+            raise InputError("depth_um", problem, remedy)
+        object.__setattr__(self, "depth_um", depth_um)
 
     @property
     def tells(self) -> bool:

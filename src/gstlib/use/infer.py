@@ -34,6 +34,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.contact import Interface, Load
+from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import as_round_as
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.surfaces.grid import coarser, described
@@ -196,6 +197,11 @@ def infer_use(
         ``adopted``, whether the study adopts it. If nothing can be inferred, there are only
         attributes, and ``answer`` is `UNKNOWN` with the reason.
 
+    Raises
+    ------
+    InputError
+        The evidence is not of as many patches as there are.
+
     Examples
     --------
     The two patches with the lowest x and y are the most worn of eight by eye:
@@ -216,6 +222,10 @@ def infer_use(
     True
     """
     count = len(patches)
+    known = evidence.depth_um if isinstance(evidence, Losses) else evidence.grade
+    if len(known) != count:
+        problem = f"is of {len(known)} patches, but the table has {count}"
+        raise InputError("evidence", problem, "Give one value for each row of patches.")
     if count < FEWEST_PATCHES:
         reason = f"the wear of only {count} patch{'es' * (count != 1)} is known"
         return _unknown(reason, f"Scan at least {FEWEST_PATCHES} patches")

@@ -9,6 +9,7 @@ import scipy
 import xarray as xr
 from contacts import around, written
 
+from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.ensemble import patch_means
 from gstlib.specimen.randomness import smooth_field
@@ -380,6 +381,19 @@ def test_of_too_little_nothing_is_inferred(
     assert table["posterior_mean"].isna().all()
     assert predicted_losses(use, losses, seed=1).empty
     assert as_used(face, use, STATED.load_point) == (face, STATED.load_point)
+
+
+@pytest.mark.parametrize("depth", [[1.0, np.nan], [[1.0, 2.0]], 1.0])
+def test_losses_that_are_not_known_are_refused(depth):
+    assert Losses([0.1, 0.2, 0.3, 0.4]).tells
+    with pytest.raises(InputError, match=r"depth_um: of shape .* NaN or infinite"):
+        Losses(depth)
+
+
+@pytest.mark.parametrize("evidence", [Losses(np.ones(9)), Grades(np.arange(9))])
+def test_evidence_is_of_as_many_patches_as_the_table(face, patches, evidence):
+    with pytest.raises(InputError, match="is of 9 patches, but the table has 16"):
+        infer(face, patches, evidence)
 
 
 def test_pressures_of_a_patch_are_over_the_strikes_of_what_the_others_tell(
