@@ -40,6 +40,7 @@ COUNTS = {EXPOSED: 8, CONTROL: 4}
 _ROUNDING = 1e-9
 # With a smaller share of the exposure inside, the stones rub beside the square.
 _LEAST_INSIDE = 0.5
+_COLUMNS = ["place", "kind", "x_mm", "y_mm", "exposure_N_per_mm", "touched"]
 
 
 def propose_places(
@@ -100,17 +101,10 @@ def propose_places(
             gaps = apart - patch_mm + _ROUNDING  # negative if they overlap
             left[EXPOSED][gaps < 0] = 0
             left[CONTROL] = np.minimum(left[CONTROL], gaps)
-            rows.append(
-                {
-                    "place": f"{kind[0].upper()}{number}",
-                    "kind": kind,
-                    "x_mm": float(x_mm),
-                    "y_mm": float(y_mm),
-                    "exposure_N_per_mm": exposure[at],
-                    "touched": touched[at],
-                }
-            )
-    return pd.DataFrame(rows)
+            place = f"{kind[0].upper()}{number}"
+            at_place = float(x_mm), float(y_mm), exposure[at], touched[at]
+            rows.append((place, kind, *at_place))
+    return pd.DataFrame(rows, columns=_COLUMNS)
 
 
 def _centres(element: float, size_mm: float, patch_mm: float) -> np.ndarray:

@@ -103,3 +103,9 @@ def test_exposure_beside_the_square_is_warned_of(fields, caplog):
     assert "75 % of the exposure lies outside the square" in caplog.text
     area = 0.8**2 / 25
     assert held == pytest.approx((0.25, 0.5 * area, 1.0, area), rel=0.05)
+
+
+def test_where_nothing_is_touched_no_position_is_exposed(fields):
+    places = propose_places(fields, **SIZES)
+    assert not (places.kind == EXPOSED).any()
+    assert places.x_mm.empty
