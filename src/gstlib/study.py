@@ -65,7 +65,7 @@ from gstlib.conditions import rounded_form
 from gstlib.contact import Contact
 from gstlib.coupling.placement import check_placement
 from gstlib.coupling.pressures import couple_scales, covered_pressures
-from gstlib.errors import accepting, concerning
+from gstlib.errors import InputError, accepting, concerning
 from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.composite import compose_surface
 from gstlib.macroscale.equilibrium import solve_at_load
@@ -310,4 +310,8 @@ def _as_read(patches: pd.DataFrame) -> pd.DataFrame:
         patches = patches.reindex(columns=["patch", "x_mm", "y_mm"])
     texts = patches.reindex(columns=["t1", "repeat", "flip"]).astype(object).fillna("")
     turns = patches.reindex(columns=["rotation_deg"]).fillna(0.0)
-    return patches.assign(patch=patches.patch.astype(str), **texts, **turns)
+    names = patches.patch.astype(str)
+    if (twice := names[names.duplicated()]).size:
+        problem = f"patch {twice.iloc[0]} is there twice"
+        raise InputError("patches", problem, "Give each patch one row.")
+    return patches.assign(patch=names, **texts, **turns)

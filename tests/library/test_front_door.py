@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 import gstlib
+from gstlib.errors import InputError
 
 
 def test_the_names_are_few_and_documented():
@@ -63,6 +64,8 @@ def test_a_study_takes_a_table_as_pandas_reads_it(columns):
     texts = ["patch", "repeat", "flip", "rotation_deg"]
     expected = [["1", "", "", 0.0], ["2", "", "", 0.0]]
     assert study.patches[texts].values.tolist() == expected
+    with pytest.raises(InputError, match="patch 1 is there twice"):
+        gstlib.Study({}, table.assign(patch=1), **readers)
 
 
 def test_the_program_itself_goes_by_the_rooms():

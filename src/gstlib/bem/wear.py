@@ -268,7 +268,12 @@ def _bodies(heights, mean_pressure, third_body, steps):
     if share < 1:
         bodies.append(_Body(1 - share, heights, _in_steps(mean_pressure, steps)))
     if share > 0:
-        below = heights - np.asarray(rows_first(third_body.lowered))
+        lowered = np.asarray(rows_first(third_body.lowered))
+        if lowered.shape not in ((), heights.shape):
+            raise ContactInputError(
+                f"third_body.lowered has the shape {lowered.shape}, the surface {heights.shape}"
+            )
+        below = heights - lowered
         pressures = _in_steps(third_body.mean_pressure, steps)
         bodies.append(_Body(share, below, pressures, third_body.layer))
     return bodies

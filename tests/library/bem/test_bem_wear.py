@@ -115,6 +115,7 @@ def test_a_cap_bounds_what_a_step_takes_off_and_leaves_the_volume():
         ({"mean_pressure": 0.0}, "mean_pressure"),
         ({"mean_pressure": [1.0, 2.0]}, "mean_pressure"),
         ({"pressure_cap": 76.0}, "not below pressure_cap"),
+        ({"third_body": ThirdBody(SOFT, 0.5, 1.0, np.ones(80))}, "third_body.lowered"),
     ],
 )
 def test_bad_input_is_named(wrong, message):
