@@ -269,7 +269,7 @@ def _bodies(heights, mean_pressure, third_body, steps):
         bodies.append(_Body(1 - share, heights, _in_steps(mean_pressure, steps)))
     if share > 0:
         lowered = np.asarray(rows_first(third_body.lowered))
-        if lowered.shape not in ((), heights.shape):
+        if lowered.size > 1 and lowered.shape != heights.shape:
             raise ContactInputError(
                 f"third_body.lowered has the shape {lowered.shape}, the surface {heights.shape}"
             )

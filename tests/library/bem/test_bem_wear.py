@@ -92,7 +92,7 @@ def test_stone_and_third_body_take_turns_by_their_coefficients_and_forces():
 
 
 def test_loads_beyond_the_grid_may_lower_the_surface_for_the_third_body_alone():
-    deep = np.where(np.arange(80) < 40, 1.0, 0.0)
+    deep = np.where(np.indices((80, 80))[1] < 40, 1.0, 0.0)
     body = ThirdBody(SOFT, 1.0, 20.0, deep)
     load = {"mean_pressure": 0.0, "mean_loss": 1e-4, "steps": 1}
     depth = wear_path(*SURFACE, **load, third_body=body).depth
