@@ -16,7 +16,7 @@ import xarray as xr
 
 from gstlib.errors import NOTE, InputError
 from gstlib.surfaces.filtering import low_pass
-from gstlib.surfaces.grid import MM_TO_UM, spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, spacing_of, spacing_of_heights
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["measure_texture", "texture_rows"]
@@ -233,7 +233,7 @@ def _scale_limited(
     surface: xr.DataArray, s_filter_um: float, l_filter_um: float | None
 ) -> np.ndarray:
     """Heights (µm) without their plane, and without the waves that the filters remove."""
-    spacing = [MM_TO_UM * step for step in spacing_of(surface)]
+    spacing = [MM_TO_UM * step for step in spacing_of_heights(surface)]
     level, _ = remove_plane(surface)
     heights = low_pass(level.values * MM_TO_UM, spacing, s_filter_um)
     if l_filter_um is not None:

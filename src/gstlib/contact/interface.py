@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
-from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.grid import spacing_of, spacing_of_heights
 from gstlib.surfaces.leveling import Plane
 
 __all__ = ["LEVEL", "Interface"]
@@ -51,7 +51,9 @@ class Interface:
 
     def __post_init__(self) -> None:
         shape, other_shape = self.height.shape, self.counterface.shape
-        spacing, other_spacing = spacing_of(self.height), spacing_of(self.counterface)
+        spacing, other_spacing = map(
+            spacing_of_heights, (self.height, self.counterface)
+        )
         is_alike = np.allclose(spacing, other_spacing, rtol=_SAME_SPACING, atol=0)
         if shape != other_shape or not is_alike:
             raise ValueError(

@@ -11,7 +11,7 @@ import xarray as xr
 from gstlib.errors import InputError
 from gstlib.io.scans import cut_scan, whole_scan
 from gstlib.preprocess.outliers import height_step, median_outliers, window_outliers
-from gstlib.surfaces.grid import MM_TO_UM, spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, spacing_of, spacing_of_heights
 from gstlib.surfaces.leveling import remove_plane
 from gstlib.surfaces.spectrum import shortest_trusted
 
@@ -96,7 +96,7 @@ def prepare_scan(
     InputError
         Too many points are unmeasured, or a rule or an axis is unknown.
     ContactInputError
-        The scan is no surface: see `gstlib.surfaces.grid.spacing_of`.
+        The scan is no surface: see `gstlib.surfaces.grid.spacing_of_heights`.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def prepare_scan(
     >>> scan.attrs["outliers"], scan.attrs["filled"]
     (1, 3)
     """
-    spacing_of(raw)  # refuses what is no surface
+    spacing_of_heights(raw)  # refuses what is no surface
     check_unmeasured(raw, maximum_unmeasured)
     if mould_flip not in ("x", "y", None):
         raise InputError("mould_flip", f"is {mould_flip!r}", "Give x, y or None.")

@@ -12,7 +12,7 @@ import scipy
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.surfaces.grid import axis_coordinates, spacing_of
+from gstlib.surfaces.grid import axis_coordinates, spacing_of, spacing_of_heights
 
 if TYPE_CHECKING:
     import shapely
@@ -133,7 +133,7 @@ def check_size(height: xr.DataArray, size_mm: float, source: str) -> None:
     ------
     InputError
     """
-    steps = np.array(spacing_of(height))
+    steps = np.array(spacing_of_heights(height))
     sides = np.array(height.shape) * steps
     if (abs(sides - size_mm) > _SIZE_TOLERANCE * size_mm + steps).any():
         raise InputError(

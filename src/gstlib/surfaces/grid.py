@@ -5,7 +5,6 @@ the element centres in mm, both increasing in even steps. Heights are float64 in
 the stone; unmeasured elements are NaN. A surface of n elements is n spacings long.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -21,11 +20,10 @@ __all__ = [
     "described",
     "make_surface",
     "spacing_of",
+    "spacing_of_heights",
 ]
 
 MM_TO_UM = 1e3
-# A unit of length, also other than mm.
-_LENGTH = re.compile(r"\w?m|.*(met(er|re)|micron|inch).*")
 
 
 def axis_coordinates(count: int, spacing: float) -> np.ndarray:
@@ -84,7 +82,6 @@ def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
     ------
     ContactInputError
         The coordinates y or x are missing, uneven or falling, not in mm, or of a single element.
-        Heights have another unit of length than mm.
     ValueError
         A field has x before y among its dimensions.
 
@@ -103,10 +100,15 @@ def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
         if "y" in dims and "x" in dims and dims.index("x") < dims.index("y"):
             remedy = "give y before x, by .transpose('y', 'x')"
             raise ValueError(f"the dimensions are {dims}: {remedy}")
-        units = str(field.attrs.get("units", "mm"))
-        if units != "mm" and {"y", "x"} <= {*dims} and _LENGTH.fullmatch(units):
-            raise ContactInputError(f"heights are in {units}: convert them to mm")
     return step_of(surface, "y"), step_of(surface, "x")
+
+
+def spacing_of_heights(heights: xr.DataArray) -> tuple[float, float]:
+    """As `spacing_of`, and refuses heights in another unit than mm."""
+    units = heights.attrs.get("units", "mm")
+    if units != "mm":
+        raise ContactInputError(f"heights are in {units}: convert them to mm")
+    return spacing_of(heights)
 
 
 def coarser(surface: xr.DataArray, times: int) -> xr.DataArray:

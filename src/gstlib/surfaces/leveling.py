@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.grid import spacing_of_heights
 
 __all__ = ["Plane", "fit_plane", "remove_plane"]
 
@@ -71,7 +71,7 @@ def remove_plane(surface: xr.DataArray) -> tuple[xr.DataArray, Plane]:
     >>> round(plane.tilt_x_mrad, 2), bool(abs(level).max() < 1e-12)
     (20.0, True)
     """
-    spacing_of(surface)  # refuses what is no surface
+    spacing_of_heights(surface)  # refuses what is no surface
     heights, (y, x) = surface.values, _centred(surface)
     plane = fit_plane(heights, y, x, source=surface.attrs.get("file", "surface"))
     return surface.copy(data=heights - plane.heights(surface)), plane

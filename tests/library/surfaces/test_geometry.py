@@ -15,6 +15,7 @@ from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.footprints import PatchPosition, check_size
 from gstlib.surfaces.frames import Frame, on_mesh
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
+from gstlib.surfaces.leveling import remove_plane
 
 
 def test_a_scan_sees_its_points_where_they_lie():
@@ -95,10 +96,9 @@ def test_a_surface_on_odd_coordinates_is_refused(odd):
         spacing_of(odd)
 
 
-@pytest.mark.parametrize("unit", ["m", "µm", "nm", "micrometer"])
-@pytest.mark.parametrize("used", [spacing_of, prepare_scan, Interface.on_flat])
+@pytest.mark.parametrize("unit", ["m", "µm"])
+@pytest.mark.parametrize("used", [prepare_scan, Interface.on_flat, remove_plane])
 def test_heights_in_another_unit_are_refused(used, unit):
-    assert spacing_of(SURFACE.assign_attrs(units="MPa")) == spacing_of(SURFACE)
     with pytest.raises(ValueError, match=f"heights are in {unit}: convert them to mm"):
         used(SURFACE.assign_attrs(units=unit))
 
