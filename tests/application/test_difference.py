@@ -114,11 +114,16 @@ def test_rows_are_told_apart_by_the_key_of_the_schema(folders, name, rows):
 def test_a_table_that_another_config_left_is_not_compared(folders):
     for folder in folders:
         page = folder / "index.html"
-        shown = [folder / "tables" / name for name in TABLES]
-        step = Step(PAGE, {"steps": {}}, shown, [page])
+        tables = [folder / "tables" / name for name in TABLES]
+        made = {"couple_scales": ""}
+        steps = (
+            Step("couple_scales", {}, [], tables),
+            Step(PAGE, {"steps": made}, tables, [page]),
+        )
         (folder / "logs").mkdir()
         page.touch()
-        write_record(folder, step, given_to(folder, step), {})
+        for step in steps:
+            write_record(folder, step, given_to(folder, step), {})
     (folders[0] / "tables/use.csv").write_text("parameter,prior\nradius,200\n")
     assert compare_results(*folders).empty
 

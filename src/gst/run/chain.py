@@ -297,11 +297,6 @@ def made_in(results: Path) -> list[Path]:
     ]
 
 
-def shown_in(results: Path) -> set[Path]:
-    """The files of a finished study that its page was made from; none if there is no page."""
-    return {results / name for name in _part_of(results, PAGE, "inputs")}
-
-
 def steps_in(results: Path) -> dict[str, str | None]:
     """The steps of a finished study with their hashes, the page last; none if there is none."""
     steps = _part_of(results, PAGE, "params").get("steps")

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from gst.config.tables import TABLES
-from gst.run.chain import shown_in
+from gst.run.chain import made_in
 from gst.run.received import AnyObject, read_json, regular_file
 from gstlib.errors import InputError
 from gstlib.io.files import check_size
@@ -79,8 +79,8 @@ def _cells_of(folder: Path) -> _Cells:
     A folder without the record of a page has the tables that are there.
     """
     files = sorted((folder / "tables").glob("*.csv"))
-    if shown := shown_in(folder):  # other configs may have left others
-        files = [file for file in files if file in shown]
+    if made := {*made_in(folder)}:  # other configs may have left others
+        files = [file for file in files if file in made]
     if not files:
         raise InputError(
             folder, "has no tables/*.csv", "Name the results folder of a study."
