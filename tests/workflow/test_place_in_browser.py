@@ -86,8 +86,9 @@ def opened(browser, folder, complaints=()):
             page.wait_for_selector("canvas", state="attached")
             yield page, server
         finally:
+            page.close()  # it asks until its end, and the server may print until its own
             server.terminate()
-            server.wait()  # it may print until its end
+            server.wait()
     assert server.returncode in (0, -signal.SIGTERM)
     assert [one for one in asked if not one.startswith((url, "data:"))] == []
     assert [
@@ -549,6 +550,7 @@ def test_each_cause_has_its_own_button(browser, unscanned):
         assert (unscanned / "study.yaml.bak").is_file()
         assert page.locator("nav a.wrong").count() == 0
         page.click("#next")
+        page.wait_for_selector("nav [aria-current][href='#run']")
         assert page.inner_text("nav [aria-current]").startswith("○ 4 Run")
 
 
