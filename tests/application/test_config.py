@@ -296,7 +296,7 @@ BAD_TABLES = {
         ({"patches": "bad.csv"}, "bad.csv: 1 problem in this table"),
         ({"gesture": {"table": "poses.csv"}}, "poses.csv: missing columns"),
         ({"published": "values.csv"}, "line 2: quantity is 'load'"),
-        ({"published": "named.csv"}, "line 2 (patch 77): the patch table has no"),
+        ({"published": "named.csv"}, "line 2 (patch 77): the patch"),
         ({"published": "named.csv"}, "line 3 (patch 7): patch is '7': leave it"),
         ({"published": "nm.csv"}, "1 problem in this table\n  - line 3: unit is 'MPa'"),
         ({"specimen": None, "inputs": INPUTS}, "a does not exist (did you mean ab?)"),

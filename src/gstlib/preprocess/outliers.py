@@ -97,7 +97,7 @@ def window_outliers(
 
 
 def median_outliers(
-    surface: xr.DataArray, *, half_width: int, threshold: float
+    surface: xr.DataArray, *, half_width: int, threshold: float, step: float = 0.0
 ) -> tuple[np.ndarray, float]:
     """Outliers by the robust rule: every point farther off than a given threshold.
 
@@ -111,6 +111,8 @@ def median_outliers(
         r, points on each side of the window's centre.
     threshold : float
         t, in robust standard deviations.
+    step : float
+        Step of the stored heights, mm, from `height_step`.
 
     Returns
     -------
@@ -130,7 +132,7 @@ def median_outliers(
     # smoother spot would be marked as outliers, or each height that is one step off.
     scale = max(
         MAD_TO_SIGMA * float(np.median(off[measured])),
-        height_step(surface) / 2,
+        step / 2,
         _DOUBLE_ROUNDING * float(np.nanmax(np.abs(surface.values))),
     )
     # Because of that bound only these points can be outliers: few enough to gather their windows.

@@ -109,11 +109,7 @@ def prepare_scan(
     """
     spacing_of_heights(raw)  # refuses what is no surface
     check_unmeasured(raw, maximum_unmeasured)
-    if mould_flip not in ("x", "y", None):
-        raise InputError("mould_flip", f"is {mould_flip!r}", "Give x, y or None.")
-    if outlier_rule not in ("window", "median"):
-        remedy = "Give window or median."
-        raise InputError("outlier_rule", f"is {outlier_rule!r}", remedy)
+    _refuse_unknown(mould_flip, outlier_rule)
     heights = (
         raw.values
         if mould_flip is None
@@ -121,7 +117,7 @@ def prepare_scan(
     )
     stone = raw.copy(data=-heights if mould_invert else heights)
     unmeasured = ~np.isfinite(stone.values)
-    of_rule = {}
+    of_rule, step = {}, height_step(stone)
     if outlier_rule == "window":
         # The paper's windows are full. A spike beside a hole spreads into the points filled here,
         # so these are filled again from the good points once the outliers are known. (Of the
@@ -136,7 +132,7 @@ def prepare_scan(
     else:
         threshold = outlier_median_threshold
         outlier, scale = median_outliers(
-            stone, half_width=_MEDIAN_HALF_WIDTH, threshold=threshold
+            stone, half_width=_MEDIAN_HALF_WIDTH, threshold=threshold, step=step
         )
         of_rule["outlier_scale_um"] = MM_TO_UM * scale
     # ASSUME: Replacement of outliers. An outlier, like an unmeasured point, gets the value that is
@@ -172,9 +168,18 @@ def prepare_scan(
             "Sq_before_um": MM_TO_UM * float(np.nanstd(raw.values)),
             "Sq_after_um": MM_TO_UM * float(np.std(level.values)),
             "shortest_trusted_um": MM_TO_UM * shortest_trusted(level),
-            "height_step_um": MM_TO_UM * height_step(raw),
+            "height_step_um": MM_TO_UM * step,
         },
     )
+
+
+def _refuse_unknown(mould_flip: str | None, outlier_rule: str) -> None:
+    """Refuse an axis or a rule that `prepare_scan` does not have."""
+    if mould_flip not in ("x", "y", None):
+        raise InputError("mould_flip", f"is {mould_flip!r}", "Give x, y or None.")
+    if outlier_rule not in ("window", "median"):
+        remedy = "Give window or median."
+        raise InputError("outlier_rule", f"is {outlier_rule!r}", remedy)
 
 
 def crop_of(row: Any) -> tuple[float, float] | None:

@@ -19,7 +19,7 @@ def rough(seed, size):
 def test_heights_one_step_off_are_no_outliers():
     heights = rough(3, 60).round(3)
     outlier, _ = median_outliers(
-        make_surface(heights, 1e-3), half_width=3, threshold=5.0
+        make_surface(heights, 1e-3), half_width=3, threshold=5.0, step=1e-3
     )
     assert not outlier.any()
 
