@@ -43,7 +43,4 @@ def _problems(rows: pd.DataFrame, patches: Sequence[str]) -> Iterator[Problem]:
             yield row.Index, f"patch is {row.patch!r}: leave it empty for a {name}"
         if name == _OF_PATCH and row.patch not in patches:
             hint = near(row.patch, patches)
-            yield (
-                row.Index,
-                f"the patch is not in the patch table: {hint}correct it",
-            )
+            yield (row.Index, f"the patch is not in the patch table: {hint}correct it")
