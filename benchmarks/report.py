@@ -1,4 +1,4 @@
-"""From results/*.csv: the tables in README.md, and what the issue of speed asks, met or not."""
+"""From results/*.csv: the tables in README.md."""
 
 import json
 from pathlib import Path
@@ -8,41 +8,22 @@ from cases import CASES, Growth
 from problems import CUT_OFF
 
 README = Path(__file__).parent / "README.md"
-OWN = "gstlib, load"
-MET = {True: "yes", False: "**no**"}
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
-# Part of the name of a peer, and how it is called beside a case; then the factors that are asked.
-PEERS = {"": ": fastest peer", "slippy, BCCG": "", "Tamaas": ""}
-TARGETS = {
-    "rough-76": ("Cold, 76 MPa", [3, 5, 20]),
-    "rough-22": ("Cold, 22 MPa", [3, 5, 20]),
-    "hertz-256": ("Sphere 256²", [3, 5, 20]),
-    "hertz-512": ("Sphere 512²", [3, 5, 20]),
-    "path-76": ("20 steps to 76 MPa", [5]),
-    "path-22": ("20 steps to 22 MPa", [5]),
-    "periodic-76": ("Periodic, 76 MPa", 3 * [None]),
-    "periodic-2000": ("Periodic, 2000 MPa", 3 * [None]),
-}
 KEY = ["code", "size", "cut_off"]
 
 
 def write_report(results):
-    """Renew the part of README.md between its markers, and the figure."""
+    """Renew the part of README.md between its markers."""
     files = {name: results / f"{name}.csv" for name in CASES}
     tables = {name: pd.read_csv(file) for name, file in files.items() if file.exists()}
     machine = json.loads((results / "machine.json").read_text("utf-8"))
-    parts = [machine_list(machine), target_table(tables)]
+    parts = [machine_list(machine)]
     for name, table in tables.items():
         make = growth_table if isinstance(CASES[name], Growth) else case_table
         parts.append(f"## {CASES[name].title}\n\n{make(table)}")
     head, _, rest = README.read_text(encoding="utf-8").partition(BEGIN)
     text = "\n\n".join([head + BEGIN, *parts, END + rest.partition(END)[2]])
     README.write_text(text, encoding="utf-8")
-
-    # Here, so that the tests of this folder do without matplotlib.
-    from figure import draw
-
-    draw(tables, results / "peers.png")
 
 
 def machine_list(machine):
@@ -127,37 +108,6 @@ def growth_factors(table):
         key: (ratio.prod() ** (1 / len(ratio)), ratio.max())
         for key, ratio in ratios.groupby(KEY).ratio
     }
-
-
-def target_table(tables):
-    """What was to be reached, what was measured."""
-    lines = []
-    for name, (words, factors) in TARGETS.items():
-        for (part, called), factor in zip(PEERS.items(), factors, strict=False):
-            lines += against_peer(tables[name], part, words + called, factor)
-    growth = tables["growth"]
-    for (code, size, cut_off), (mean, worst) in growth_factors(growth).items():
-        if code == OWN:
-            waves = "" if cut_off == CUT_OFF else ", with the same waves"
-            sizes = f"Convolutions from {size / 2:.0f}² to {size:.0f}²{waves}: mean over seeds"
-            measured = f"{mean:.2f} (single surface {worst:.2f})"
-            lines.append((sizes, "≤ 1.25", measured, MET[mean <= 1.25]))
-    largest = "code == @OWN and cut_off == @CUT_OFF and size >= 2048 and seed == 0"
-    for row in growth.query(largest).itertuples():
-        measured = f"{row.wall_median:.0f} s, {row.peak_mb / 1e3:.2f} GB"
-        met = MET[row.reached == "yes"]
-        lines.append((f"{row.size:.0f}²", "solved", measured, met))
-    return _lines(" | asked | measured | met", lines)
-
-
-def against_peer(table, part, words, factor):
-    """The line that holds our code against the cheapest peer with `part` in its name, if any."""
-    reached = by_time(table[table.reached == "yes"])
-    is_peer = reached.code.str.contains(part) & ~reached.code.str.startswith("gstlib")
-    for peer in reached[is_peer].head(1).itertuples():
-        ratio = peer.ratio  # of unrounded medians, as in the tables below
-        asked, met = (f"≥ {factor}×", MET[ratio >= factor]) if factor else ("", "")
-        yield f"{words} ({peer.code})", asked, f"{ratio:.1f}×", met
 
 
 def _range(counts):

@@ -1,8 +1,8 @@
 """Speed and accuracy of gstlib.bem against other contact codes: ``python benchmarks/run.py``.
 
 Makes each code's environment on first use, measures the cases one after the other, and rewrites
-results/, the tables in README.md and the figure after each of them: a run that stops can be gone on
-with by naming the cases that are left.
+results/ and the tables in README.md after each of them: a run that stops can be gone on with by
+naming the cases that are left.
 """
 
 import argparse
@@ -98,7 +98,7 @@ def arguments():
     parser.add_argument(
         "--repeats", type=int, default=15, help="at most so many (default 15)"
     )
-    parser.add_argument("--report", action="store_true", help="tables and figure only")
+    parser.add_argument("--report", action="store_true", help="tables only")
     return parser.parse_args()
 
 
