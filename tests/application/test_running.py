@@ -66,6 +66,8 @@ USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
         ("mine.yaml", {"profile": "slurm"}, "no sbatch on this machine"),
         ("mine.yaml", {"options": ["--config=a"]}, "--config=a would make"),
         ("mine.yaml", {"cores": "0"}, "0 cores run no step"),
+        ("mine.yaml", {"options": ["-c", "0"]}, "0 cores run no step"),
+        ("mine.yaml", {"options": ["-n", "--jobs=0"]}, "0 cores run no step"),
         ("mine.yaml", {"options": ["-d/tmp"]}, "-d/tmp would make"),
         ("mine.yaml", {"options": ["--trust-io"]}, "--trust-io would make"),
         ("bad.yaml", {}, r"bad\.yaml: .*\n  - 'results' is 5"),

@@ -35,6 +35,8 @@ _REUSE_MEMORY = {
 _NO_OTHER_CODE = {"PYTHONSAFEPATH": "1", "SNAKEMAKE_PROFILE": "none"}
 # -n may be joined with other options that take no value
 _PLANNING = re.compile("--dry.*|-[aDFSfklpt]*n.*")
+# Snakemake would wait for ever.
+_NO_CORES = re.compile(r"(?:^| )(?:--cores|--jobs|-[cj])[ =]?0+(?= |$)")
 _REFUSED = (
     "--configfiles",  # gst reads CONFIG, too,
     "--directory",  # and looks for the results here
@@ -68,7 +70,8 @@ def run_study(
         problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
         remedy = "Leave it out. Give gst another CONFIG, or start it elsewhere."
         raise InputError("gst study", problem, remedy)
-    if cores == "0":
+    given = ["--cores", cores] if cores else []
+    if _NO_CORES.search(" ".join([*given, *options])):
         raise InputError("--cores", "0 cores run no step", "Give 1 or more, or all.")
     if importlib.util.find_spec("snakemake") is None:
         problem = "Snakemake, which runs the study, is not installed"
@@ -93,7 +96,7 @@ def run_study(
     check_links(results)
     plan = plan or any(map(_PLANNING.fullmatch, options))
     command: list[object] = ["--configfile", config, "--workflow-profile", folder]
-    command += ["--cores", cores] if cores else []
+    command += given
     if plan:
         code = _snakemake(*command, "--dry-run", *options, environment={PLAN: "1"})
     else:
