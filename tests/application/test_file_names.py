@@ -37,7 +37,6 @@ READ = {
         "loc1": "loc1_T0_20230501_143512.sur, loc1_T1_20230612_091122.sur",
         "loc2": "loc2_T0_20230501_144003.sur, loc2_T1_20230612_092755.sur",
     },
-    "hours and minutes": {"1": "loc1_30min.sur, loc1_2h.sur"},
     "cycles as words first": {
         "A": "A_cycles0.sur, A_cycles10000.sur",
         "B": "B_cycles0.sur, B_cycles10000.sur",
