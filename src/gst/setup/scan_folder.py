@@ -4,6 +4,7 @@ Names decide (`gst.setup.file_names`), and heights confirm. Where the two disagr
 two readings, a cell of the patch table begins with `TODO` and the likely value follows.
 """
 
+import contextlib
 import logging
 import os
 from collections.abc import Iterator, Sequence
@@ -13,10 +14,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from gst.check.sliding import sides_of
-from gst.config.reading import complete
 from gst.config.todo import TODO
 from gst.setup.file_names import Row, read_names
 from gstlib.change.change import measured_change, wear_summary
@@ -26,13 +27,13 @@ from gstlib.io.scans import is_scan, read_scan
 from gstlib.io.stage import stage_of
 from gstlib.io.text import SCAN_UNITS
 from gstlib.preprocess.scans import prepare_scan
+from gstlib.settings import Settings
 from gstlib.surfaces.grid import coarser, spacing_of
 
 # Points along a scan that is compared with others, and points that make a loss.
 _COARSE, _SPOT = 128, 2
 # Fields (mm) that a scan of a patch or an overview can have: they determine the unit of text.
 _FIELDS = 0.05, 30.0
-_OTHER_SPACING = ", not compared: another spacing"
 _SCAN_ALIKE = (
     "scans before and after use differ in spacing and cannot be compared: scan both with the same "
     "objective, or resample one in your instrument's software"
@@ -71,12 +72,11 @@ def scans_in(paths: Sequence[Path]) -> tuple[Path, list[Path], list[Path]]:
         if not path.exists():
             raise InputError(path, "no such file or folder", "Correct --scans.")
     named = [path.resolve() for path in paths]
-    roots = [path if path.is_dir() else path.parent for path in named]
-    root = Path(os.path.commonpath(roots))
-    scans = {path for path in named if path.is_file()}
-    inside = (file for path in named if path.is_dir() for file in path.rglob("[!.]*"))
-    files = {file for file in inside if file.is_file()}
-    scans |= {file for file in files if is_scan(file)}
+    folders = [path if path.is_dir() else path.parent for path in named]
+    root = Path(os.path.commonpath(folders))
+    inside = {file for path in named for file in path.rglob("[!.]*")}
+    files = {file for file in [*inside, *named] if file.is_file()}
+    scans = {file for file in files if file in named or is_scan(file)}
     if not scans:
         remedy = "Name the folder of the scans as --scans."
         raise InputError(root, "contains no scan", remedy)
@@ -95,19 +95,23 @@ def read_scans(root: Path, paths: Sequence[Path]) -> tuple[list[Scan], list[str]
 
 
 def _read(root: Path, path: Path) -> Scan:
-    unit = None
+    unit, acquired = None, ""
     try:
         surface = read_scan(path)
     except InputError as error:
         surface, unit = _in_likely_unit(path, error)
+    with contextlib.suppress(ValueError):  # a date that does not sort
+        acquired = datetime.fromisoformat(surface.attrs.get("acquired", "")).isoformat()
+    # a power of two, so that scans of different sizes stay on one spacing
+    times = 1 << max(0, (min(surface.shape) // _COARSE).bit_length() - 1)
     return Scan(
         name=path.relative_to(root).as_posix(),
         unit=unit,
         size_mm=sides_of(surface),
         spacing_mm=spacing_of(surface),
         stage_mm=stage_of(surface),
-        acquired=_iso(surface.attrs.get("acquired", "")),
-        coarse=coarser(surface, _halvings(min(surface.shape))),
+        acquired=acquired,
+        coarse=coarser(surface, times),
     )
 
 
@@ -117,12 +121,10 @@ def _in_likely_unit(path: Path, error: InputError) -> tuple[xr.DataArray, str]:
     logging.disable()
     try:
         for unit in SCAN_UNITS:
-            try:
+            with contextlib.suppress(InputError):
                 surface = read_scan(path, unit=unit)
-            except InputError:
-                continue
-            if all(_FIELDS[0] <= side <= _FIELDS[1] for side in sides_of(surface)):
-                fitting.append((surface, unit))
+                if all(_FIELDS[0] <= side <= _FIELDS[1] for side in sides_of(surface)):
+                    fitting.append((surface, unit))
         if len(fitting) == 1:
             return fitting[0]
         return read_scan(path, unit="um", spacing_um=1.0), TODO
@@ -130,19 +132,6 @@ def _in_likely_unit(path: Path, error: InputError) -> tuple[xr.DataArray, str]:
         raise error from None
     finally:
         logging.disable(logging.NOTSET)
-
-
-def _iso(text: str) -> str:
-    """A date that sorts; empty if it is none."""
-    try:
-        return datetime.fromisoformat(text).isoformat()
-    except ValueError:
-        return ""
-
-
-def _halvings(points: int) -> int:
-    """A power of two, so that scans of different sizes stay on one spacing."""
-    return 1 << max(0, (points // _COARSE).bit_length() - 1)
 
 
 class Pairs(NamedTuple):
@@ -161,41 +150,45 @@ class Pairs(NamedTuple):
     overviews: list[Scan]  # maps of several places
 
 
-class _Pair:
-    """Two scans that are named as of one place, and the change of their heights."""
+class _Change(NamedTuple):
+    """What two scans show that are named as of one place."""
 
-    def __init__(self, before: Scan, after: Scan):
-        self.dates = before.acquired, after.acquired
-        self.is_found = self.fell = self.rose = False
-        spacings = max(before.spacing_mm), max(after.spacing_mm)
-        self.obstacle = ""  # to a comparison of their heights
-        if (before.unit == TODO) != (after.unit == TODO):
-            self.obstacle = ", not compared: which spacing?"
-        elif max(spacings) > (1 + _SAME_SPACING) * min(spacings):
-            self.obstacle = _OTHER_SPACING
-        else:
-            self._compare(before, after)
+    days: int  # 1 if the dates in the files are in order, -1 if not, 0 if they do not tell
+    is_comparable: bool  # whether they have one spacing
+    is_found: bool = False  # whether the later one shows the surface of the earlier one
+    fell: bool = False  # whether heights fell with use
+    rose: bool = False
 
-    def _compare(self, before: Scan, after: Scan) -> None:
-        steps = [spacing_of(scan.coarse)[1] for scan in (before, after)]
-        # a larger map may have been made coarser, by powers of two
-        pair = [
-            scan.prepared(round(max(steps) / step))
-            for scan, step in zip((before, after), steps, strict=True)
-        ]
-        shift_mm: float = complete({})["registration"]["maximum_shift_mm"]
-        try:
-            registration, change = measured_change(
-                *pair, maximum_shift_mm=shift_mm, minimum_cluster_points=_SPOT
-            )
-        except InputError:  # other heights
-            return
-        self.is_found = bool(registration.is_reliable)
-        if self.is_found:
-            shares = wear_summary(change)
-            loss, gain = shares["loss_fraction"], shares["gain_fraction"]
-            self.fell = bool(is_more(loss, gain))
-            self.rose = bool(is_more(gain, loss))
+
+def _change(before: Scan, after: Scan) -> _Change:
+    """Compare two scans by their dates and heights."""
+    days = 0
+    if before.acquired and after.acquired:
+        days = (after.acquired > before.acquired) - (after.acquired < before.acquired)
+    fine, wide = sorted(max(scan.spacing_mm) for scan in (before, after))
+    if wide > (1 + _SAME_SPACING) * fine:
+        return _Change(days, is_comparable=False)
+    steps = [spacing_of(scan.coarse)[1] for scan in (before, after)]
+    # a larger map may have been made coarser, by powers of two
+    pair = [
+        scan.prepared(round(max(steps) / step))
+        for scan, step in zip((before, after), steps, strict=True)
+    ]
+    try:
+        registration, change = measured_change(
+            *pair,
+            maximum_shift_mm=Settings().registration.maximum_shift_mm,
+            minimum_cluster_points=_SPOT,
+        )
+    except InputError:  # other heights
+        return _Change(days, is_comparable=True)
+    shares = wear_summary(change)
+    loss, gain = shares["loss_fraction"], shares["gain_fraction"]
+    is_found = bool(registration.is_reliable)
+    fell, rose = (
+        is_found and bool(is_more(*way)) for way in ((loss, gain), (gain, loss))
+    )
+    return _Change(days, True, is_found, fell, rose)
 
 
 def pair_scans(scans: Sequence[Scan], pattern: str | None = None) -> Pairs:
@@ -205,18 +198,22 @@ def pair_scans(scans: Sequence[Scan], pattern: str | None = None) -> Pairs:
     names = read_names(by_name, pattern)
     pairs, repeats = (
         {
-            row.patch: _Pair(by_name[row.t0], by_name[getattr(row, column)])
+            row.patch: _change(by_name[row.t0], by_name[getattr(row, column)])
             for row in names.rows
             if row.t0 and getattr(row, column)
         }
         for column in ("t1", "repeat")
     )
-    order = _Order([*pairs.values()])
-    questions = [*names.questions, *order.questions()]
+    changes = pd.DataFrame(pairs.values(), columns=_Change._fields)
+    questions = [*names.questions, *_questions(changes)]
     rows, evidence, doubts = [], [], []
     for row in names.rows:
-        pair, repeat = pairs.get(row.patch), repeats.get(row.patch)
-        column, why = _confirmed(row, pair, repeat, is_alone=not order.found)
+        column, why = _confirmed(
+            row,
+            pairs.get(row.patch),
+            repeats.get(row.patch),
+            is_alone=not changes.is_found.any(),
+        )
         evidence.append("by name" if column else f"by name{why}")
         if column:
             row = row._replace(**{column: _doubtful(getattr(row, column))})
@@ -224,13 +221,13 @@ def pair_scans(scans: Sequence[Scan], pattern: str | None = None) -> Pairs:
         if questions:
             row = row._replace(t0=row.t0 or TODO, t1=_doubtful(row.t1))
         rows.append(row)
-    if any(pair.obstacle == _OTHER_SPACING for pair in pairs.values()):
+    if not changes.is_comparable.all():
         doubts.append(_SCAN_ALIKE)
-    invert, mould = order.moulds(is_told=any(names.epochs))
+    invert, mould = _moulds(changes, is_told=any(names.epochs))
     return Pairs(
         rows=rows,
         evidence=evidence,
-        earlier=order.earlier(names.epochs),
+        earlier=_earlier(changes, names.epochs),
         questions=questions + doubts,
         invert=invert,
         mould=mould,
@@ -253,7 +250,7 @@ def _overviews(scans: Sequence[Scan]) -> list[Scan]:
 
 
 def _confirmed(
-    row: Row, pair: _Pair | None, repeat: _Pair | None, *, is_alone: bool
+    row: Row, pair: _Change | None, repeat: _Change | None, *, is_alone: bool
 ) -> tuple[str, str]:
     """The doubtful column of a row with the reason, or none with the evidence of its heights.
 
@@ -262,57 +259,48 @@ def _confirmed(
     if repeat and not repeat.is_found:
         text = f"{row.repeat} is named as a repeat of {row.t0}, but does not show its surface"
         return "repeat", text
-    if pair and not (pair.is_found or pair.obstacle or is_alone):
-        return (
-            "t1",
-            f"{row.t1} does not show the surface of {row.t0}, but is named like it",
-        )
+    if pair and not pair.is_comparable:
+        return "", ", not compared: another spacing"
     if pair and not pair.is_found:
-        return "", pair.obstacle or "; not found by heights"
+        if is_alone:
+            return "", "; not found by heights"
+        text = f"{row.t1} does not show the surface of {row.t0}, but is named like it"
+        return "t1", text
     return "", " and heights" * bool(pair or repeat)
 
 
-class _Order:
-    """Which scans of pairs are the earlier, and whether moulds were scanned."""
+def _questions(changes: pd.DataFrame) -> Iterator[str]:
+    """Doubts about the order of all pairs."""
+    if not changes.is_found.any() and changes.is_comparable.sum() > 1:
+        yield "no scan after use was found by its heights on the scan before use"
+    if backwards := sum(changes.days < 0):
+        pairs = f"{backwards} of {len(changes)} pairs"
+        yield f"in {pairs}, t0 has a later date in its file than t1"
 
-    def __init__(self, pairs: Sequence[_Pair]):
-        self.pairs = pairs
-        self.found = sum(pair.is_found for pair in pairs)
-        self.fell = sum(pair.fell for pair in pairs)
-        self.rose = sum(pair.rose for pair in pairs)
-        dates = [pair.dates for pair in pairs if all(pair.dates)]
-        self.forwards = sum(before < after for before, after in dates)
-        self.backwards = sum(before > after for before, after in dates)
 
-    @property
-    def is_dated(self) -> bool:
-        """Whether the dates in the files agree with the order."""
-        return self.forwards > 0 and self.backwards == 0
+def _is_dated(changes: pd.DataFrame) -> bool:
+    """Whether the dates in the files agree with the order."""
+    return bool((changes.days >= 0).all() and changes.days.any())
 
-    def questions(self) -> Iterator[str]:
-        if not self.found and sum(not pair.obstacle for pair in self.pairs) > 1:
-            yield "no scan after use was found by its heights on the scan before use"
-        if self.backwards:
-            pairs = f"{self.backwards} of {len(self.pairs)} pairs"
-            yield f"in {pairs}, t0 has a later date in its file than t1"
 
-    def earlier(self, epochs: tuple[str, str]) -> str:
-        """The sentence on which scans are earlier and why."""
-        why = ["by name"] * any(epochs)
-        why += ["by the dates in the files"] * self.is_dated
-        why += [f"{self.fell} of {len(self.pairs)} lost height"] * bool(self.fell)
-        return f"{epochs[0] or 't0'} is the earlier: {', '.join(why)}" if why else ""
+def _earlier(changes: pd.DataFrame, epochs: tuple[str, str]) -> str:
+    """The sentence on which scans are earlier and why."""
+    why = ["by name"] * any(epochs)
+    why += ["by the dates in the files"] * _is_dated(changes)
+    if fell := sum(changes.fell):
+        why.append(f"{fell} of {len(changes)} lost height")
+    return f"{epochs[0] or 't0'} is the earlier: {', '.join(why)}" if why else ""
 
-    def moulds(self, *, is_told: bool) -> tuple[bool | str, str]:
-        """Whether moulds were scanned, and why: there, heights rise where the stone lost some."""
-        way, number = max(
-            ("rose", self.rose), ("fell", self.fell), key=lambda one: one[1]
-        )
-        text = f"heights {way} with use in {number} of {len(self.pairs)} pairs"
-        if self.rose == self.fell:
-            return TODO, "the stone itself, or moulds of it? The files do not show it"
-        if way == "fell":
-            return False, f"the stone itself was scanned: {text}"
-        if is_told and self.is_dated:
-            return True, f"moulds were scanned: {text}, and names and dates agree"
-        return TODO, f"{text}: moulds were scanned, or t0 and t1 are exchanged"
+
+def _moulds(changes: pd.DataFrame, *, is_told: bool) -> tuple[bool | str, str]:
+    """Whether moulds were scanned, and why: there, heights rise where the stone lost some."""
+    fell, rose = sum(changes.fell), sum(changes.rose)
+    if rose == fell:
+        return TODO, "the stone itself, or moulds of it? The files do not show it"
+    way = "rose" if rose > fell else "fell"
+    text = f"heights {way} with use in {max(rose, fell)} of {len(changes)} pairs"
+    if way == "fell":
+        return False, f"the stone itself was scanned: {text}"
+    if is_told and _is_dated(changes):
+        return True, f"moulds were scanned: {text}, and names and dates agree"
+    return TODO, f"{text}: moulds were scanned, or t0 and t1 are exchanged"
