@@ -12,7 +12,6 @@ link.
 
 import fcntl
 import json
-import mimetypes
 import os
 import re
 import secrets
@@ -24,26 +23,20 @@ import threading
 import traceback
 import webbrowser
 from collections.abc import Callable, Mapping
-from html import escape
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote, unquote
+from urllib.parse import unquote
 
 import psutil
-from jsonschema import Draft202012Validator
-from jsonschema.exceptions import best_match
 
 from gst.config.contradictions import files_read
 from gst.config.reading import read_study, read_unfinished
 from gst.page.viewer import shipped, three_js
-from gst.run.chain import break_in, other_files
+from gst.run.chain import LEVELS, break_in, other_files
 from gst.setup.place_scans import find_places, has_stage, picture_of
 from gst.setup.place_state import (
-    SENT_ANSWERS,
-    SENT_FILE,
-    SENT_PLACES,
     check_files,
     digest_of,
     save_answers,
@@ -95,8 +88,6 @@ _LOCK = _LOGS / "place.lock"
 _CHANGES = {"answers", "cure", "file", "places"}
 _DIGEST = "Study-Digest"
 _COMMANDS = {"check": ("gst.setup.place_check",), "study": ("gst", "study")}
-# A line that begins what `gst` reports, with the lines behind it that are indented.
-_REPORT = re.compile(r"^(ERROR|WARNING|NOTE): ")
 
 
 class _RefusedError(Exception):
@@ -125,7 +116,6 @@ class _Command:
         """Start it; nothing happens while it runs."""
         if self.is_running():
             return
-        _make_logs()
         # a link in their place may lead anywhere: new files are made
         for file in (self._log, self._number):
             file.unlink(missing_ok=True)
@@ -190,29 +180,17 @@ def _causes(text: str) -> dict[str, Any] | None:
 
 
 def _records(text: str) -> list[dict[str, str]]:
-    """Messages in pieces of one level: error, warning, note or text."""
+    """Messages with their level: error, warning, note or text."""
     records: list[dict[str, str]] = []
     for line in text.splitlines():
-        match = _REPORT.match(line)
-        level = match[1].lower() if match else "text"
-        if (
-            not match
-            and records
-            and (records[-1]["level"] == "text" or line[:1] == " ")
-        ):
+        name, _, message = line.partition(": ")
+        level = name.lower() if name in LEVELS else "text"
+        if records and (line[:1] == " " or level == "text" == records[-1]["level"]):
             records[-1]["text"] += f"\n{line}"
         elif line.strip():
-            records.append(
-                {"level": level, "text": line[match.end() if match else 0 :]}
-            )
+            text = line if level == "text" else message
+            records.append({"level": level, "text": text})
     return records
-
-
-def _make_logs() -> None:
-    if _LOGS.is_symlink():
-        problem = "is a link, and no file is written through a link"
-        raise InputError(_LOGS, problem, "Put a folder in its place.")
-    _LOGS.mkdir(exist_ok=True)
 
 
 def _locked() -> int:
@@ -220,8 +198,11 @@ def _locked() -> int:
 
     Raises an `InputError` if another server has it.
     """
+    if _LOGS.is_symlink():
+        problem = "is a link, and no file is written through a link"
+        raise InputError(_LOGS, problem, "Put a folder in its place.")
     try:
-        _make_logs()
+        _LOGS.mkdir(exist_ok=True)
         lock = os.open(_LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -307,19 +288,27 @@ class PlaceServer(ThreadingHTTPServer):
                 why = f"The {name} is running and reads its files. Wait until it ends, or stop it."
                 raise _RefusedError(HTTPStatus.LOCKED, why)
 
+    def command(self, name: str) -> _Command:
+        if name not in self.commands:
+            raise _RefusedError(HTTPStatus.NOT_FOUND, "no such command")
+        return self.commands[name]
+
     def start(self, name: str) -> None:
         """Start a command, unless the other one runs."""
-        command = _command(self, name)
         self.check_idle(but=name)
         self.mended = ""
-        command.start()
+        self.command(name).start()
+
+    def _causes(self) -> list[dict[str, Any]]:
+        """The causes that the check found; none if the files have changed, except by cures."""
+        report = self.commands["check"].report()
+        is_other = report["changed"] and digest_of(self.config) != self.mended
+        return [] if is_other else report.get("causes", [])
 
     def cure(self, number: int) -> str | None:
         """Write the cure of a cause of the check into the files that were checked."""
-        report = self.commands["check"].report()
-        causes = report.get("causes", [])
-        is_other = report["changed"] and digest_of(self.config) != self.mended
-        if is_other or not 0 <= number < len(causes) or "cure" not in causes[number]:
+        causes = self._causes()
+        if not 0 <= number < len(causes) or "cure" not in causes[number]:
             why = "The study has changed since the check. Check it again first."
             raise _RefusedError(HTTPStatus.UNPROCESSABLE_ENTITY, why)
         kept = save_cure(self.config, **causes[number]["cure"])
@@ -328,10 +317,9 @@ class PlaceServer(ThreadingHTTPServer):
 
     def answer(self, sent: Mapping[str, Any]) -> str | None:
         """Save answers of the page; a fault that is accepted leaves the other cures valid."""
-        report = self.commands["check"].report()
-        is_valid = not report["changed"] or digest_of(self.config) == self.mended
+        causes = self._causes()
         kept = save_answers(self.config, sent)
-        if is_valid and {*sent} == {"accept"}:
+        if causes and {*sent} == {"accept"}:
             self.mended = digest_of(self.config)
         return kept
 
@@ -355,60 +343,35 @@ class PlaceServer(ThreadingHTTPServer):
         folder = Path(os.path.realpath(read_unfinished(self.config)["results"]))
         file = Path(os.path.realpath(folder / (name or "index.html")))
         if not (file.is_relative_to(folder) and folder.is_relative_to(Path.cwd())):
-            raise _RefusedError(
-                HTTPStatus.FORBIDDEN, "the file is outside the study's results"
-            )
+            why = "the file is outside the study's results"
+            raise _RefusedError(HTTPStatus.FORBIDDEN, why)
         if not (file.is_dir() if name.endswith("/") else file.is_file()):
             raise _RefusedError(HTTPStatus.NOT_FOUND, "no such file")
         return file
 
 
-_SENT = {
-    "answers": SENT_ANSWERS,
-    "cure": {"type": "integer"},
-    "file": SENT_FILE,
-    "places": SENT_PLACES,
-}
-# The answer to a request, by the first part of its path. It takes the server and the data that were
-# sent, or else the rest of the path. Bytes are a picture, a path is a file, all else is JSON.
+# The answer to a request, by the first part of its path. It takes the server and the rest of the
+# path, or else the data that were sent. Bytes are a picture, and all else is JSON.
 _Answers = dict[str, Callable[["PlaceServer", Any], Any]]
 _GET: _Answers = {
     "state": lambda server, _: state_of(server.config),
     "stone": lambda server, _: stone_of(server.config),
     "stage": lambda server, _: {"all": has_stage(server.config)},
     "scan": lambda server, rest: picture_of(server.config, _number(rest)),
-    "report": lambda server, rest: _command(server, rest).report(),
+    "report": lambda server, rest: server.command(rest).report(),
     "result": lambda server, _: server.result(),
-    "results": lambda server, rest: server.result_file(rest),
 }
 _POST: _Answers = {
     "find": lambda server, _: find_places(server.config),
     "answers": lambda server, sent: server.answer(sent),
     "cure": lambda server, sent: server.cure(sent),
-    "file": lambda server, sent: save_file(
-        server.config, sent["patch"], sent["column"], sent["name"]
-    ),
-    "places": lambda server, sent: save_places(
-        server.config, sent["square"], sent["patches"]
-    ),
+    "file": lambda server, sent: save_file(server.config, **sent),
+    "places": lambda server, sent: save_places(server.config, **sent),
     "start": lambda server, rest: server.start(rest),
-    "stop": lambda server, rest: _command(server, rest).stop(),
+    "stop": lambda server, rest: server.command(rest).stop(),
     "end": lambda _server, _rest: None,
 }
-
-
-def _listing(folder: Path) -> str:
-    """A page with links to the contents of a folder of the results."""
-    names = sorted(
-        f"{each.name}{'/' * each.is_dir()}"
-        for each in folder.iterdir()
-        if each.name[0] != "."
-    )
-    links = [
-        f'<li><a href="{quote(name)}">{escape(name)}</a>' for name in ["../", *names]
-    ]
-    head = f"<!DOCTYPE html><meta charset=utf-8><title>{escape(folder.name)}</title>"
-    return head + "".join(links)
+_ANSWERS = {"GET": _GET, "POST": _POST}
 
 
 def _number(text: str) -> int:
@@ -417,15 +380,12 @@ def _number(text: str) -> int:
     return int(text)
 
 
-def _command(server: PlaceServer, name: str) -> _Command:
-    if name not in server.commands:
-        raise _RefusedError(HTTPStatus.NOT_FOUND, "no such command")
-    return server.commands[name]
-
-
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(SimpleHTTPRequestHandler):
     server: PlaceServer
     timeout = 60
+    # headers of the answer
+    policy = _POLICY
+    cache = "no-store"
 
     def log_message(self, *_: Any) -> None:
         """Log nothing, because the token is in every address."""
@@ -433,23 +393,14 @@ class _Handler(BaseHTTPRequestHandler):
     def _answer(self) -> None:
         try:
             name = self._asked_for() or "place.html"
-            if self.command == "GET" and name in _FILES:
+            first, _, rest = name.partition("/")
+            if name in _FILES:
                 self.server.remove_redirect()  # a page has been opened
                 self._send_file(name)
-                return
-            first, _, rest = name.partition("/")
-            answers = _GET if self.command == "GET" else _POST
-            if first not in answers:
-                raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
-            sent = self._sent(_SENT.get(first, {})) if self.command == "POST" else None
-            what = sent if first in _SENT else rest
-            with self.server.lock:
-                if first in _CHANGES:
-                    self.server.check_digest(self.headers.get(_DIGEST))
-                content = answers[first](self.server, what)
-                if first in _CHANGES:  # and perhaps the copy of a file that lost a part
-                    content = {"digest": digest_of(self.server.config), "kept": content}
-            self._send_content(content)
+            elif first == "results":
+                self._send_result(self.server.result_file(rest))
+            else:
+                self._send_content(self._content(first, rest))
             if first == "end":  # its answer has been sent
                 self.server.shutdown()
         except _RefusedError as refused:
@@ -463,7 +414,21 @@ class _Handler(BaseHTTPRequestHandler):
             why = "Unexpected error. The terminal shows the details. Reload the page to continue."
             self._send_error(why, HTTPStatus.INTERNAL_SERVER_ERROR)
 
-    do_GET = do_POST = _answer
+    do_GET = do_HEAD = do_POST = _answer
+
+    def _content(self, first: str, rest: str) -> Any:
+        """The answer to a request for data, or with data."""
+        answers = _ANSWERS.get(self.command, {})
+        if first not in answers:
+            raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
+        sent = self._sent() if self.command == "POST" else None
+        with self.server.lock:
+            if first in _CHANGES:
+                self.server.check_digest(self.headers.get(_DIGEST))
+            content = answers[first](self.server, rest or sent)
+            if first in _CHANGES:  # and perhaps the copy of a file that lost a part
+                content = {"digest": digest_of(self.server.config), "kept": content}
+        return content
 
     def _asked_for(self) -> str:
         """The path behind the token. Requests from elsewhere are refused."""
@@ -481,21 +446,16 @@ class _Handler(BaseHTTPRequestHandler):
             raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
         return name
 
-    def _sent(self, schema: Mapping[str, Any]) -> Any:
+    def _sent(self) -> Any:
         """The JSON of a request."""
         length = self.headers.get("Content-Length", "")
         if not length.isdecimal() or int(length) > _MOST_SENT:
             raise _RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too long")
         try:
             # neither NaN nor Infinity, which JSON does not have
-            sent = json.loads(self.rfile.read(int(length)), parse_constant=int)
+            return json.loads(self.rfile.read(int(length)), parse_constant=int)
         except (ValueError, RecursionError):
             raise _RefusedError(HTTPStatus.BAD_REQUEST, "not JSON") from None
-        if (
-            error := best_match(Draft202012Validator(schema).iter_errors(sent))
-        ) is not None:
-            raise _RefusedError(HTTPStatus.BAD_REQUEST, error.message)
-        return sent
 
     def _send_error(self, why: str, status: HTTPStatus) -> None:
         self._send(json.dumps({"error": why}).encode(), _JSON, status)
@@ -503,44 +463,38 @@ class _Handler(BaseHTTPRequestHandler):
     def _send_file(self, name: str) -> None:
         room = _FILES[name]
         text = shipped(name, room) if room else three_js()
-        kind = mimetypes.guess_type(name)[0] or "text/plain"
-        self._send(text.encode(), f"{kind}; charset=utf-8")
+        self._send(text.encode(), f"{self.guess_type(name)}; charset=utf-8")
+
+    def _send_result(self, path: Path) -> None:
+        self.policy = _POLICY_OF_RESULTS
+        if path.is_file():
+            self._send(path.read_bytes(), self.guess_type(path))
+        elif listing := self.list_directory(path):
+            self.copyfile(listing, self.wfile)
 
     def _send_content(self, content: Any) -> None:
         if isinstance(content, bytes):
-            self._send(content, "image/png", cache="private, max-age=86400")
-        elif isinstance(content, Path) and content.is_dir():
-            self._send(
-                _listing(content).encode(), "text/html", policy=_POLICY_OF_RESULTS
-            )
-        elif isinstance(content, Path):
-            kind = mimetypes.guess_type(content.name)[0] or "application/octet-stream"
-            self._send(content.read_bytes(), kind, policy=_POLICY_OF_RESULTS)
+            self.cache = "private, max-age=86400"
+            self._send(content, "image/png")
         else:
             self._send(json.dumps(content).encode(), _JSON)
 
     def _send(
-        self,
-        content: bytes,
-        kind: str,
-        status: HTTPStatus = HTTPStatus.OK,
-        *,
-        policy: str = _POLICY,
-        cache: str = "no-store",
+        self, content: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK
     ) -> None:
         self.send_response(status)
-        headers = {
-            "Content-Type": kind,
-            "Content-Length": str(len(content)),
-            "Content-Security-Policy": "; ".join(policy.strip().splitlines()),
-            "Cache-Control": cache,
-            "Referrer-Policy": "same-origin",
-            "X-Content-Type-Options": "nosniff",
-        }
-        for name, value in headers.items():
-            self.send_header(name, value)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
         self.end_headers()
         self.wfile.write(content)
+
+    def end_headers(self) -> None:
+        policy = "; ".join(self.policy.strip().splitlines())
+        self.send_header("Content-Security-Policy", policy)
+        self.send_header("Cache-Control", self.cache)
+        self.send_header("Referrer-Policy", "same-origin")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        super().end_headers()
 
 
 def serve(config: Path, *, browser: bool) -> None:

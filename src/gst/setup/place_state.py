@@ -58,21 +58,7 @@ _ANSWERS = (
 _TABLE = "patches.csv"
 # Decimals of a place (mm) and of a turn (degrees).
 DECIMALS = 3
-# Schemas of the JSON that the page sends. Its values are checked as those of a config and a table.
-SENT_ANSWERS: dict[str, Any] = {
-    "type": "object",
-    "propertyNames": {"enum": [*_ANSWERS]},
-}
-SENT_FILE: dict[str, Any] = {"type": "object", "required": ["patch", "column", "name"]}
 _PLACE = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
-SENT_PLACES: dict[str, Any] = {
-    "type": "object",
-    "required": ["square", "patches"],
-    "properties": {
-        "square": {"type": "object", "required": ["size_mm", "points_mm"]},
-        "patches": {"type": "array", "items": {"type": "object", "required": _PLACE}},
-    },
-}
 
 
 def digest_of(path: Path) -> str:
@@ -172,11 +158,15 @@ def rows_of(config: Mapping) -> tuple[pd.DataFrame, bool]:
 
 
 def save_answers(path: Path, values: Mapping[str, Any]) -> str | None:
-    """Write values into the config, each by its key; they fit `SENT_ANSWERS`.
+    """Write values into the config, each by its key.
 
     Every save returns the name of a copy of the file of which a part was removed, if it was. It
-    raises a `ConfigError` if a value cannot be meant.
+    raises a `ConfigError` if a value cannot be meant, or is not one that the page asks for.
     """
+    if others := {*values} - {*_ANSWERS}:
+        raise ConfigError(
+            path, f"is not asked for {sorted(others)}", "Reload the page."
+        )
     values = dict(values)
     of_pressure = _value(read_unfinished(path), "load.pressure_MPa")
     if "load.force_N" in values and of_pressure is not None:
@@ -185,17 +175,17 @@ def save_answers(path: Path, values: Mapping[str, Any]) -> str | None:
 
 
 def save_file(path: Path, patch: str, column: str, name: str) -> str | None:
-    """Write which scan a patch has at an epoch, or "" for none; they fit `SENT_FILE`.
+    """Write which scan a patch has at an epoch, or "" for none.
 
     Raises a `ConfigError` if this is not asked for, or there is no such scan in the folder.
     """
-    config = read_unfinished(path)
-    state, asked = state_of(path), {"patch": patch, "column": column}
-    is_asked = any(asked.items() <= question.items() for question in state["asked"])
-    if not is_asked or name not in ["", *state["files"]]:
+    config, state = read_unfinished(path), state_of(path)
+    asked = [(question["patch"], question["column"]) for question in state["asked"]]
+    if (patch, column) not in asked or name not in ["", *state["files"]]:
         problem = f"does not need {column} of patch {patch}, or there is no scan {name}"
         raise ConfigError(config["patches"], problem, "Reload the page.")
-    return _write_patches(config["patches"], {patch: {column: cell_of(name)}})
+    cells = {patch: {column: cell_of(name)}}
+    return _write_cells(Path(config["patches"]), _by_patch(cells))
 
 
 def save_cure(
@@ -209,56 +199,61 @@ def save_cure(
     kept = [str(keep_copy(path))] if values else []
     if cells:
         kept.append(str(keep_copy(Path(table))))
-        _write_patches(table, cells)
+        _write_cells(Path(table), _by_patch(cells))
     if values:
         _save_config(path, values)
     return " and ".join(kept)
 
 
 def save_places(
-    path: Path, square: Mapping[str, Any], rows: Sequence[Mapping]
+    path: Path, square: Mapping[str, Any], patches: Sequence[Mapping]
 ) -> str | None:
     """Write the square and the patches' places, or the places of a tool without scans.
 
-    The face around the square grows and shrinks with it.
-
-    They fit `SENT_PLACES`; null is still to be given. Raises a `ConfigError` if a value is
-    impossible, or the table has other patches.
+    The face around the square grows and shrinks with it. Null is still to be given. Raises a
+    `ConfigError` if a value is impossible, or the table has other patches.
     """
     config = read_unfinished(path)
     former, has_scans = rows_of(config)
-    names = [row["patch"] for row in rows]
-    is_known = sorted(names) == sorted(former.patch)
-    if len({*names}) < len(names):
-        problem = f"contains a patch twice, of {names}"
+    names = [row["patch"] for row in patches]
+    is_other = has_scans and sorted(names) != sorted(former.patch)
+    if is_other or len({*names}) < len(names):
+        problem = f"has the patches {[*former.patch]}, and the page shows {names}"
         remedy = "Give each row a name of its own, then reload the page."
         raise ConfigError(config["patches"], problem, remedy)
-    if has_scans and not is_known:
-        problem = f"contains the patches {[*former.patch]}, but the page shows {names}"
-        raise ConfigError(config["patches"], problem, "Reload the page.")
-    is_turned = bool(
-        former.rotation_deg.any() or any(row["rotation_deg"] for row in rows)
-    )
-    table = [_cells(row, turn=is_turned, grade=not has_scans) for row in rows]
-    points = square["points_mm"]
-    values: dict[str, Any] = {"square.size_mm": square["size_mm"]}
-    values["square.points_mm"] = TODO if points is None else points
-    former_mm, face = unless_to_do(config["square"]["size_mm"]), "macroscale.face_mm"
-    if former_mm and former_mm != square["size_mm"] and _value(config, face):
-        face_mm = _value(config, face) * square["size_mm"] / former_mm
-        values[face] = round(face_mm, DECIMALS)
+    columns = ["x_mm", "y_mm"]
+    if former.rotation_deg.any() or any(row["rotation_deg"] for row in patches):
+        columns.append("rotation_deg")
     if not has_scans:
-        values["patches"] = str(config["patches"] or _TABLE) if rows else None
+        columns.append("wear_grade")
+    table = [_cells(row, columns) for row in patches]
+    values = _of_square(config, square)
+    if not has_scans:
+        values["patches"] = str(config["patches"] or _TABLE) if patches else None
     changed = {
         key: value for key, value in values.items() if value != _value(config, key)
     }
     _checked(path, changed)  # before the table is written
-    if not rows:  # a config never names a table that is gone
+    if not patches:  # a config never names a table that is gone
         _save_config(path, changed)
+        return _remove_table(config["patches"])
     kept = _write_table(config["patches"], table)
-    if rows:
-        kept = _save_config(path, changed) or kept
-    return kept
+    return _save_config(path, changed) or kept
+
+
+def _of_square(config: Mapping, square: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a square, and of the face around it, whose ratio to the square it keeps."""
+    points_mm, size_mm = square["points_mm"], square["size_mm"]
+    values = {
+        "square.size_mm": size_mm,
+        "square.points_mm": TODO if points_mm is None else points_mm,
+    }
+    former_mm = unless_to_do(config["square"]["size_mm"])
+    face_mm = config["macroscale"]["face_mm"]
+    if former_mm and former_mm != size_mm and face_mm:
+        ratio = size_mm / former_mm
+        values["macroscale.face_mm"] = round(face_mm * ratio, DECIMALS)
+    return values
 
 
 def _save_config(path: Path, values: Mapping[str, Any]) -> str | None:
@@ -283,29 +278,32 @@ def _loses(former: Mapping[str, Any], new: Mapping[str, Any] | None) -> bool:
     )
 
 
-def _cells(row: Mapping[str, Any], *, turn: bool, grade: bool) -> dict[str, str]:
+def _is_filled(cell: object) -> bool:
+    return cell not in (None, "") and not is_to_do(cell)
+
+
+def _cells(row: Mapping[str, Any], columns: Sequence[str]) -> dict[str, str]:
     """A row as text; null is still to be given, a grade unknown."""
-    numbers = ["x_mm", "y_mm", *["rotation_deg"] * turn, *["wear_grade"] * grade]
     cells = {"patch": row["patch"]}
-    for column in numbers:
-        empty = "" if column == "wear_grade" else TODO
-        value = row[column]
-        cells[column] = empty if value is None else f"{round(value, DECIMALS) + 0:.10g}"
+    for column in columns:
+        cells[column] = "" if column == "wear_grade" else TODO
+        if row[column] is not None:
+            cells[column] = f"{round(row[column], DECIMALS) + 0:.10g}"
     return cells
 
 
-def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> str | None:
-    """Write the table with these rows, or remove it if there are none.
+def _remove_table(table: str | None) -> str | None:
+    """Remove the table, if there is one; the name of its copy."""
+    if table is None or not Path(table).exists():
+        return None
+    kept = keep_copy(Path(table))
+    Path(table).unlink()
+    return str(kept)
 
-    Returns the name of the copy of the former table, if a part of it was removed.
-    """
+
+def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> str | None:
+    """Write the table with these rows; as `_write_cells`."""
     file = Path(former or _TABLE)
-    if not rows:
-        if former is None or not file.exists():
-            return None
-        kept = keep_copy(file)
-        file.unlink()
-        return str(kept)
     if former is None:
         if os.path.lexists(file):
             problem = "exists, but the config does not name it"
@@ -316,9 +314,9 @@ def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> str |
     return _write_cells(file, lambda row: left.pop(row["patch"], None), left.values())
 
 
-def _write_patches(table: str, cells: Mapping[str, Mapping[str, Any]]) -> str | None:
-    """Write cells of patches into a table."""
-    return _write_cells(Path(table), lambda row: cells.get(row["patch"], {}))
+def _by_patch(cells: Mapping[str, Mapping[str, Any]]) -> Cells:
+    """The changed cells of each row, from those of each patch."""
+    return lambda row: cells.get(row["patch"], {})
 
 
 def _write_cells(
@@ -337,10 +335,6 @@ def _write_cells(
 
     text = with_cells(text_of(file), changed, more)
     return _written(file, text, is_less=any(losses))
-
-
-def _is_filled(cell: object) -> bool:
-    return cell not in (None, "") and not is_to_do(cell)
 
 
 def _checked(path: Path, values: Mapping[str, Any]) -> str:
