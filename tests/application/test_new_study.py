@@ -1,7 +1,6 @@
 """`gst new FOLDER --mesh M --scans S`: what files tell is written, and the rest is asked."""
 
 import shutil
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,7 +13,6 @@ from scipy.ndimage import gaussian_filter
 from stones import TURN, rough_stone, taken
 
 from gst.cli import main
-from gst.setup.new_study import _sizes
 from gstlib.io.meshes import read_mesh
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.frames import find_frame
@@ -180,11 +178,14 @@ def test_text_is_in_the_unit_that_makes_a_scan(lab):
     )  # as of the other
 
 
-def test_patches_are_cut_from_rectangles_that_contain_them():
+def test_patches_are_cut_from_rectangles_that_contain_them(lab):
     """Rounding up the shorter side would leave no room for any patch."""
-    scan = SimpleNamespace(unit="mm", size_mm=(1.0766, 1.4348))
-    values, _ = _sizes([scan, scan])
-    assert values == {"scans.size_mm": 1.076, "is_cut": True}
+    for place in range(2):
+        heights = np.tile(ground(place), (1, 2))[:, :81]
+        write_scan(lab / f"scans/{place}_T0.plu", heights)
+    _, config, rows = new(lab)
+    assert config["scans"]["size_mm"] == 0.851  # of 0.8512
+    assert {(row["crop_x_mm"], row["crop_y_mm"]) for row in rows} == {("0", "0")}
 
 
 def test_scans_are_found_on_an_overview_and_it_on_the_mesh(lab):

@@ -9,10 +9,9 @@ import contextlib
 import math
 import os
 import shlex
-import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -21,7 +20,6 @@ from scipy.spatial.distance import pdist
 from gst import ROOT
 from gst.config.edited import with_values
 from gst.config.patches import cell_of
-from gst.config.reading import complete, read_config, read_unfinished, values_to_do
 from gst.config.todo import TODO, is_to_do
 from gst.setup.place_scans import find_places, stages_of
 from gst.setup.place_state import save_answers, save_places, state_of
@@ -29,6 +27,7 @@ from gst.setup.scan_folder import Pairs, Scan, pair_scans, read_scans, scans_in
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import UNITS, is_mesh, read_mesh, steps_of, units_of_size
+from gstlib.settings import Settings
 
 if TYPE_CHECKING:
     import trimesh
@@ -44,7 +43,7 @@ _LEAST_APART = 0.5
 _CONFIG, _TABLE = "study.yaml", "patches.csv"
 # Columns of the listing.
 _TOPIC, _WIDEST = 10, 90
-# Rows, and files left out, that are named.
+# Files left out that are named.
 _SHOWN = 12
 # How the load point scatters where the study proposes places to scan, as in config/mesh_only.yaml.
 _GESTURE = {"load_point_scatter_mm": 1.0, "poses": 60}
@@ -60,14 +59,6 @@ _HEAD = """\
 # `gst check` lists them. Paths are relative to this folder. All other keys have their defaults.
 # The steps are described in docs/how-to/your-own-tool.md.
 """
-
-
-class _Line(NamedTuple):
-    """A line of the listing."""
-
-    topic: str
-    text: str
-    state: str = ""
 
 
 def new_study(
@@ -88,63 +79,228 @@ def new_study(
         if path.exists():
             remedy = "Name another folder, or remove it."
             raise InputError(path, "exists already", remedy)
-    unit, line = _unit_of_mesh(mesh)
-    lines = [line]
-    values: dict[str, Any] = {
-        "results": "results",
-        "title": folder.resolve().name,
-        "inputs.mesh": _relative(mesh, folder),
-        "inputs.mesh_unit": unit,
-        "square.points_mm": TODO,
-        "square.size_mm": complete({})["square"]["size_mm"],
-    } | dict.fromkeys(_USE, TODO)
-    table, pairs = "", None
+    draft = _Draft(folder)
+    draft.add_mesh(mesh)
     if scans:
-        of_scans, pairs, listed = _from_scans(folder, scans, overview, names)
-        table = _table(pairs, is_cut=of_scans.pop("is_cut"))
-        values |= {"patches": _TABLE} | of_scans
-        lines += listed
+        pairs = draft.add_scans(scans, overview, names)
+        draft.write()
+        draft.place(pairs, overview)
     else:
-        values |= {"patches": None, "inputs.scan_folder": None, "gesture": _GESTURE}
+        draft.values |= {"inputs.scan_folder": None, "gesture": _GESTURE}
         text = "none: the study proposes positions to scan, for a load point that scatters by 1 mm"
-        lines.append(_Line("Scans", text, _DOUBT))
-    own = (ROOT / "config/own.yaml").read_text(encoding="utf-8")
-    body = own[own.index("\nresults:") :].replace(".venv/bin/gst", "gst")
-    body = with_values(body.replace("data/own/mesh.stl", "MESH"), values)
-    if table:
-        write_whole(folder / _TABLE, table.encode())
-    write_whole(folder / _CONFIG, f"{_HEAD}{body}".encode())
-    if pairs is not None:
-        lines += _positions(folder, pairs, overview)
+        draft.note("Scans", text, _DOUBT)
+        draft.write()
     use = "force, active tool and rocks: the files do not contain them"
-    lines.append(_Line("Use", use, _TO_DO))
-    _ask(folder / _CONFIG, [line.text for line in lines if line.state == _TO_DO])
-    return _listing(lines) + _what_next(folder)
+    draft.note("Use", use, _TO_DO)
+    return draft.listing() + _what_next(folder)
 
 
-def _relative(path: Path, folder: Path) -> str:
-    """A path from the folder of the study."""
-    return os.path.relpath(path.resolve(), folder.resolve())
+class _Draft:
+    """The values of a config as they are inferred, the patch table, and notes on their sources."""
 
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.notes: list[tuple[str, str, str]] = []  # topic, text and state
+        self.table: pd.DataFrame | None = None
+        self.values: dict[str, Any] = {
+            "results": "results",
+            "title": folder.resolve().name,
+            "patches": None,
+            "square.points_mm": TODO,
+            "square.size_mm": Settings().square.size_mm,
+        } | dict.fromkeys(_USE, TODO)
 
-def _unit_of_mesh(path: Path) -> tuple[str, _Line]:
-    """The unit of the mesh: the file's own, or the one that makes a stone; or `TODO`."""
-    mesh = _read_in_any_unit(path)
-    unit = mesh.metadata["file_unit"]
-    sides = mesh.extents / UNITS[unit]
-    shown = " × ".join(f"{side:.4g}" for side in sides)
-    fitting = units_of_size(float(max(sides)))
-    if mesh.metadata["states_unit"]:
-        text = f"{shown} {unit}, as the file states"
-    elif len(fitting) == 1:
-        (unit,) = fitting
-        mesh = read_mesh(path, unit=unit)
-        text = f"{shown} → {unit} (only {unit} makes a hand-sized stone)"
-    else:
-        sizes = [f"{max(sides) * UNITS[each]:.3g} mm ({each})" for each in fitting]
-        text = f"{shown}, without a unit: is the stone {' or '.join(sizes)} long?"
-        return TODO, _Line("Mesh", text, _TO_DO)
-    return unit, _Line("Mesh", f"{text}, coordinates in {steps_of(mesh)}", _OK)
+    def note(self, topic: str, text: str, state: str = "") -> None:
+        self.notes.append((topic, text, state))
+
+    def add_mesh(self, path: Path) -> None:
+        """The unit of the mesh: the file's own, or the one that makes a stone; or `TODO`."""
+        mesh = _read_in_any_unit(path)
+        unit = mesh.metadata["file_unit"]
+        sides = mesh.extents / UNITS[unit]
+        shown = " × ".join(f"{side:.4g}" for side in sides)
+        fitting = units_of_size(float(max(sides)))
+        self.values["inputs.mesh"] = self._relative(path)
+        if mesh.metadata["states_unit"]:
+            text = f"{shown} {unit}, as the file states"
+        elif len(fitting) == 1:
+            (unit,) = fitting
+            mesh = read_mesh(path, unit=unit)
+            text = f"{shown} → {unit} (only {unit} makes a hand-sized stone)"
+        else:
+            sizes = [f"{max(sides) * UNITS[each]:.3g} mm ({each})" for each in fitting]
+            text = f"{shown}, without a unit: is the stone {' or '.join(sizes)} long?"
+            self.values["inputs.mesh_unit"] = TODO
+            self.note("Mesh", text, _TO_DO)
+            return
+        self.values["inputs.mesh_unit"] = unit
+        self.note("Mesh", f"{text}, coordinates in {steps_of(mesh)}", _OK)
+
+    def _relative(self, path: Path) -> str:
+        """A path from the folder of the study."""
+        return os.path.relpath(path.resolve(), self.folder.resolve())
+
+    def add_scans(
+        self, paths: Sequence[Path], overview: Path | None, names: str | None
+    ) -> Pairs:
+        """The scans that belong together, their unit and size."""
+        root, files, others = scans_in(paths)
+        if overview is not None:
+            files = [file for file in files if file != overview.resolve()]
+        scans, faults = read_scans(root, files)
+        if not scans:
+            why = "".join(f": {fault}" for fault in faults[:1])
+            problem = f"does not contain a scan of a patch that can be read{why}"
+            raise InputError(root, problem, "Export them again.")
+        pairs = pair_scans(scans, names)
+        usual = [scan for scan in scans if scan not in pairs.overviews]
+        self._add_unit(usual)
+        is_cut = self._add_size([*pairs.before.values()] or usual)
+        self.table = _table(pairs, is_cut=is_cut)
+        self.values |= {
+            "patches": _TABLE,
+            "inputs.scan_folder": self._relative(root),
+            "scans.mould.invert": pairs.invert,
+            "scans.mould.flip": "x" if pairs.invert is True else None,
+        }
+        self._note_pairs(pairs)
+        for fault in faults:
+            self.note("Not read", fault.removeprefix(f"{root}/"), _DOUBT)
+        left = [*pairs.left, *(path.relative_to(root).as_posix() for path in others)]
+        left = [name for name in left if not is_mesh(name)]
+        if left:
+            more = f", … ({len(left)} files)" * (len(left) > _SHOWN)
+            self.note("Left out", ", ".join(left[:_SHOWN]) + more)
+        return pairs
+
+    def _add_unit(self, scans: Sequence[Scan]) -> None:
+        """The unit of files that do not state it, and the spacing if the files do not state it."""
+        units, count = {scan.unit for scan in scans} - {None}, f"{len(scans)} files"
+        if TODO in units or len(units) > 1:
+            text = f"{count}; some state neither unit nor spacing: please enter both"
+            self.values |= {"scans.unit": TODO, "scans.spacing_um": TODO}
+            self.note("Scans", text, _TO_DO)
+            return
+        unit = units.pop() if units else None
+        sizes = {f"{scan.size_mm[1]:.3g} × {scan.size_mm[0]:.3g}" for scan in scans}
+        steps = {f"{1e3 * scan.spacing_mm[1]:.3g}" for scan in scans}
+        stated = f"{unit} (only {unit} makes such a field)" if unit else "unit stated"
+        text = (
+            f"{' and '.join(sorted(sizes))} mm, every {' and '.join(sorted(steps))} µm"
+        )
+        self.values["scans.unit"] = unit
+        self.note("Scans", f"{count}, {text}, {stated}", _OK)
+
+    def _add_size(self, scans: Sequence[Scan]) -> bool:
+        """The side of the patches. Returns whether they are cut from the scans before use."""
+        sized = np.array([scan.size_mm for scan in scans if scan.unit != TODO])
+        is_sized, is_cut = len(sized) == len(scans), False
+        self.values["scans.size_mm"] = TODO
+        if len(sized):
+            is_cut = not _are_same(sized)
+            side = f"{sized.mean():.3g}"
+            if is_cut:
+                side = f"{math.floor(1e3 * sized.min()) / 1e3:g}"
+            if is_cut and _are_same(sized.min(axis=1)):
+                text = f"not all are square: the middle {side} mm of each scan before use are taken"
+                self.note("", text, _DOUBT)
+            elif is_cut:
+                text = (
+                    f"the scans differ in size: is {side} mm the side of all patches?"
+                )
+                self.note("", text, _TO_DO)
+                is_sized = False
+            self.values["scans.size_mm"] = float(side) if is_sized else f"{TODO} {side}"
+        return is_cut
+
+    def _note_pairs(self, pairs: Pairs) -> None:
+        """Scans that belong together, with reasons and questions."""
+        for row, evidence in zip(pairs.rows, pairs.evidence, strict=True):
+            text = "  ".join(filter(None, [*row, evidence]))
+            state = _TO_DO if TODO in text else _DOUBT if ";" in evidence else _OK
+            self.note("", text, state)
+        again = sum(bool(row.repeat) for row in pairs.rows)
+        after = sum(row.t1 not in ("", TODO) for row in pairs.rows)
+        text = f"{len(pairs.rows)} patches, {after} with a scan after use, {again} scanned twice"
+        self.note("", "; ".join(filter(None, [text, pairs.earlier])), _OK)
+        for question in pairs.questions:
+            self.note("", question, _TO_DO)
+        for overview in pairs.overviews:
+            height, width = overview.size_mm
+            size = f"{width:.3g} × {height:.3g} mm"
+            text = f"{overview.name}, {size}, is a map of several patches"
+            self.note("Overview", text, _DOUBT)
+
+    def write(self) -> None:
+        """Write the config and the patch table, whose semicolons leave room for decimal commas."""
+        own = (ROOT / "config/own.yaml").read_text(encoding="utf-8")
+        body = own[own.index("\nresults:") :].replace(".venv/bin/gst", "gst")
+        body = with_values(body.replace("data/own/mesh.stl", "MESH"), self.values)
+        if self.table is not None:
+            text = self.table.to_csv(sep=";", index=False, lineterminator="\n")
+            write_whole(self.folder / _TABLE, text.encode())
+        write_whole(self.folder / _CONFIG, f"{_HEAD}{body}".encode())
+
+    def place(self, pairs: Pairs, overview: Path | None) -> None:
+        """Write the positions of the scans, and whether they are of moulds."""
+        path, overview = Path(_CONFIG), overview and overview.resolve()
+        mould, is_open = pairs.mould, is_to_do(pairs.invert)
+        with contextlib.chdir(self.folder):
+            try:
+                found = find_places(path, overview)
+            except InputError as error:
+                self.note("Mould", mould, _TO_DO if is_open else _OK)
+                self._place_by_stage(path, pairs, error.problem)
+                return
+            answers = found["answers"]
+            inverted = answers.get("scans.mould.invert")
+            if inverted is not None:
+                way = "inverted, as moulds" if inverted else "as it was scanned"
+                mould = f"the scanned surface fits the mesh {way}"
+                if not is_open:
+                    answers["scans.mould.invert"] = f"{TODO} {str(inverted).lower()}"
+                    mould = f"{pairs.mould}, but {mould}: which is right?"
+                is_open = not is_open
+            _save(path, found["square"], found["places"])
+            save_answers(path, answers)
+        self.note("Mould", mould, _TO_DO if is_open else _OK)
+        placed = {place["patch"] for place in found["places"]}
+        self.note("Where", found["all"], _OK if placed else _TO_DO)
+        for patch, fit in found["fits"].items():
+            self.note("", f"{patch}: {fit}", _OK if patch in placed else _TO_DO)
+
+    def _place_by_stage(self, path: Path, pairs: Pairs, problem: str) -> None:
+        """Write distances of patches, in the middle of a square that is still to be laid."""
+        side_mm, size_mm = (
+            self.values[f"{key}.size_mm"] for key in ("square", "scans")
+        )
+        scans = [*pairs.before.values()]
+        stages = stages_of(scans)
+        if stages is None or is_to_do(size_mm) or not _are_apart(scans, size_mm):
+            text = f"the study {problem}: please enter x_mm and y_mm"
+            self.note("Where", text, _TO_DO)
+            return
+        # a mould is seen from behind
+        at = np.asarray(stages) * ((-1, 1) if pairs.invert is True else (1, 1))
+        span = float(np.ptp(at, axis=0).max()) + size_mm
+        side_mm = max(side_mm, math.ceil(2 * span) / 2)  # in halves of a millimetre
+        at += (side_mm - at.min(axis=0) - at.max(axis=0)) / 2
+        places = pd.DataFrame(at, columns=["x_mm", "y_mm"]).assign(
+            patch=[*pairs.before]
+        )
+        square = {"points_mm": None, "size_mm": side_mm}
+        _save(path, square, places.to_dict("records"))
+        text = f"by the stage, over {span:.3g} mm; no file contains the direction of its axes"
+        self.note("Where", text, _DOUBT)
+
+    def listing(self) -> str:
+        """The notes in lines."""
+        wide = min(_WIDEST, max(len(text) for _, text, _ in self.notes))
+        listed = [
+            f"  {topic:<{_TOPIC}}{text:<{wide}}  {state}".rstrip()
+            for topic, text, state in self.notes
+        ]
+        return "\n".join([*listed, ""])
 
 
 def _read_in_any_unit(path: Path) -> "trimesh.Trimesh":
@@ -158,103 +314,12 @@ def _read_in_any_unit(path: Path) -> "trimesh.Trimesh":
         raise
 
 
-def _from_scans(
-    folder: Path, paths: Sequence[Path], overview: Path | None, names: str | None
-) -> tuple[dict[str, Any], Pairs, list[_Line]]:
-    """Values of the config, the scans that belong together, and lines of the listing."""
-    root, files, others = scans_in(paths)
-    scans, faults = read_scans(
-        root, [path for path in files if overview is None or path != overview.resolve()]
-    )
-    if not scans:
-        problem = f"does not contain a scan that can be read: {faults[0]}"
-        raise InputError(root, problem, "Export them again.")
-    pairs = pair_scans(scans, names)
-    usual = [scan for scan in scans if scan not in pairs.overviews]
-    units, of_units = _units(usual)
-    sizes, of_sizes = _sizes([*pairs.before.values()] or usual)
-    values = units | sizes | {"inputs.scan_folder": _relative(root, folder)}
-    values["scans.mould.invert"] = pairs.invert
-    values["scans.mould.flip"] = "x" if pairs.invert is True else None
-    lines = [of_units, *of_sizes, *_of_pairs(pairs)]
-    for fault in faults:
-        lines.append(_Line("Not read", fault.removeprefix(f"{root}/"), _DOUBT))
-    left = [*pairs.left, *(path.relative_to(root).as_posix() for path in others)]
-    left = [name for name in left if not is_mesh(name)]
-    if left:
-        more = f", … ({len(left)} files)" * (len(left) > _SHOWN)
-        lines.append(_Line("Left out", ", ".join(left[:_SHOWN]) + more))
-    return values, pairs, lines
+def _are_same(sides: np.ndarray) -> bool:
+    return bool(np.ptp(sides) <= _SAME_SIZE * sides.min())
 
 
-def _units(scans: Sequence[Scan]) -> tuple[dict[str, Any], _Line]:
-    """The unit of files that do not state it, and the spacing if the files do not state it."""
-    units, count = {scan.unit for scan in scans} - {None}, f"{len(scans)} files"
-    if TODO in units or len(units) > 1:
-        text = f"{count}; some state neither unit nor spacing: please enter both"
-        values = {"scans.unit": TODO, "scans.spacing_um": TODO}
-        return values, _Line("Scans", text, _TO_DO)
-    unit = units.pop() if units else None
-    sizes = {f"{scan.size_mm[1]:.3g} × {scan.size_mm[0]:.3g}" for scan in scans}
-    steps = {f"{1e3 * scan.spacing_mm[1]:.3g}" for scan in scans}
-    stated = f"{unit} (only {unit} makes such a field)" if unit else "unit stated"
-    text = f"{' and '.join(sorted(sizes))} mm, every {' and '.join(sorted(steps))} µm, {stated}"
-    return {"scans.unit": unit}, _Line("Scans", f"{count}, {text}", _OK)
-
-
-def _sizes(scans: Sequence[Scan]) -> tuple[dict[str, Any], list[_Line]]:
-    """The side of the patches, and whether they are cut from the scans before use."""
-    sized = [scan.size_mm for scan in scans if scan.unit != TODO]
-    is_sized = len(sized) == len(scans)
-    if not sized:
-        return {"scans.size_mm": TODO, "is_cut": False}, []
-    shorter = [min(size) for size in sized]
-    is_cut = not _are_same([side for size in sized for side in size])
-    side = (
-        f"{math.floor(1e3 * min(shorter)) / 1e3:g}"
-        if is_cut
-        else f"{np.mean(sized):.3g}"
-    )
-    lines = []
-    if is_cut and _are_same(shorter):
-        text = f"not all are square: the middle {side} mm of each scan before use are taken"
-        lines = [_Line("", text, _DOUBT)]
-    elif is_cut:
-        text = f"the scans differ in size: is {side} mm the side of all patches?"
-        lines, is_sized = [_Line("", text, _TO_DO)], False
-    value = float(side) if is_sized else f"{TODO} {side}"
-    return {"scans.size_mm": value, "is_cut": is_cut}, lines
-
-
-def _are_same(sides: Sequence[float]) -> bool:
-    return max(sides) - min(sides) <= _SAME_SIZE * min(sides)
-
-
-def _of_pairs(pairs: Pairs) -> Iterator[_Line]:
-    """The lines on scans that belong together, with reasons and questions."""
-    wide = [max(map(len, column)) for column in zip(*pairs.rows, strict=True)]
-    for row, evidence in list(zip(pairs.rows, pairs.evidence, strict=True))[:_SHOWN]:
-        cells = [
-            f"{cell:<{width}}" for cell, width in zip(row, wide, strict=True) if width
-        ]
-        state = _TO_DO if TODO in "".join(row) else _DOUBT if ";" in evidence else _OK
-        yield _Line("", "  ".join([*cells, evidence]), state)
-    if len(pairs.rows) > _SHOWN:
-        yield _Line("", f"… and {len(pairs.rows) - _SHOWN} more")
-    again = sum(bool(row.repeat) for row in pairs.rows)
-    after = sum(row.t1 not in ("", TODO) for row in pairs.rows)
-    text = f"{len(pairs.rows)} patches, {after} with a scan after use, {again} scanned twice"
-    yield _Line("", f"{text}; {pairs.earlier}" if pairs.earlier else text, _OK)
-    for question in pairs.questions:
-        yield _Line("", question, _TO_DO)
-    for overview in pairs.overviews:
-        height, width = overview.size_mm
-        text = f"{overview.name}, {width:.3g} × {height:.3g} mm, is a map of several patches"
-        yield _Line("Overview", text, _DOUBT)
-
-
-def _table(pairs: Pairs, *, is_cut: bool) -> str:
-    """The patch table. Semicolons leave room for decimal commas."""
+def _table(pairs: Pairs, *, is_cut: bool) -> pd.DataFrame:
+    """The patch table."""
     rows = pd.DataFrame(pairs.rows)
     rows.insert(1, "x_mm", TODO)
     rows.insert(2, "y_mm", TODO)
@@ -262,78 +327,14 @@ def _table(pairs: Pairs, *, is_cut: bool) -> str:
     rows[scans] = rows[scans].map(cell_of)
     if not rows["repeat"].any():
         rows = rows.drop(columns="repeat")
-    if is_cut:
-        rows = rows.assign(crop_x_mm=0, crop_y_mm=0)
-    return rows.to_csv(sep=";", index=False, lineterminator="\n")
-
-
-def _positions(folder: Path, pairs: Pairs, overview: Path | None) -> list[_Line]:
-    """Write the positions of the scans, and return their lines and that of the mould."""
-    state = _TO_DO if is_to_do(pairs.invert) else _OK
-    mould = _Line("Mould", pairs.mould, state)
-    path, overview = Path(_CONFIG), overview and overview.resolve()
-    with contextlib.chdir(folder):
-        try:
-            found = find_places(path, overview)
-        except InputError as error:
-            return [mould, _by_stage(path, pairs, error.problem)]
-        answers = found["answers"]
-        inverted = answers.get("scans.mould.invert")
-        if inverted is not None and is_to_do(pairs.invert):
-            way = "inverted, as moulds" if inverted else "as it was scanned"
-            mould = _Line("Mould", f"the scanned surface fits the mesh {way}", _OK)
-        elif inverted is not None:
-            answers["scans.mould.invert"] = f"{TODO} {str(inverted).lower()}"
-            text = (
-                f"{pairs.mould}, but the mesh indicates the opposite: which is right?"
-            )
-            mould = _Line("Mould", text, _TO_DO)
-        _save(path, found["square"], found["places"])
-        save_answers(path, answers)
-    placed = {place["patch"] for place in found["places"]}
-    lines = [mould, _Line("Where", found["all"], _OK if placed else _TO_DO)]
-    for patch, fit in found["fits"].items():
-        state = _OK if patch in placed else _TO_DO
-        lines.append(_Line("", f"{patch}: {fit}", state))
-    return lines
-
-
-def _by_stage(path: Path, pairs: Pairs, problem: str) -> _Line:
-    """Write distances of patches, in the middle of a square that is still to be laid."""
-    square = state_of(path)["square"]
-    size_mm = read_unfinished(path)["scans"]["size_mm"]
-    scans = [*pairs.before.values()]
-    stages = stages_of(scans)
-    if stages is None or is_to_do(size_mm) or not _are_apart(scans, size_mm):
-        return _Line(
-            "Where", f"the study {problem}: please enter x_mm and y_mm", _TO_DO
-        )
-    # a mould is seen from behind
-    at = np.asarray(stages) * ((-1, 1) if pairs.invert is True else (1, 1))
-    span = float(np.ptp(at, axis=0).max()) + size_mm
-    # in halves of a millimetre
-    square["size_mm"] = max(square["size_mm"], math.ceil(2 * span) / 2)
-    at += (square["size_mm"] - at.min(axis=0) - at.max(axis=0)) / 2
-    _save(
-        path,
-        square,
-        [
-            {"patch": patch, "x_mm": x, "y_mm": y}
-            for patch, (x, y) in zip(pairs.before, at.tolist(), strict=True)
-        ],
-    )
-    text = (
-        f"by the stage, over {span:.3g} mm; no file contains the direction of its axes"
-    )
-    return _Line("Where", text, _DOUBT)
+    return rows.assign(crop_x_mm=0, crop_y_mm=0) if is_cut else rows
 
 
 def _are_apart(scans: Sequence[Scan], size_mm: float) -> bool:
     """Whether the stage positions of maps of one size are those of different patches."""
-    places = pd.DataFrame([scan.stage_mm for scan in scans])
-    sizes = pd.DataFrame([scan.size_mm for scan in scans])
-    apart = pdist(places, "chebyshev").min() >= _LEAST_APART * size_mm
-    return bool(apart and (np.ptp(sizes, axis=0) <= _SAME_SIZE * sizes.min()).all())
+    sizes = np.array([scan.size_mm for scan in scans])
+    apart = pdist([scan.stage_mm for scan in scans], "chebyshev").min()
+    return apart >= _LEAST_APART * size_mm and all(map(_are_same, sizes.T))
 
 
 def _save(path: Path, square: Mapping, places: Sequence[Mapping]) -> None:
@@ -342,32 +343,12 @@ def _save(path: Path, square: Mapping, places: Sequence[Mapping]) -> None:
     save_places(path, square, [row | by_patch.get(row["patch"], {}) for row in rows])
 
 
-def _ask(config: Path, questions: Sequence[str]) -> None:
-    """Write the questions above the config."""
-    lines = textwrap.TextWrapper(98, initial_indent="# - ", subsequent_indent="#   ")
-    asked = "".join(f"{lines.fill(question)}\n" for question in questions)
-    text = config.read_text(encoding="utf-8")
-    write_whole(config, text.replace(_HEAD, f"{_HEAD}{asked}", 1).encode())
-
-
-def _listing(lines: Sequence[_Line]) -> str:
-    wide = min(_WIDEST, max(len(line.text) for line in lines))
-    listed = [
-        f"  {topic:<{_TOPIC}}{text:<{wide}}  {state}" for topic, text, state in lines
-    ]
-    return "".join(f"{line.rstrip()}\n" for line in listed)
-
-
 def _what_next(folder: Path) -> str:
-    """The files that were written, the number of missing values, and the next commands."""
-    config, table = folder / _CONFIG, folder / _TABLE
-    left = len(values_to_do(read_config(config)))
-    written = f"  wrote {config} ({left} {TODO})"
-    if table.exists():
-        written += f" and {table} ({table.read_text('utf-8').count(TODO)} {TODO})"
+    """The files that were written, and the next commands."""
+    files = [file for file in (folder / _CONFIG, folder / _TABLE) if file.exists()]
     place = shlex.join(["gst", "place", str(folder)])
     return (
-        f"{written}\n"
+        f"  wrote {' and '.join(map(str, files))}\n"
         f"  ({_OK}: read from the files; {_DOUBT}: a default or a doubt; {_TO_DO}: still {TODO})\n"
         f"\nNext:\n  {place}\n"
         "  (opens a page to place the scans, describe the use, check and run;\n"
