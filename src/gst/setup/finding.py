@@ -6,6 +6,7 @@ two opposite sides, as it rests when it is put down; then, if nothing is found, 
 Each match is refined on shorter elements, with the mesh as seen straight from above.
 """
 
+import contextlib
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -77,19 +78,18 @@ def located(
     elif readings is not None:
         lying = find_on_stone(mesh, [*scans.values()], readings)
     else:
-        return Matches(None, None, {})
+        lying = None
     if lying is None or not lying.match.is_found:
         return Matches(None, lying and lying.match, {})
     if overview is None:
         assert readings is not None
         tied = lying.match.each(readings[lying.reading])
         return Matches(lying.frame, lying.match, dict(zip(scans, tied, strict=True)))
+    each = {}
+    with contextlib.suppress(ValueError):  # its points are too far apart for the scans
+        each = find_on_map(overview, scans, readings)
     middle = [float(overview[axis].mean()) for axis in ("y", "x")]
-    try:
-        inner = find_on_map(overview, scans, readings)
-    except ValueError:  # its points are too far apart for them
-        inner = {}
-    each = {name: lying.match.carrying(match, middle) for name, match in inner.items()}
+    each = {name: lying.match.carrying(match, middle) for name, match in each.items()}
     return Matches(lying.frame, lying.match, _laid_alike(each))
 
 
@@ -122,9 +122,7 @@ def square_around(
 
 def _on_stone(frame: Frame, y_mm: float, x_mm: float) -> np.ndarray:
     """A point of a frame's plane in the coordinates of the mesh."""
-    x_axis, y_axis, _ = frame.axes
-    point: np.ndarray = np.asarray(frame.origin) + x_mm * x_axis + y_mm * y_axis
-    return point
+    return np.asarray(frame.origin) + np.array([x_mm, y_mm]) @ frame.axes[:2]
 
 
 def snapped(
@@ -145,18 +143,17 @@ def snapped(
         raise ValueError(
             f"edges of {edge:.2g} mm show no waves in scans of {side:.2g} mm"
         )
-    reach = np.array([-_AROUND, size_mm + _AROUND])
-    names = [
-        name
+    on_view = {
+        name: places[name]
         for name in scans
-        if name in places and all(reach[0] <= mm <= reach[1] for mm in places[name][:2])
-    ]
-    if not names:
+        if name in places
+        and all(-_AROUND <= mm <= size_mm + _AROUND for mm in places[name][:2])
+    }
+    if not on_view:
         return {}
-    matches = match_near(
-        view, [scans[name] for name in names], [places[name] for name in names]
-    )
-    return dict(zip(names, matches, strict=True))
+    near = [scans[name] for name in on_view]
+    matches = match_near(view, near, [*on_view.values()])
+    return dict(zip(on_view, matches, strict=True))
 
 
 def seen_in(frame: Frame, matches: Matches) -> dict[str, PatchPosition]:
@@ -294,14 +291,12 @@ def view_of(
         smooth = scipy.interpolate.CloughTocher2DInterpolator(cloud[:, :2], cloud[:, 2])
         heights[is_stone] = smooth(places[is_stone])
     view = make_surface(heights, step, mesh_edge_mm=edge)
-    for axis in ("y", "x"):
-        view[axis] = view[axis].copy(data=view[axis] - around_mm)
+    view = view.assign_coords(y=view.y - around_mm, x=view.x - around_mm)
     is_stone = np.isfinite(heights)
-    rows = np.flatnonzero(is_stone.any(axis=1))
-    columns = np.flatnonzero(is_stone.any(axis=0))
-    if len(rows) == 0:
+    if not is_stone.any():
         return view
-    return view[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    rows, columns = (np.flatnonzero(is_stone.any(axis=axis)) for axis in (1, 0))
+    return view[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
 def _from_above(
@@ -312,10 +307,10 @@ def _from_above(
 ) -> OnStone:
     """The same scans on the mesh as it looks from straight above where they were found."""
     reading = readings[first.reading]
+    low, high = reading.min(axis=0), reading.max(axis=0)
     diagonal = max(np.hypot(*sides_of(scan)) for scan in scans)
-    half = float(np.ptp(reading, axis=0).max()) / 2 + diagonal / 2 + _MARGIN
-    middle = (reading.min(axis=0) + reading.max(axis=0)) / 2
-    y_mm, x_mm, rotation_deg = first.match.place_of(*middle)
+    half = (high - low).max() / 2 + diagonal / 2 + _MARGIN
+    y_mm, x_mm, rotation_deg = first.match.place_of(*(low + high) / 2)
     points = first.frame.to_frame(mesh.vertices)
     normals = np.asarray(mesh.vertex_normals)
     x, y, up = first.frame.axes
@@ -327,16 +322,14 @@ def _from_above(
     height = np.median(points[is_near, 2])
     centre = _on_stone(first.frame, y_mm, x_mm) + height * up
     frame = Frame(centre, along, normal)
-    along, up, _ = frame.axes
-    frame = replace(frame, origin=centre - half * (along + up))
+    frame = replace(frame, origin=_on_stone(frame, -half, -half))
     view = view_of(mesh, frame, size_mm=2 * half)
     try:
         match, _ = match_together(view, scans, reading[np.newaxis])
     except ValueError:  # it sticks out of this view
         return first
-    return OnStone(
-        frame, match.among([first.match.next_best], len(scans)), first.reading
-    )
+    match = match.among([first.match.next_best], len(scans))
+    return first._replace(frame=frame, match=match)
 
 
 def find_on_map(
