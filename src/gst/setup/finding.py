@@ -106,8 +106,8 @@ def _laid_alike(matches: dict[str, Match]) -> dict[str, Match]:
 
 def square_around(
     matches: Matches, *, side_mm: float, least_mm: float
-) -> tuple[Frame, float]:
-    """A square around the scans that are found: its frame and its side.
+) -> tuple[list[list[float]], float]:
+    """A square around the scans that are found: its three points for the config, and its side.
 
     Its side is `least_mm`, or more if the scans, with a side of `side_mm`, need it.
     """
@@ -115,9 +115,10 @@ def square_around(
     centres = np.array([match.place[:2] for match in matches.placed.values()])
     span = float(np.ptp(centres, axis=0).max()) + math.sqrt(2) * side_mm
     size_mm = max(least_mm, math.ceil(2 * span) / 2)  # in halves of a millimetre
-    middle = (centres.min(axis=0) + centres.max(axis=0)) / 2
-    corner = middle - size_mm / 2
-    return replace(matches.frame, origin=_on_stone(matches.frame, *corner)), size_mm
+    y, x = (centres.min(axis=0) + centres.max(axis=0) - size_mm) / 2
+    corners = (y, x), (y, x + size_mm), (y + size_mm, x)
+    points = [_on_stone(matches.frame, *corner) for corner in corners]
+    return np.round(points, 4).tolist(), size_mm
 
 
 def _on_stone(frame: Frame, y_mm: float, x_mm: float) -> np.ndarray:
@@ -167,12 +168,6 @@ def seen_in(frame: Frame, matches: Matches) -> dict[str, PatchPosition]:
         ((u, v, _),) = frame.to_frame(_on_stone(matches.frame, y, x)[np.newaxis])
         places[name] = PatchPosition(float(v), float(u), wrapped(own + turn))
     return places
-
-
-def corners_of(frame: Frame, size_mm: float) -> list[list[float]]:
-    """The reference corner of a square and the ends of its x and y, for the config."""
-    ends = (0, 0), (0, size_mm), (size_mm, 0)
-    return [np.round(_on_stone(frame, *end), 4).tolist() for end in ends]
 
 
 def described(match: Match) -> str:

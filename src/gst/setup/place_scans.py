@@ -17,7 +17,6 @@ from gst.config.reading import read_unfinished
 from gst.config.todo import is_to_do
 from gst.setup.finding import (
     Matches,
-    corners_of,
     described,
     located,
     seen_in,
@@ -27,9 +26,9 @@ from gst.setup.finding import (
 from gst.setup.place_state import DECIMALS, mesh_of, rows_of, unless_to_do, version_of
 from gst.setup.scan_folder import OVERVIEW, Scan, scans_in
 from gstlib.errors import ConfigError, GstError, InputError, accepting, concerning
-from gstlib.io.scans import read_scan
+from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
-from gstlib.preprocess.scans import crop_of, cut_patch, mould_of, prepare_scan
+from gstlib.preprocess.scans import crop_of, mould_of, prepare_scan
 from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import coarser, spacing_of
@@ -66,10 +65,9 @@ def find_places(path: Path, overview: Path | None = None) -> dict[str, Any]:
     each, problem = matches.scans, ""
     if matches.placed:
         if laid is None:
-            frame, size_mm = square_around(
+            laid, size_mm = square_around(
                 matches, side_mm=config["scans"]["size_mm"], least_mm=size_mm
             )
-            laid = corners_of(frame, size_mm)
         places = seen_in(frame_from_points(laid), matches)
     else:
         hand = rows.dropna(subset=["x_mm", "y_mm"])
@@ -101,22 +99,18 @@ def _shown(place: PatchPosition, turn: float) -> dict[str, float]:
 
 def _how_many(places: int, scans: int, matches: Mapping[str, Match]) -> str:
     """The number of scans found, the uncertain ones, and the remedy."""
-    uncertain = ", ".join(
-        patch for patch, match in matches.items() if match.is_uncertain
-    )
-    doubt = (
-        f" The positions of {uncertain} are not certain, and these scans were not moved. Drag them "
-        "nearer to their positions, or add an overview map."
-    ) * bool(uncertain)
-    if not places and uncertain:
-        return f"No scan was found.{doubt}"
-    if not places:
-        return (
-            "No scan was found, and none was moved. Drag each to within 0.75 mm and 12° of its "
-            "position on the stone, then try again."
+    uncertain = [patch for patch, match in matches.items() if match.is_uncertain]
+    text = f"{places} of {scans} scans were found. The list shows how well each fits."
+    if places < scans:
+        text += " The others were not moved."
+    if uncertain:
+        text += (
+            f" The positions of {', '.join(uncertain)} are not certain. Drag these scans nearer to "
+            "their positions, or add an overview map."
         )
-    rest = "" if places == scans else " The others were not moved."
-    return f"{places} of {scans} scans were found. The list shows how well each fits.{rest}{doubt}"
+    elif not places:
+        text += " Drag each to within 0.75 mm and 12° of its position on the stone, then try again."
+    return text
 
 
 def _nothing_found(matches: Matches) -> str:
@@ -163,28 +157,28 @@ def _overview_of(
     """
     scans = config["scans"]
     grid = {name: scans[name] for name in ("unit", "spacing_um")}
-    best: xr.DataArray | None
     if overview is not None:
         best = read_scan(overview, **grid)
     else:
         maps = _maps(Path(config["inputs"]["scan_folder"]), used, grid)
-        side_mm, best = max(maps, key=lambda each: each[0], default=(0.0, None))
-        if best is None or side_mm <= OVERVIEW * scans["size_mm"]:
+        best = max(maps, key=_shorter_side, default=None)
+        if best is None or _shorter_side(best) <= OVERVIEW * scans["size_mm"]:
             return None
     best = coarser(best, max(1, min(best.shape) // _MATCHED_POINTS))
     return _prepared(best, scans["mould"])
 
 
-def _maps(
-    folder: Path, used: Sequence[str], grid: Mapping
-) -> Iterator[tuple[float, xr.DataArray]]:
+def _shorter_side(surface: xr.DataArray) -> float:
+    return min(sides_of(surface))
+
+
+def _maps(folder: Path, used: Sequence[str], grid: Mapping) -> Iterator[xr.DataArray]:
     """The maps that can be read and are no patch's, one at a time: each may be large."""
     root, paths, _ = scans_in([folder])
     for path in paths:
         if path.relative_to(root).as_posix() not in used:
             with contextlib.suppress(GstError):
-                scan = read_scan(path, **grid)
-                yield min(sides_of(scan)), scan
+                yield read_scan(path, **grid)
 
 
 def _prepared(surface: xr.DataArray, mould: Mapping) -> xr.DataArray:
@@ -243,10 +237,9 @@ def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
         if not file.is_relative_to(folder):
             raise InputError(file, f"lies outside {folder}", "Correct the patch table.")
         row = rows.loc[number]
-        mould = mould_of(settings["mould"], row.flip)
-        orientation = mould["invert"], mould["flip"]
+        mould = (*mould_of(settings["mould"], row.flip).items(),)
         with accepting(config["accept"]), concerning([row.patch]):
-            scans.append(_scan(file, grid, orientation, crop_of(row), version_of(file)))
+            scans.append(_scan(file, grid, mould, crop_of(row), version_of(file)))
     return scans
 
 
@@ -254,7 +247,7 @@ def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
 def _scan(
     file: Path,
     settings: tuple[float, str | None, float | None],
-    orientation: tuple[bool | str, str | None],
+    mould: tuple[tuple[str, Any], ...],
     crop: tuple[float, float] | None,
     _version: object,
 ) -> _Scan:
@@ -262,11 +255,10 @@ def _scan(
     from matplotlib.image import imsave
 
     size_mm, unit, spacing_um = settings
-    invert, flip = orientation
     raw = read_scan(file, unit=unit, spacing_um=spacing_um)
-    piece = cut_patch(raw, crop=crop, size_mm=size_mm, mould_flip=flip)
+    piece = cut_scan(raw, crop, size_mm)
     piece = coarser(piece, max(1, math.ceil(min(piece.shape) / _PICTURE_POINTS)))
-    heights = _prepared(piece, {"invert": invert, "flip": flip})
+    heights = _prepared(piece, dict(mould))
     step_y, step_x = spacing_of(piece)
     light = LightSource(azdeg=_AZIMUTH, altdeg=_ALTITUDE)
     # a picture begins with its top row
