@@ -11,7 +11,7 @@ import io
 import json
 import logging
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ from gst.config.edited import text_of, with_cells
 from gst.setup.place_state import digest_of
 from gstlib.errors import NOTE, FaultError, GstError, InputError, InputsError
 
+# Levels of causes, the gravest first, and of the log's messages.
+_ORDER = ["error", "accepted", "warning", "note"]
 _LEVELS = {logging.ERROR: "accepted", logging.WARNING: "warning", NOTE: "note"}
 
 
@@ -33,18 +35,23 @@ class _Causes(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         text = record.getMessage()
-        key = record.msg if record.msg != "%s" else text
+        key = text if record.msg == "%s" else record.msg
         self.add(key, _LEVELS.get(record.levelno, "warning"), text)
 
     def add(self, key: object, level: str, text: str) -> dict[str, Any]:
         """A new cause, or more of one that is there."""
-        if (cause := self.causes.get((level, key))) is not None:
-            cause["more"].append(text)
-            return cause
         new: dict[str, Any] = {"level": level, "text": text, "more": [], "accept": []}
-        return self.causes.setdefault((level, key), new)
+        cause = self.causes.setdefault((level, key), new)
+        if cause is not new:
+            cause["more"].append(text)
+        return cause
 
     def add_fault(self, error: GstError) -> None:
+        """An error, or each of several."""
+        if isinstance(error, InputsError):
+            for each in error.args[0]:
+                self.add_fault(each)
+            return
         text, key = str(error), object()
         head, *items = text.split("\n  - ")
         if head.endswith("the configuration cannot be used"):
@@ -78,54 +85,37 @@ class _Causes(logging.Handler):
 def _cells_of(cure: Cure, table: str | None) -> dict[str, dict[str, object]]:
     """The changes of a cure in each row of the patch table, by patch."""
     changed: dict[str, dict[str, object]] = {}
-    if cure.cells is None or table is None:
-        return changed
     cells = cure.cells
+    if cells is not None and table is not None:
 
-    def noted(row: Any) -> dict[str, object]:
-        if new := cells(row):
-            changed[row["patch"]] = {**new}
-        return {}
+        def noted(row: Mapping[str, str]) -> dict[str, object]:
+            if new := cells(row):
+                changed[row["patch"]] = {**new}
+            return {}
 
-    with_cells(text_of(Path(table)), noted)
+        with_cells(text_of(Path(table)), noted)
     return changed
 
 
-def _each(errors: Iterable[GstError]) -> Iterator[GstError]:
-    for error in errors:
-        if isinstance(error, InputsError):
-            yield from _each(error.args[0])
-        else:
-            yield error
-
-
-def causes_of(path: Path) -> dict[str, Any]:
-    """The causes of a study, the digest of the checked files, and a summary of the run."""
-    handler, digest = _Causes(), digest_of(path)
+def main(path: Path) -> None:
+    """Print the causes of a study, the digest of the checked files, and a summary of the run."""
+    causes, digest = _Causes(), digest_of(path)
+    logging.basicConfig(handlers=[causes], level=NOTE)
     cures: list[Cure] = []
-    root = logging.getLogger()
-    former = root.level
-    root.addHandler(handler)
-    root.setLevel(NOTE)
-    walk = Walk(path, cures)
-    summary = io.StringIO()
+    walk, summary = Walk(path, cures), io.StringIO()
     try:
         with contextlib.redirect_stdout(summary):
             walk.run()
     except GstError as error:
-        for each in _each([error]):
-            handler.add_fault(each)
-    finally:
-        root.removeHandler(handler)
-        root.setLevel(former)
+        causes.add_fault(error)
     for cure in cures:
-        handler.add_cure(cure, walk.config.get("patches"))
-    order = ["error", "accepted", "warning", "note"]
-    causes = sorted(
-        handler.causes.values(), key=lambda each: order.index(each["level"])
+        causes.add_cure(cure, walk.config.get("patches"))
+    listed = sorted(
+        causes.causes.values(), key=lambda cause: _ORDER.index(cause["level"])
     )
-    return {"causes": causes, "digest": digest, "summary": summary.getvalue()}
+    check = {"causes": listed, "digest": digest, "summary": summary.getvalue()}
+    print(json.dumps(check))
 
 
 if __name__ == "__main__":
-    print(json.dumps(causes_of(Path(sys.argv[1]))))
+    main(Path(sys.argv[1]))

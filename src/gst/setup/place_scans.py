@@ -157,13 +157,13 @@ def _overview_of(
     """
     scans = config["scans"]
     grid = {name: scans[name] for name in ("unit", "spacing_um")}
-    if overview is not None:
-        best = read_scan(overview, **grid)
-    else:
+    if overview is None:
         maps = _maps(Path(config["inputs"]["scan_folder"]), used, grid)
         best = max(maps, key=_shorter_side, default=None)
         if best is None or _shorter_side(best) <= OVERVIEW * scans["size_mm"]:
             return None
+    else:
+        best = read_scan(overview, **grid)
     best = coarser(best, max(1, min(best.shape) // _MATCHED_POINTS))
     return _prepared(best, scans["mould"])
 
