@@ -232,7 +232,9 @@ class PlaceServer(ThreadingHTTPServer):
     def __init__(self, config: Path):
         self.lock = threading.Lock()
         self._lock_of_folder = _locked()
-        self._redirect: tempfile.TemporaryDirectory | None = None
+        self.redirect = tempfile.NamedTemporaryFile(  # noqa: SIM115
+            "w", dir=_LOGS.resolve(), prefix="place-", suffix=".html"
+        )
         super().__init__(("127.0.0.1", 0), _Handler)
         self.config = config
         self.token = secrets.token_urlsafe(24)
@@ -244,7 +246,7 @@ class PlaceServer(ThreadingHTTPServer):
     def server_close(self) -> None:
         """Release the port and the folder."""
         super().server_close()
-        self.remove_redirect()
+        self.redirect.close()
         # A save that is under way ends first, and none follows. A search only reads files.
         self.lock.acquire(timeout=5)
         os.close(self._lock_of_folder)
@@ -256,19 +258,9 @@ class PlaceServer(ThreadingHTTPServer):
         removed once the page has been opened. It is in the study, because a browser from a sandbox
         such as Snap cannot read the machine's temporary files.
         """
-        self._redirect = tempfile.TemporaryDirectory(
-            dir=_LOGS.resolve(), prefix="place-"
-        )
-        file = Path(self._redirect.name, "gst-place.html")
-        file.touch(mode=0o600)
-        file.write_text(
-            f'<meta http-equiv="refresh" content="0; url={self.url}">', "utf-8"
-        )
-        webbrowser.open(file.as_uri())
-
-    def remove_redirect(self) -> None:
-        if self._redirect is not None:
-            self._redirect.cleanup()
+        self.redirect.write(f'<meta http-equiv="refresh" content="0; url={self.url}">')
+        self.redirect.flush()
+        webbrowser.open(Path(self.redirect.name).as_uri())
 
     def check_digest(self, digest: str | None) -> None:
         """Refuse to change files that differ from those that a page shows, or are being read."""
@@ -395,7 +387,7 @@ class _Handler(SimpleHTTPRequestHandler):
             name = self._asked_for() or "place.html"
             first, _, rest = name.partition("/")
             if name in _FILES:
-                self.server.remove_redirect()  # a page has been opened
+                self.server.redirect.close()  # a page has been opened
                 self._send_file(name)
             elif first == "results":
                 self._send_result(self.server.result_file(rest))
@@ -504,19 +496,15 @@ def serve(config: Path, *, browser: bool) -> None:
         if signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)  # as Ctrl-C does
     with PlaceServer(config) as server:
-        print(
-            f"{server.url}\nOnly this machine can open the page. Ctrl-C ends gst place.",
-            flush=True,
-        )
+        print(server.url)
+        print("Only this machine can open the page. Ctrl-C ends gst place.", flush=True)
         if browser:
-            print(
-                "If the browser does not show the page, open this address in it.",
-                flush=True,
-            )
+            hint = "If the browser does not show the page, open this address in it."
+            print(hint, flush=True)
             server.open_browser()
         try:
             server.serve_forever()
         except KeyboardInterrupt:
             print()
-        if server.commands["study"].report()["running"]:
+        if server.commands["study"].is_running():
             print("The study is still running. Open the page again to see or stop it.")
