@@ -7,7 +7,7 @@ with two readings becomes a question.
 
 import re
 import unicodedata
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import NamedTuple
@@ -64,9 +64,9 @@ class Names(NamedTuple):
 
     rows: list[Row]  # in natural order; where there are questions, the likely reading
     questions: list[str]
-    # Marks of the earlier and the later scans, such as ``"before"`` and ``"after"``, in quotes if
-    # the names contain them; empty if there are none.
-    epochs: tuple[str, str]
+    order: (
+        str  # what shows which scans are the earlier: "by name"; empty if nothing does
+    )
     left: list[str]  # names in no row
 
 
@@ -117,7 +117,7 @@ def read_names(names: Iterable[str], pattern: str | None = None) -> Names:
     for file in files:
         by_key.setdefault(file.key, []).append(file)
     places = [*by_key.values()]
-    epochs, questions = _order(files, places)
+    order, questions = _order(files, places)
     rows, left = [], []
     for patch, place in zip(_patch_names(places), places, strict=True):
         scans = _scans_of(place)
@@ -126,7 +126,7 @@ def read_names(names: Iterable[str], pattern: str | None = None) -> Names:
         rows.append(Row(patch, *(file.name if file else "" for file in scans)))
         left += [file.name for file in rest]
     rows.sort(key=lambda row: natural(row.patch))
-    return Names(rows, questions, epochs, left)
+    return Names(rows, questions, order, left)
 
 
 def _by_pattern(names: Sequence[str], pattern: str) -> list[_Name]:
@@ -141,12 +141,12 @@ def _by_pattern(names: Sequence[str], pattern: str) -> list[_Name]:
             problem = f"does not have the form {pattern}"
             raise InputError(name, problem, "Correct --names, or rename it.")
         files.append(_Name(name, [match["patch"]], texts=[match["epoch"]]))
-    epochs = sorted(
-        {file.texts[0] for file in files},
-        key=lambda epoch: (_RANKS.get(epoch.casefold(), 0), natural(epoch)),
+    epochs = {file.texts[0] for file in files}
+    ordered = sorted(
+        epochs, key=lambda text: (_RANKS.get(text.casefold(), 0), natural(text))
     )
     for file in files:
-        file.ranks = [epochs.index(file.texts[0])]
+        file.ranks = [ordered.index(file.texts[0])]
     return files
 
 
@@ -170,46 +170,40 @@ def _taken_apart(name: str) -> _Name:
 
 
 def _order(
-    files: Sequence[_Name], places: Collection[Sequence[_Name]]
-) -> tuple[tuple[str, str], list[str]]:
-    """Give each file its epoch. Returns the marks of earlier and later ones, and questions."""
+    files: Sequence[_Name], places: Iterable[Sequence[_Name]]
+) -> tuple[str, list[str]]:
+    """Give each file its epoch. Returns what shows their order, and questions."""
     # a repeat does not need a mark of its epoch
     scans = [file for file in files if file.repeat < 0] or files
     texts = {scan.state: ", ".join(scan.texts) or "without it" for scan in scans}
     states = sorted(texts)
-    if len(states) == 1:
-        return _order_by_days(states[0], texts[states[0]], places)
+    listed = " and ".join(f'"{texts[state]}"' for state in states)
+    if states == [_UNMARKED]:
+        return _order_by_days(places)
+    if len(states) == 1 and any(states[0]):
+        problem = f"all names contain {listed}, so no scan before use is named"
+        return "", [f"{problem}: please enter t0"]
     for file in files:
         file.epoch = states.index(file.state) if file.state in texts else 0
-    shown = [f'"{texts[state]}"' for state in states]
     questions = []
     if len(states) > 2:
-        listed = ", ".join(shown)
-        questions.append(
-            f"there are {len(states)} states ({listed}), and a study compares two"
-        )
-    elif any(one > other for one, other in zip(*states, strict=False)):
-        questions.append(f"the marks do not agree in order ({' and '.join(shown)})")
-    return (shown[0], shown[-1]), questions
+        problem = f"there are {len(states)} states ({listed}), and a study compares two"
+        questions.append(problem)
+    elif any(one > other for one, other in zip(states[0], states[-1], strict=False)):
+        questions.append(f"the marks do not agree in order ({listed})")
+    return "by name", questions
 
 
-def _order_by_days(
-    state: tuple[float, ...], text: str, places: Collection[Sequence[_Name]]
-) -> tuple[tuple[str, str], list[str]]:
-    """`_order` of names in one state: all of one epoch, or distinguished by dates."""
-    if state != _UNMARKED:
-        if not any(state):
-            return (f'"{text}"', ""), []
-        problem = f"all names contain '{text}', so no scan before use is named"
-        return ("", ""), [f"{problem}: please enter t0"]
+def _order_by_days(places: Iterable[Sequence[_Name]]) -> tuple[str, list[str]]:
+    """`_order` of names without marks, which dates may distinguish."""
     for place in places:
         days = sorted(file.day for file in place)
         if len(days) != 2 or not "" < days[0] < days[1]:
             text = "the names do not show which scan was made before use and which after use"
-            return ("", ""), [text]
+            return "", [text]
         for file in place:
             file.epoch = days.index(file.day)
-    return ("the earlier date", "the later one"), []
+    return "by the dates in the names", []
 
 
 def _scans_of(place: Iterable[_Name]) -> list[_Name | None]:

@@ -196,38 +196,30 @@ def pair_scans(scans: Sequence[Scan], pattern: str | None = None) -> Pairs:
     overviews = _overviews(scans)
     by_name = {scan.name: scan for scan in scans if scan not in overviews}
     names = read_names(by_name, pattern)
-    pairs, repeats = (
-        {
-            row.patch: _change(by_name[row.t0], by_name[getattr(row, column)])
-            for row in names.rows
-            if row.t0 and getattr(row, column)
-        }
-        for column in ("t1", "repeat")
-    )
+    pairs = {
+        row.patch: _change(by_name[row.t0], by_name[row.t1])
+        for row in names.rows
+        if row.t0 and row.t1
+    }
     changes = pd.DataFrame(pairs.values(), columns=_Change._fields)
     questions = [*names.questions, *_questions(changes)]
     rows, evidence, doubts = [], [], []
     for row in names.rows:
-        column, why = _confirmed(
-            row,
-            pairs.get(row.patch),
-            repeats.get(row.patch),
-            is_alone=not changes.is_found.any(),
-        )
-        evidence.append("by name" if column else f"by name{why}")
-        if column:
-            row = row._replace(**{column: _doubtful(getattr(row, column))})
-            doubts.append(why)
+        why, doubt = _confirmed(row, pairs.get(row.patch), changes)
+        evidence.append(f"by name{why}")
+        if doubt:
+            row = row._replace(t1=_doubtful(row.t1))
+            doubts.append(doubt)
         if questions:
             row = row._replace(t0=row.t0 or TODO, t1=_doubtful(row.t1))
         rows.append(row)
     if not changes.is_comparable.all():
         doubts.append(_SCAN_ALIKE)
-    invert, mould = _moulds(changes, is_told=any(names.epochs))
+    invert, mould = _moulds(changes, is_told=bool(names.order))
     return Pairs(
         rows=rows,
         evidence=evidence,
-        earlier=_earlier(changes, names.epochs),
+        earlier=_earlier(changes, names.order),
         questions=questions + doubts,
         invert=invert,
         mould=mould,
@@ -250,23 +242,22 @@ def _overviews(scans: Sequence[Scan]) -> list[Scan]:
 
 
 def _confirmed(
-    row: Row, pair: _Change | None, repeat: _Change | None, *, is_alone: bool
+    row: Row, pair: _Change | None, changes: pd.DataFrame
 ) -> tuple[str, str]:
-    """The doubtful column of a row with the reason, or none with the evidence of its heights.
+    """The evidence of the heights of a row, and a doubt about its t1, if there is one.
 
-    If no scan of the study `is_found`, other heights are no reason to doubt a single name.
+    If no scan of the study is found, other heights are no reason to doubt a single name.
     """
-    if repeat and not repeat.is_found:
-        text = f"{row.repeat} is named as a repeat of {row.t0}, but does not show its surface"
-        return "repeat", text
-    if pair and not pair.is_comparable:
-        return "", ", not compared: another spacing"
-    if pair and not pair.is_found:
-        if is_alone:
-            return "", "; not found by heights"
-        text = f"{row.t1} does not show the surface of {row.t0}, but is named like it"
-        return "t1", text
-    return "", " and heights" * bool(pair or repeat)
+    if pair is None:
+        return "", ""
+    if pair.is_found:
+        return " and heights", ""
+    if not pair.is_comparable:
+        return ", not compared: another spacing", ""
+    if not changes.is_found.any():
+        return "; not found by heights", ""
+    doubt = f"{row.t1} does not show the surface of {row.t0}, but is named like it"
+    return "", doubt
 
 
 def _questions(changes: pd.DataFrame) -> Iterator[str]:
@@ -283,13 +274,13 @@ def _is_dated(changes: pd.DataFrame) -> bool:
     return bool((changes.days >= 0).all() and changes.days.any())
 
 
-def _earlier(changes: pd.DataFrame, epochs: tuple[str, str]) -> str:
+def _earlier(changes: pd.DataFrame, order: str) -> str:
     """The sentence on which scans are earlier and why."""
-    why = ["by name"] * any(epochs)
+    why = [order] if order else []
     why += ["by the dates in the files"] * _is_dated(changes)
     if fell := sum(changes.fell):
         why.append(f"{fell} of {len(changes)} lost height")
-    return f"{epochs[0] or 't0'} is the earlier: {', '.join(why)}" if why else ""
+    return f"t0 is the earlier: {', '.join(why)}" if why else ""
 
 
 def _moulds(changes: pd.DataFrame, *, is_told: bool) -> tuple[bool | str, str]:
