@@ -21,6 +21,7 @@ from gst.check.matching import Match, match_map, match_together
 from gst.check.nearby import match_near
 from gst.check.sliding import sides_of, wrapped
 from gstlib.coupling.comparison import shows_waves
+from gstlib.preprocess.interpolation import interpolate
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import axis_coordinates, make_surface
@@ -271,20 +272,18 @@ def view_of(
     points = frame.to_frame(mesh.vertices) + np.array([around_mm, around_mm, 0.0])
     size_mm += 2 * around_mm
     is_seen = np.asarray(mesh.vertex_normals) @ frame.axes[2] > _SEEN
-    places, gap = points[:, :2], _GAP * edge
-    is_near = ((places > -gap) & (places < size_mm + gap)).all(axis=1)
+    gap = _GAP * edge
+    is_near = ((points > -gap) & (points < size_mm + gap))[:, :2].all(axis=1)
     cloud = points[is_seen & is_near]
     along = axis_coordinates(max(2, round(size_mm / step)), step)
     heights = np.full(2 * along.shape, np.nan)
     if len(cloud) > 3:
-        y, x = np.meshgrid(along, along, indexing="ij")
-        places = np.stack([x, y], axis=-1)
+        # straight lines between vertices would cut the shortest waves that the mesh has
+        heights = interpolate("clough-tocher", cloud, along, edge)
+        places = np.stack(np.meshgrid(along, along), axis=-1)
         tree = scipy.spatial.KDTree(cloud[:, :2])
         away, _ = tree.query(places, distance_upper_bound=gap)
-        is_stone = np.isfinite(away)
-        # straight lines between vertices would cut the shortest waves that the mesh has
-        smooth = scipy.interpolate.CloughTocher2DInterpolator(cloud[:, :2], cloud[:, 2])
-        heights[is_stone] = smooth(places[is_stone])
+        heights[np.isinf(away)] = np.nan
     view = make_surface(heights, step, mesh_edge_mm=edge)
     view = view.assign_coords(y=view.y - around_mm, x=view.x - around_mm)
     is_stone = np.isfinite(heights)

@@ -31,12 +31,11 @@ from gstlib.io.stage import stage_of
 from gstlib.preprocess.scans import crop_of, mould_of, prepare_scan
 from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.frames import frame_from_points
-from gstlib.surfaces.grid import coarser, spacing_of
+from gstlib.surfaces.grid import coarser
 
-# Points along the side of a picture, and the light on it, as `viewer.js` has it at first.
+# Points along the side of a picture.
 _PICTURE_POINTS = 160
 _MATCHED_POINTS = 256  # along the side of an overview
-_AZIMUTH, _ALTITUDE = 315, 45
 # Share of unmeasured points up to which a scan can be shown.
 _MOSTLY_HOLES = 0.9
 
@@ -251,18 +250,16 @@ def _scan(
     crop: tuple[float, float] | None,
     _version: object,
 ) -> _Scan:
-    from matplotlib.colors import LightSource
     from matplotlib.image import imsave
+
+    from gst.page.figures.maps import raking
 
     size_mm, unit, spacing_um = settings
     raw = read_scan(file, unit=unit, spacing_um=spacing_um)
     piece = cut_scan(raw, crop, size_mm)
     piece = coarser(piece, max(1, math.ceil(min(piece.shape) / _PICTURE_POINTS)))
     heights = _prepared(piece, dict(mould))
-    step_y, step_x = spacing_of(piece)
-    light = LightSource(azdeg=_AZIMUTH, altdeg=_ALTITUDE)
-    # a picture begins with its top row
-    shade = light.hillshade(np.flipud(heights.values), dx=step_x, dy=step_y)
     content = io.BytesIO()
-    imsave(content, shade, cmap="gray", vmin=0, vmax=1, format="png")
+    # a picture begins with its top row
+    imsave(content, raking(heights)[::-1], format="png")
     return _Scan(content.getvalue(), stage_of(raw), heights)
