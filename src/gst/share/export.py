@@ -27,18 +27,14 @@ from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import PatchPosition, places_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
-# The files of each patch, in the folders of their batches.
-_BY_PATCH = {
-    "T0": "surfaces/T0/*/*.h5",
-    "change": "change/*/*.h5",
-    "wear": "wear/*/*.h5",
-}
+# The files of patches, in the folders of their batches.
+_SCANS, _CHANGES, _WEAR = "surfaces/T0/*/*.h5", "change/*/*.h5", "wear/*/*.h5"
 # An export is made of such files.
 _WRITTEN = {".asc", ".glb", ".ply", ".png", ".txt", ".x3p"}
 _UNMEASURED = -9999  # in a grid
 _LIMIT = "level_of_detection"
 _Places = Mapping[str, PatchPosition]
-_Files = dict[str, dict[str, Path]]  # by patch and stage
+_Files = dict[str, Path]  # by patch
 # The format requires a date, but the date of the export is no property of a result.
 _NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -81,44 +77,42 @@ def export_study(results: Path, to: Path) -> list[str]:
 def _files(results: Path) -> Iterator[tuple[str, bytes]]:
     """Name and content of each file."""
     made = {*made_in(results)}  # other files may be left of other configs
-    by_patch: _Files = {}
-    for stage, pattern in _BY_PATCH.items():
-        for file in made & set(results.glob(pattern)):
-            patch = file.stem.partition("_")[0]
-            by_patch.setdefault(patch, {})[stage] = file
+    provenance = read_provenance(results)
+    scans, changes, wear = (
+        {file.stem.partition("_")[0]: file for file in made & {*results.glob(pattern)}}
+        for pattern in (_SCANS, _CHANGES, _WEAR)
+    )
     table = results / "tables/patch_pressures.csv"
     places = places_of(read_table(table)) if table in made else {}
     # first, because its mesh may be elsewhere
-    yield from _tool(results, made, places, by_patch)
+    yield from _tool(results, provenance["config"], made, places, changes)
     names = {file.stem for file in made if file.parent.name == "tables"}
     use = results / "tables/use.csv"
     loads = read_table(use) if use in made else None
-    text = methods_text(read_provenance(results), names, loads)
-    yield "methods.txt", text.encode()
-    for patch, stages in sorted(by_patch.items()):
-        for name, field in _maps(stages):
+    yield "methods.txt", methods_text(provenance, names, loads).encode()
+    for patch, scan in sorted(scans.items()):
+        for name, field in _maps(scan, changes.get(patch), wear.get(patch)):
             title = f"patch {patch}: {field.attrs['long_name']}"
             yield f"{patch}_{name}.x3p", _x3p_of(field, title)
             if name not in ("T0", "T1") and patch in places:
                 yield f"{patch}_{name}.asc", _asc_of(field, places[patch])
 
 
-def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
+def _maps(
+    scan: Path, change: Path | None, wear: Path | None
+) -> Iterator[tuple[str, xr.DataArray]]:
     """The maps of a patch that the study has, on the grid of T0, by the ends of their names."""
-    before = read_dataset(files["T0"], only=["height", "filled"])
+    before = read_dataset(scan, only=["height", "filled"])
     # filled points were not measured
     yield "T0", before.height.where(~before.filled)
-    if change := files.get("change"):
+    if change:
         registered = read_dataset(change, only=["t1", "change", _LIMIT])
         if registered.attrs["registration_found"]:
             yield "T1", registered.t1
-            loss = -registered.change
-            yield (
-                "loss",
-                loss.assign_attrs(units="mm", long_name="measured height loss"),
-            )
+            meaning = {"units": "mm", "long_name": "measured height loss"}
+            yield "loss", (-registered.change).assign_attrs(meaning)
             yield "detection_limit", registered[_LIMIT]
-    if wear := files.get("wear"):
+    if wear:
         for depth in read_dataset(wear, only=["depth"]).depth:
             yield f"predicted_{depth.model.item()}", depth
 
@@ -144,10 +138,8 @@ def _asc_of(field: xr.DataArray, place: PatchPosition) -> bytes:
     ny, nx = field.shape
     dy, dx = (MM_TO_UM * step for step in spacing_of(field))
     cells = f"cellsize {dx:.9g}" if np.isclose(dx, dy) else f"dx {dx:.9g}\ndy {dy:.9g}"
-    left, bottom = (
-        MM_TO_UM * place.x_mm - nx * dx / 2,
-        MM_TO_UM * place.y_mm - ny * dy / 2,
-    )
+    left = MM_TO_UM * place.x_mm - nx * dx / 2
+    bottom = MM_TO_UM * place.y_mm - ny * dy / 2
     corner = f"xllcorner {left:.9g}\nyllcorner {bottom:.9g}"
     header = f"ncols {nx}\nnrows {ny}\n{corner}\n{cells}\nNODATA_value {_UNMEASURED}"
     rows = np.nan_to_num(MM_TO_UM * field.values[::-1], nan=_UNMEASURED)
@@ -157,17 +149,16 @@ def _asc_of(field: xr.DataArray, place: PatchPosition) -> bytes:
 
 
 def _tool(
-    results: Path, made: set[Path], places: _Places, by_patch: _Files
+    results: Path, config: Mapping, made: set[Path], places: _Places, changes: _Files
 ) -> Iterator[tuple[str, bytes]]:
     """The tool with pressure, patches, measured loss and, of a gesture, exposure on it."""
-    config = read_provenance(results)["config"]
     inputs, note = config["inputs"], ""
     unit = (inputs or {}).get("mesh_unit", "mm")
-    if inputs is None:
+    if inputs:
+        mesh = _measured(results, Path(inputs["mesh"]))
+    else:
         mesh = _recorded(results / "specimen/mesh.stl", made)
         note = ", synthetic specimen"
-    else:
-        mesh = _measured(results, Path(inputs["mesh"]))
     contact = _recorded(results / "macroscale/contact.h5", made)
     grid = read_dataset(contact, only=["pressure"]).pressure
     fields = {"pressure_MPa": grid}
@@ -176,7 +167,7 @@ def _tool(
         fields["exposure_N_per_mm"] = read_dataset(exposure, only=["exposure"]).exposure
     if places:
         rows = _row_of_patch(places, grid, config["scans"]["size_mm"])
-        loss = _loss_on(rows, places, by_patch)
+        loss = _loss_on(rows, places, changes)
         fields |= {"patch": rows} | ({"loss_um": loss} if loss.notnull().any() else {})
     face = _recorded(results / "macroscale/surface.h5", made)
     tool = tool_with(fields, mesh, unit, face)
@@ -197,11 +188,11 @@ def _row_of_patch(places: _Places, grid: xr.DataArray, size_mm: float) -> xr.Dat
     return rows
 
 
-def _loss_on(rows: xr.DataArray, places: _Places, by_patch: _Files) -> xr.DataArray:
+def _loss_on(rows: xr.DataArray, places: _Places, changes: _Files) -> xr.DataArray:
     """The mean loss (µm) that was detected on each element; NaN where no change is known."""
     losses = rows.where(False)
     for number, (patch, place) in enumerate(places.items(), start=1):
-        if file := by_patch[patch].get("change"):
+        if file := changes.get(patch):
             change = read_dataset(file, only=["change", "loss"])
             is_worn = change.loss | change.change.isnull()
             lost = -MM_TO_UM * change.change.where(is_worn, 0).rename(y="v", x="u")
