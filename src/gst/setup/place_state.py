@@ -32,6 +32,8 @@ from gstlib.use.evidence import FEWEST_PATCHES
 if TYPE_CHECKING:
     import trimesh
 
+# Values by the key of a config, or by the column of a row.
+_Values = Mapping[str, Any]
 
 # Keys that the page may write. `inputs.mesh`, for one, is missing, because the page shows files.
 _ANSWERS = (
@@ -157,7 +159,7 @@ def rows_of(config: Mapping) -> tuple[pd.DataFrame, bool]:
     return rows, has_scans
 
 
-def save_answers(path: Path, values: Mapping[str, Any]) -> str | None:
+def save_answers(path: Path, values: _Values) -> str | None:
     """Write values into the config, each by its key.
 
     Every save returns the name of a copy of the file of which a part was removed, if it was. It
@@ -188,9 +190,7 @@ def save_file(path: Path, patch: str, column: str, name: str) -> str | None:
     return _write_cells(Path(config["patches"]), _by_patch(cells))
 
 
-def save_cure(
-    path: Path, values: Mapping[str, Any], cells: Mapping[str, Any], **_: Any
-) -> str | None:
+def save_cure(path: Path, values: _Values, cells: _Values, **_: Any) -> str | None:
     """Write the cure of a fault: values of the config by key, cells of the table by patch.
 
     The files are kept as they were beside them.
@@ -205,9 +205,7 @@ def save_cure(
     return " and ".join(kept)
 
 
-def save_places(
-    path: Path, square: Mapping[str, Any], patches: Sequence[Mapping]
-) -> str | None:
+def save_places(path: Path, square: _Values, patches: Sequence[Mapping]) -> str | None:
     """Write the square and the patches' places, or the places of a tool without scans.
 
     The face around the square grows and shrinks with it. Null is still to be given. Raises a
@@ -241,7 +239,7 @@ def save_places(
     return _save_config(path, changed) or kept
 
 
-def _of_square(config: Mapping, square: Mapping[str, Any]) -> dict[str, Any]:
+def _of_square(config: Mapping, square: _Values) -> dict[str, Any]:
     """The values of a square, and of the face around it, whose ratio to the square it keeps."""
     points_mm, size_mm = square["points_mm"], square["size_mm"]
     values = {
@@ -256,7 +254,7 @@ def _of_square(config: Mapping, square: Mapping[str, Any]) -> dict[str, Any]:
     return values
 
 
-def _save_config(path: Path, values: Mapping[str, Any]) -> str | None:
+def _save_config(path: Path, values: _Values) -> str | None:
     """Write values into the config; the name of a copy of it, if one of them was removed."""
     config, text = read_unfinished(path), _checked(path, values)
     former = {key: _value(config, key) for key in values}
@@ -270,7 +268,7 @@ def _written(path: Path, text: str, *, is_less: bool) -> str | None:
     return kept
 
 
-def _loses(former: Mapping[str, Any], new: Mapping[str, Any] | None) -> bool:
+def _loses(former: _Values, new: _Values | None) -> bool:
     """Whether a value that was given goes; `new` is None if all go."""
     return new is None or any(
         _is_filled(former.get(key)) and not _is_filled(value)
@@ -282,7 +280,7 @@ def _is_filled(cell: object) -> bool:
     return cell not in (None, "") and not is_to_do(cell)
 
 
-def _cells(row: Mapping[str, Any], columns: Sequence[str]) -> dict[str, str]:
+def _cells(row: _Values, columns: Sequence[str]) -> dict[str, str]:
     """A row as text; null is still to be given, a grade unknown."""
     cells = {"patch": row["patch"]}
     for column in columns:
@@ -314,7 +312,7 @@ def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> str |
     return _write_cells(file, lambda row: left.pop(row["patch"], None), left.values())
 
 
-def _by_patch(cells: Mapping[str, Mapping[str, Any]]) -> Cells:
+def _by_patch(cells: Mapping[str, _Values]) -> Cells:
     """The changed cells of each row, from those of each patch."""
     return lambda row: cells.get(row["patch"], {})
 
@@ -337,7 +335,7 @@ def _write_cells(
     return _written(file, text, is_less=any(losses))
 
 
-def _checked(path: Path, values: Mapping[str, Any]) -> str:
+def _checked(path: Path, values: _Values) -> str:
     """The config's text with these values; a `ConfigError` if one of them cannot be meant."""
     text = with_values(text_of(path), values)
     config = complete(parse_yaml(text, path))
