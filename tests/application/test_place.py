@@ -215,6 +215,11 @@ def test_places_are_written_and_the_rest_stays(server, study):
     saved(server, "places", places(*state["patches"]))
     assert (study / "study.yaml").read_text() == CONFIG
     assert ask(server, "state")[1] == state | {"digest": digest_of(server.config)}
+    # the face keeps its ratio to the square
+    assert state["face_mm"] == 15.0
+    saved(server, "places", places(*state["patches"], size=10.0))
+    assert written()["square"]["size_mm"] == 10.0
+    assert written()["macroscale"]["face_mm"] == 30.0
 
 
 def test_rows_of_one_name_are_not_taken_for_each_other(server, study):
@@ -223,14 +228,6 @@ def test_rows_of_one_name_are_not_taken_for_each_other(server, study):
     (study / "patches.tsv").write_text(twice)
     assert save(server, "places", places(BOTH[0], row("A", 2, 2)))[0] == 422
     assert (study / "patches.tsv").read_text() == twice
-
-
-def test_the_face_keeps_its_ratio_to_the_square(server):
-    state = ask(server, "state")[1]
-    assert state["face_mm"] == 15.0
-    saved(server, "places", places(*state["patches"], size=10.0))
-    assert written()["square"]["size_mm"] == 10.0
-    assert written()["macroscale"]["face_mm"] == 30.0
 
 
 def test_answers_are_written_and_comments_stay(server, study):
@@ -301,6 +298,8 @@ def test_one_of_many_saves_at_once_is_written(server):
         answers = threads.map(lambda one: save(server, "answers", one, digest), sent)
         statuses = [status for status, _ in answers]
     assert sorted(statuses) == [200] + [409] * 15
+    with pytest.raises(InputError):  # nor has a folder two servers
+        PlaceServer(Path("study.yaml"))
     assert written()["load"]["force_N"] == 1 + statuses.index(200)
 
 
@@ -387,12 +386,6 @@ def test_nothing_changes_while_the_files_are_read(server, study, name, monkeypat
     assert ask(server, f"start/{other}", {})[0] == 423
     assert files_in(study) == before
     assert not any(Path(".snakemake").glob("place_*"))
-
-
-def test_a_folder_has_one_server(server):
-    with pytest.raises(InputError):
-        PlaceServer(Path("study.yaml"))
-    saved(server, "answers", {"load.force_N": 100})
 
 
 @pytest.mark.parametrize("linked", ["place.lock", ""])
