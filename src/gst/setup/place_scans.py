@@ -25,6 +25,7 @@ from gst.setup.finding import (
 )
 from gst.setup.place_state import DECIMALS, mesh_of, rows_of, unless_to_do, version_of
 from gst.setup.scan_folder import OVERVIEW, Scan, scans_in
+from gstlib.coupling.orientations import Mould, lying_right
 from gstlib.errors import ConfigError, GstError, InputError, accepting, concerning
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
@@ -136,15 +137,13 @@ def _of_matches(
         values["scans.mould.invert"] = match.inverted != (mould["invert"] is True)
     if not match.mirrored:
         return values, 0.0
-    # a map that is reversed along y is that reversed along x, and turned by 180 degrees
-    former = mould["flip"]
-    flip, turn = None if former else "x", 180.0 if former == "y" else 0.0
-    turns = [place.rotation_deg + turn for place in places.values()]
-    upright = np.cos(np.radians(turns)).sum()
-    if flip == "x" and upright < 0:  # as it was scanned rather than upside down
-        flip, turn = "y", 180.0
-    values["scans.mould.flip"] = flip
-    return values, turn
+    turns = [place.rotation_deg for place in places.values()]
+    # as it was scanned rather than upside down
+    is_upright = np.cos(np.radians(turns)).sum() >= 0
+    look = f"reversed along {'x' if is_upright else 'y'}"
+    right, turn = lying_right(look, Mould(**mould))
+    values["scans.mould.flip"] = right.flip
+    return values, turn if is_upright else turn + 180.0
 
 
 def _overview_of(
@@ -219,15 +218,13 @@ def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
     config = read_unfinished(path)
     rows, _ = rows_of(config)
     scan_folder = (config["inputs"] or {}).get("scan_folder")
-    if scan_folder is None:
-        raise ConfigError(
-            path, "does not name a folder of scans", "Give inputs.scan_folder."
-        )
-    folder, settings = Path(scan_folder).resolve(), config["scans"]
+    settings = config["scans"]
     grid = settings["size_mm"], settings["unit"], settings["spacing_um"]
-    if any(map(is_to_do, grid)):
-        problem = "does not state unit, spacing and side of the scans"
-        raise ConfigError(path, problem, "Answer the open questions.")
+    if scan_folder is None or any(map(is_to_do, grid)):
+        problem = "does not state folder, unit, spacing and side of the scans"
+        remedy = "Give inputs.scan_folder, and answer the open questions."
+        raise ConfigError(path, problem, remedy)
+    folder = Path(scan_folder).resolve()
     scans = []
     for number in numbers:
         if number not in rows.index or not rows.t0[number]:
