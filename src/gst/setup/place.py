@@ -342,28 +342,24 @@ class PlaceServer(ThreadingHTTPServer):
         return file
 
 
-# The answer to a request, by the first part of its path. It takes the server and the rest of the
-# path, or else the data that were sent. Bytes are a picture, and all else is JSON.
-_Answers = dict[str, Callable[["PlaceServer", Any], Any]]
-_GET: _Answers = {
-    "state": lambda server, _: state_of(server.config),
-    "stone": lambda server, _: stone_of(server.config),
-    "stage": lambda server, _: {"all": has_stage(server.config)},
-    "scan": lambda server, rest: picture_of(server.config, _number(rest)),
-    "report": lambda server, rest: server.command(rest).report(),
-    "result": lambda server, _: server.result(),
+# The answer to a request, by its method and the first part of its path. It takes the server and the
+# rest of the path, or else the data that were sent. Bytes are a picture, and all else is JSON.
+_ANSWERS: dict[str, Callable[["PlaceServer", Any], Any]] = {
+    "GET state": lambda server, _: state_of(server.config),
+    "GET stone": lambda server, _: stone_of(server.config),
+    "GET stage": lambda server, _: {"all": has_stage(server.config)},
+    "GET scan": lambda server, rest: picture_of(server.config, _number(rest)),
+    "GET report": lambda server, rest: server.command(rest).report(),
+    "GET result": lambda server, _: server.result(),
+    "POST find": lambda server, _: find_places(server.config),
+    "POST answers": lambda server, sent: server.answer(sent),
+    "POST cure": lambda server, sent: server.cure(sent),
+    "POST file": lambda server, sent: save_file(server.config, **sent),
+    "POST places": lambda server, sent: save_places(server.config, **sent),
+    "POST start": lambda server, rest: server.start(rest),
+    "POST stop": lambda server, rest: server.command(rest).stop(),
+    "POST end": lambda _server, _rest: None,
 }
-_POST: _Answers = {
-    "find": lambda server, _: find_places(server.config),
-    "answers": lambda server, sent: server.answer(sent),
-    "cure": lambda server, sent: server.cure(sent),
-    "file": lambda server, sent: save_file(server.config, **sent),
-    "places": lambda server, sent: save_places(server.config, **sent),
-    "start": lambda server, rest: server.start(rest),
-    "stop": lambda server, rest: server.command(rest).stop(),
-    "end": lambda _server, _rest: None,
-}
-_ANSWERS = {"GET": _GET, "POST": _POST}
 
 
 def _number(text: str) -> int:
@@ -410,14 +406,14 @@ class _Handler(SimpleHTTPRequestHandler):
 
     def _content(self, first: str, rest: str) -> Any:
         """The answer to a request for data, or with data."""
-        answers = _ANSWERS.get(self.command, {})
-        if first not in answers:
+        answer = _ANSWERS.get(f"{self.command} {first}")
+        if answer is None:
             raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
         sent = self._sent() if self.command == "POST" else None
         with self.server.lock:
             if first in _CHANGES:
                 self.server.check_digest(self.headers.get(_DIGEST))
-            content = answers[first](self.server, rest or sent)
+            content = answer(self.server, rest or sent)
             if first in _CHANGES:  # and perhaps the copy of a file that lost a part
                 content = {"digest": digest_of(self.server.config), "kept": content}
         return content

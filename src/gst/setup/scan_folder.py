@@ -57,10 +57,6 @@ class Scan:
     acquired: str  # the time, if the file states it
     coarse: xr.DataArray  # its heights (y, x) on fewer points
 
-    def prepared(self, times: int = 1) -> xr.Dataset:
-        """Clean and level, on elements so many times as long."""
-        return prepare_scan(coarser(self.coarse, times), maximum_unmeasured=1.0)
-
 
 def scans_in(paths: Sequence[Path]) -> tuple[Path, list[Path], list[Path]]:
     """The folder of all scans, those in it, and other files there.
@@ -171,7 +167,9 @@ def _change(before: Scan, after: Scan) -> _Change:
     steps = [spacing_of(scan.coarse)[1] for scan in (before, after)]
     # a larger map may have been made coarser, by powers of two
     pair = [
-        scan.prepared(round(max(steps) / step))
+        prepare_scan(
+            coarser(scan.coarse, round(max(steps) / step)), maximum_unmeasured=1.0
+        )
         for scan, step in zip((before, after), steps, strict=True)
     ]
     try:
