@@ -166,7 +166,7 @@ def seen_in(frame: Frame, matches: Matches) -> dict[str, PatchPosition]:
     places = {}
     for name, match in matches.placed.items():
         y, x, own = match.place
-        ((u, v, _),) = frame.to_frame(_on_stone(matches.frame, y, x)[np.newaxis])
+        u, v, _ = frame.to_frame(_on_stone(matches.frame, y, x))
         places[name] = PatchPosition(float(v), float(u), wrapped(own + turn))
     return places
 
@@ -240,16 +240,16 @@ def find_on_stone(
 def _views(mesh: "trimesh.Trimesh") -> Iterator[list[tuple[Frame, float]]]:
     """Frames (and sides, mm) from which a whole stone is seen, in opposite pairs."""
     points = np.asarray(mesh.vertices)
+    middle = points.mean(axis=0)
     axes = np.linalg.eigh(np.cov(points, rowvar=False))[1].T  # the thinnest first
     for n in range(3):
-        pair, x_axis = [], axes[(n + 1) % 3]
+        pair = []
         for normal in (axes[n], -axes[n]):
-            towards = np.array([x_axis, np.cross(normal, x_axis)])
-            along = points @ towards.T
-            low, high = along.min(axis=0), along.max(axis=0)
-            corner = low @ towards + (points @ normal).mean() * normal
-            side = float((high - low).max())
-            pair.append((Frame(corner, x_axis, normal), side))
+            frame = Frame(middle, axes[(n + 1) % 3], normal)
+            seen = frame.to_frame(points)[:, :2]
+            x, y = seen.min(axis=0)
+            frame = replace(frame, origin=_on_stone(frame, y, x))
+            pair.append((frame, float(np.ptp(seen, axis=0).max())))
         yield pair
 
 

@@ -114,16 +114,13 @@ def describe_change(change: xr.Dataset) -> Iterator[str]:
         f"{extent['loss_volume_um3']:.4g} µm³, mean depth {extent['mean_wear_depth_um']:.3g} µm"
     )
     yield f"gain        {100 * extent['gain_fraction']:.2g} % of the area"
-    ratio, limit = (
-        extent["gain_to_loss_ratio"],
-        Settings().validation.max_gain_to_loss_ratio,
-    )
+    ratio = extent["gain_to_loss_ratio"]
     if extent["gain_fraction"] > extent["loss_fraction"]:
         yield (
             "NOTE: more of the area rose than fell. Give --mould if the scans show moulds, and "
             "check that T0 is the earlier scan"
         )
-    elif ratio > limit:
+    elif ratio > Settings().validation.max_gain_to_loss_ratio:
         yield (
             f"NOTE: the area that rose is {ratio:.2f} times the area that fell, so the loss may "
             "be noise"
