@@ -57,7 +57,6 @@ from gstlib.coupling.placement import ALL
 from gstlib.errors import raise_unless_accepted
 from gstlib.specimen.generate import make_specimen, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
-from gstlib.specimen.scanning import relocation
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import MM_TO_UM
 
@@ -136,7 +135,7 @@ def check_files(config, specimen):
 def registered(change, at):
     """What the attributes of a height change state of a patch, against the truth `at` it."""
     t0, t1 = (PatchPosition.from_dataset(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
-    true_um = MM_TO_UM * np.array(relocation(t0, t1))
+    true_um = MM_TO_UM * np.array(t0.seen(t1.y_mm, t1.x_mm))
     shift_um = change["shift_y_um"], change["shift_x_um"]
     return {
         "found": change["registration_found"],

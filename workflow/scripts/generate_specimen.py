@@ -13,6 +13,7 @@ from gstlib.specimen.generate import (
     write_specimen,
 )
 from gstlib.specimen.randomness import SpecimenParameters
+from gstlib.specimen.stone import Stone
 
 
 def main(
@@ -32,7 +33,7 @@ def main(
     if counterface is not None:
         write_whole(counterface, counterface_stl(parameters, square_mm))
     if truth is None:
-        write_whole(mesh, stone_stl(parameters, square_mm))
+        write_whole(mesh, stone_stl(Stone(parameters, square_mm)))
         return
     sizes = {"square_mm": square_mm, "grid": grid, "around": around}
     made = make_specimen(pd.DataFrame(patches), parameters, **sizes)

@@ -28,7 +28,6 @@ from gstlib.specimen.scanning import (
     place_again,
     place_scans,
     poor_overlaps,
-    relocation,
     sample,
     take_scan,
 )
@@ -77,8 +76,6 @@ _TRUTH = {
     "height": ("mm", "true height at T0, all wavelengths, least-squares plane removed"),
     "wear_depth": ("mm", "depth lost from T0 to T1"),
 }
-# Dimensions of the truth about one patch, by their number.
-_DIMS = [(), ("epoch",), ("y", "x"), ("epoch", "y", "x")]
 
 
 class Specimen(NamedTuple):
@@ -120,17 +117,11 @@ def counterface_stl(parameters: SpecimenParameters, square_mm: float) -> bytes:
     """
     assert parameters.counterface_seed is not None
     own = replace(parameters, seed=parameters.counterface_seed)
-    return stone_stl(own, square_mm, radius_mm=_ACTIVE_RADIUS_MM)
+    return stone_stl(Stone(own, square_mm), _ACTIVE_RADIUS_MM)
 
 
-def stone_stl(
-    parameters: SpecimenParameters, square_mm: float, *, radius_mm: float = math.inf
-) -> bytes:
-    """Binary STL of a specimen's mesh alone, as in `make_specimen`, bent to a radius."""
-    return _stl(Stone(parameters, square_mm), radius_mm)
-
-
-def _stl(stone: Stone, radius_mm: float = math.inf) -> bytes:
+def stone_stl(stone: Stone, radius_mm: float = math.inf) -> bytes:
+    """Binary STL of the mesh of a stone, bent to a radius."""
     import trimesh
 
     vertices, faces = stone.mesh()
@@ -192,9 +183,15 @@ def make_specimen(
     ([('a', 'T0'), ('a', 'T1')], True, (1, 32, 32))
     """
     p = parameters
-    _refuse_wide(square_mm)
+    width = min(OUTER_SIZE_MM[:2])
+    if square_mm + 2 * MARGIN_MM > 0.5 * width:
+        raise ConfigError(
+            "square.size_mm",
+            f"{square_mm} mm with a margin of {MARGIN_MM} mm is more than half of the pebble's "
+            f"width, {width} mm",
+            "Make the square smaller.",
+        )
     stone = Stone(p, square_mm)
-    stl = _stl(stone)
     depth = wear(stone) if wear else wear_depth(stone, p.wear_placement)
     poor = poor_overlaps(list(patches.patch), p.seed)
     scans: dict[tuple[str, str], xr.DataArray] = {}
@@ -208,43 +205,28 @@ def make_specimen(
         if again := getattr(row, "repeat", ""):
             visits["repeat"] = place_again(row.patch, t0, p), again
         at_points = partial(sample, stone=stone, points=p.scan_points, patch=row.patch)
-        heights, seen = {}, {}
+        heights, seen = {}, []
         for epoch, (place, file) in visits.items():
             heights[epoch] = at_points(stone.heights, place=place, order=3)
             if epoch == "T1":
                 heights[epoch] -= at_points(depth, place=place, order=1)
-            scan, masks = take_scan(heights[epoch], row.patch, epoch, p)
-            seen[epoch] = place._asdict() | masks
+            scan, true = take_scan(heights[epoch], row.patch, epoch, p)
+            seen.append(xr.Dataset(place._asdict() | true))
             if file:
                 scans[row.patch, epoch] = scan.assign_attrs(file=file)
         level, _ = remove_plane(make_surface(heights["T0"], p.scan_spacing_mm))
-        of_epochs = {
-            name: np.stack([seen[epoch][name] for epoch in ("T0", "T1")])
-            for name in seen["T0"]
-        }
         of_patch = {
             "nominal_x_mm": nominal.x_mm,
             "nominal_y_mm": nominal.y_mm,
             "overlap": _overlap(t0, t1, p.scan_size_mm),
             # rounded heights compress twice as well
-            "height": rounded(level.values),
-            "wear_depth": rounded(at_points(depth, place=t0, order=1)),
+            "height": (("y", "x"), rounded(level.values)),
+            "wear_depth": (("y", "x"), rounded(at_points(depth, place=t0, order=1))),
         }
-        truths.append(of_epochs | of_patch)
-    truth = _truth(patches, stone, p, (grid, around), truths)
-    return Specimen(stl, scans, truth, within_square(stone.heights, stone))
-
-
-def _refuse_wide(square_mm: float) -> None:
-    """Raise a `ConfigError` if the square is larger than the use-face."""
-    width = min(OUTER_SIZE_MM[:2])
-    if square_mm + 2 * MARGIN_MM > 0.5 * width:
-        raise ConfigError(
-            "square.size_mm",
-            f"{square_mm} mm with a margin of {MARGIN_MM} mm is more than half of the pebble's "
-            f"width, {width} mm",
-            "Make the square smaller.",
-        )
+        truths.append(xr.concat(seen[:2], "epoch").assign(of_patch))
+    truth = _truth(patches, stone, grid, around, truths)
+    surface = within_square(stone.heights, stone)
+    return Specimen(stone_stl(stone), scans, truth, surface)
 
 
 def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
@@ -284,57 +266,39 @@ def write_specimen(
 
 def _overlap(t0: PatchPosition, t1: PatchPosition, size_mm: float) -> float:
     """Fraction of the T0 scan's area inside the T1 scan; their relative rotation is neglected."""
-    return float(
-        np.prod([max(0.0, 1 - abs(shift) / size_mm) for shift in relocation(t0, t1)])
-    )
+    shifts = np.abs(t0.seen(t1.y_mm, t1.x_mm))
+    return float(np.prod(np.maximum(1 - shifts / size_mm, 0.0)))
 
 
 def _truth(
     patches: pd.DataFrame,
     stone: Stone,
-    p: SpecimenParameters,
-    grids: tuple[int, int],
-    of_patches: list[dict],
+    grid: int,
+    around: int,
+    of_patches: list[xr.Dataset],
 ) -> xr.Dataset:
     """The truth about a specimen, from the truths `of_patches`."""
-    grid, around = grids
+    p = stone.parameters
     spacing = stone.square_mm / grid
     along_square = axis_coordinates(grid, spacing)
     along_face = axis_coordinates(grid + 2 * around, spacing) - around * spacing
     along_scan = axis_coordinates(p.scan_points, p.scan_spacing_mm)
-    variables: dict[str, tuple] = {
-        "macroscale_height": (
-            ("macroscale_y", "macroscale_x"),
-            stone.macroscale_means(grid),
-        ),
-        "face_height": (("face_y", "face_x"), stone.face_means(grid, around)),
+    of_square, of_face = ("macroscale_y", "macroscale_x"), ("face_y", "face_x")
+    heights = {
+        "macroscale_height": (of_square, stone.macroscale_means(grid)),
+        "face_height": (of_face, stone.face_means(grid, around)),
     }
-    for name in _TRUTH.keys() - variables.keys():
-        values = np.stack(
-            [patch.pop(name) for patch in of_patches]
-        )  # popped: the maps are large
-        variables[name] = (("patch", *_DIMS[values.ndim - 1]), values)
     of_axes = {"macroscale_": along_square, "face_": along_face, "": along_scan}
     coordinates = {
         f"{prefix}{axis}": (f"{prefix}{axis}", along, {"units": "mm"})
         for prefix, along in of_axes.items()
         for axis in "yx"
     }
-    truth = xr.Dataset(
-        {name: variables[name] for name in _TRUTH},
-        {"patch": list(patches.patch), "epoch": ["T0", "T1"]} | coordinates,
-        {"wear_threshold_um": _WEAR_THRESHOLD_UM} | _use_of(stone),
-    )
+    names = {"patch": list(patches.patch), "epoch": ["T0", "T1"]}
+    truth = xr.concat(of_patches, "patch").assign(heights)[list(_TRUTH)]
+    truth = truth.assign_coords(names | coordinates)
+    truth.attrs["wear_threshold_um"] = _WEAR_THRESHOLD_UM
+    if p.wear_placement in LAWS:
+        truth.attrs["use_y_mm"], truth.attrs["use_x_mm"] = load_point_of(stone)
+        truth.attrs["use_radius_mm"] = p.worn_radius_mm
     return described(truth, _TRUTH)
-
-
-def _use_of(stone: Stone) -> dict[str, Any]:
-    """The load case that wore a stone, if a law did."""
-    if stone.parameters.wear_placement not in LAWS:
-        return {}
-    y, x = load_point_of(stone)
-    return {
-        "use_y_mm": y,
-        "use_x_mm": x,
-        "use_radius_mm": stone.parameters.worn_radius_mm,
-    }

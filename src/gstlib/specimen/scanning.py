@@ -16,14 +16,7 @@ from gstlib.surfaces.footprints import PatchPosition, rotated
 from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = [
-    "place_again",
-    "place_scans",
-    "poor_overlaps",
-    "relocation",
-    "sample",
-    "take_scan",
-]
+__all__ = ["place_again", "place_scans", "poor_overlaps", "sample", "take_scan"]
 
 # ASSUME: Errors of scans. All errors of position and measurement are normal, and spikes and
 # unmeasured points occur anywhere. Errors of points are independent by default. With lengths in the
@@ -90,11 +83,6 @@ def place_again(
     return PatchPosition(t0.y_mm + move_y, t0.x_mm + move_x, t0.rotation_deg + turn)
 
 
-def relocation(t0: PatchPosition, t1: PatchPosition) -> tuple[float, float]:
-    """The centre of T1 (y, x) relative to T0, along the axes of T0, mm."""
-    return t0.seen(t1.y_mm, t1.x_mm)
-
-
 def sample(
     field: np.ndarray,
     stone: Stone,
@@ -111,23 +99,21 @@ def sample(
     """
     steps = np.arange(points) - (points - 1) / 2
     start, end = stone.grid[[0, -1]]
-    down, along = rotated(steps[:, None], steps, place.rotation_deg)
-    row = (place.y_mm - start) / stone.spacing + down
-    column = (place.x_mm - start) / stone.spacing + along
-    corners = np.array([[a.min(), a.max()] for a in (row, column)])
-    if corners.min() < 0 or corners.max() > len(field) - 1:
+    off_centre = np.stack(rotated(steps[:, None], steps, place.rotation_deg))
+    centre = np.array([place.y_mm, place.x_mm])
+    indices = ((centre - start) / stone.spacing)[:, None, None] + off_centre
+    if indices.min() < 0 or indices.max() > len(field) - 1:
         raise InputError(
             f"patch {patch}",
             f"its scan about x {place.x_mm:.3f} mm, y {place.y_mm:.3f} mm sticks out of "
             f"the generated surface, {start:.3f} to {end:.3f} mm",
             "Move it inwards in the patch table.",
         )
-    low = np.maximum(np.floor(corners[:, 0]).astype(int) - _REACH, 0)
-    high = np.ceil(corners[:, 1]).astype(int) + _REACH + 1
-    rows, columns = (slice(first, last) for first, last in zip(low, high, strict=True))
-    crop = field[rows, columns].astype(float)
-    at = [row - low[0], column - low[1]]
-    return scipy.ndimage.map_coordinates(crop, at, order=order, mode="nearest")
+    low = np.maximum(np.floor(indices.min(axis=(1, 2))).astype(int) - _REACH, 0)
+    high = np.ceil(indices.max(axis=(1, 2))).astype(int) + _REACH + 1
+    crop = field[tuple(map(slice, low, high))].astype(float)
+    indices -= low[:, None, None]
+    return scipy.ndimage.map_coordinates(crop, indices, order=order, mode="nearest")
 
 
 def take_scan(
@@ -135,8 +121,8 @@ def take_scan(
 ) -> tuple[xr.DataArray, dict[str, object]]:
     """Scan a mould of the true heights (n, n), mm.
 
-    The scan is as read from its file, mm, NaN if unmeasured. The truth has the angles
-    ``plane_x_mrad, plane_y_mrad`` and the masks ``outlier, unmeasured``, as on the stone.
+    The scan is as read from its file, mm, NaN if unmeasured. The variables of the truth are the
+    angles ``plane_x_mrad, plane_y_mrad`` and the masks ``outlier, unmeasured``, as on the stone.
     """
     p = parameters
     points = len(true_height)
@@ -154,8 +140,8 @@ def take_scan(
     truth = {
         "plane_x_mrad": np.arctan(plane.slope_x + tilt_x) * 1e3,
         "plane_y_mrad": np.arctan(plane.slope_y + tilt_y) * 1e3,
-        "outlier": (spikes != 0) & ~unmeasured,
-        "unmeasured": unmeasured,
+        "outlier": (("y", "x"), (spikes != 0) & ~unmeasured),
+        "unmeasured": (("y", "x"), unmeasured),
     }
     # The mould inverts heights and flips the map. Files store single precision in µm, and readers
     # return seven digits of a spacing.
@@ -184,16 +170,12 @@ def _blots(
 ) -> np.ndarray:
     """Unmeasured points, clustered in spots: the highest points of a smooth field."""
     field = smooth_field(generator, points, p.scan_spacing_um, p.unmeasured_size_um)
-    heights = field.ravel()
-    count = round(_UNMEASURED_FRACTION * field.size)
-    rank = heights.size - count
-    lowest = np.partition(heights, rank)[rank]
-    unmeasured = heights > lowest
+    measured = field.size - round(_UNMEASURED_FRACTION * field.size)
     # Among equally high points, the last ones count.
-    equal = np.flatnonzero(heights == lowest)
-    wanted = count - np.count_nonzero(unmeasured)
-    unmeasured[equal[len(equal) - wanted :]] = True
-    return unmeasured.reshape(field.shape)
+    by_height = np.argsort(field, axis=None, kind="stable")
+    unmeasured = np.zeros(field.shape, dtype=bool)
+    unmeasured.flat[by_height[measured:]] = True
+    return unmeasured
 
 
 def _spikes(

@@ -14,9 +14,8 @@ import scipy
 import xarray as xr
 
 from gstlib.contact import Contact, Interface, contact_at_pressure
-from gstlib.specimen.scanning import relocation
 from gstlib.surfaces.footprints import PatchPosition, square_of
-from gstlib.surfaces.grid import MM_TO_UM, make_surface, spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["score_truth", "true_contact", "true_face"]
@@ -72,47 +71,39 @@ def score_truth(
             pair = {"true": float(true), "recovered": float(recovered)}
             rows.append({**about, **pair, "error": _error(**pair)})
 
-    surface = _surface(truth)
+    surface = truth.macroscale_height.rename(macroscale_y="y", macroscale_x="x")
     square = square_of(face["height"], spacing_of(surface)[0] * len(surface.y))
-    add("macroscale", "", _macroscale_scores(surface, square))
+    add("macroscale", "", _macroscale_scores(_level(surface), _level(square)))
     for patch, epoch in sorted(scans, key=lambda scan: scan[1]):  # T0 first
         prepared = scans[patch, epoch]
-        at = truth.sel(patch=patch)
-        add(
-            "preprocessing",
-            patch,
-            _preparation_scores(at.sel(epoch=epoch), epoch, prepared),
-        )
+        at = truth.sel(patch=patch, epoch=epoch)
+        add("preprocessing", patch, _preparation_scores(at, epoch, prepared))
         if epoch == "T0":
-            true = _level(at.height)
-            height = _level(prepared["height"])
-            add("microscale input", patch, _height_scores("T0 ", true, height))
+            heights = _level(at.height), _level(prepared["height"])
+            add("microscale input", patch, _height_scores("T0 ", *heights))
     for patch, change in changes.items():
         at = truth.sel(patch=patch)
         add("registration", patch, _registration_scores(at, change.attrs))
         add("wear", patch, _wear_scores(at, change))
-    stated = pressures.set_index("patch").loc[truth.patch.values]
-    together = placement.iloc[-1]
+    stated = pressures.set_index("patch")
     for axis in "xy":
         name = f"{axis}_mm"
-        off = truth[name].sel(epoch="T0") - stated[name]
+        off = truth[name].sel(epoch="T0") - stated[name].loc[truth.patch.values]
+        recovered = placement[f"shift_{axis}_um"].iloc[-1]
         shift = float(off.mean()) * MM_TO_UM
-        recovered = together[f"shift_{axis}_um"]
         add("placement", "", [(f"shared shift_{axis}", "um", shift, recovered)])
     if two_scales is not None:
         of_patches = two_scales.drop_duplicates("patch").set_index("patch")
         true_MPa = of_patches.reference_pressure_MPa
-        for row in pressures.itertuples():
-            scores = [("pressure", "MPa", true_MPa[row.patch], row.pressure_MPa)]
-            add("coupling", row.patch, scores)
+        for patch, recovered in stated.pressure_MPa.items():
+            add("coupling", patch, [("pressure", "MPa", true_MPa[patch], recovered)])
     add("use", "", _use_scores(truth.attrs, use))
     return pd.DataFrame(rows)
 
 
 def true_face(truth: xr.Dataset) -> xr.DataArray:
     """The true heights of the face before use (y, x), mm, from the truth of a specimen."""
-    height = truth.face_height.rename(face_y="y", face_x="x")
-    return height.drop_vars([name for name in height.coords if name not in height.dims])
+    return truth.face_height.reset_coords(drop=True).rename(face_y="y", face_x="x")
 
 
 def true_contact(
@@ -130,11 +121,6 @@ def true_contact(
         tolerance=contact.tolerance,
         source=source,
     )
-
-
-def _surface(truth: xr.Dataset) -> xr.DataArray:
-    height = truth["macroscale_height"].rename(macroscale_y="y", macroscale_x="x")
-    return make_surface(height, spacing_of(height))
 
 
 def _error(true: float, recovered: float) -> float:
@@ -160,12 +146,8 @@ def _height_scores(
     yield f"{epoch}height_rms_error", "um", 0, (recovered - true).std()
 
 
-def _macroscale_scores(
-    surface: xr.DataArray, recovered: xr.DataArray
-) -> Iterator[_Row]:
-    """The gridded mesh against the true macroscale surface."""
-    true = _level(surface)
-    heights = _level(recovered)
+def _macroscale_scores(true: np.ndarray, heights: np.ndarray) -> Iterator[_Row]:
+    """The gridded mesh against the true macroscale surface, both levelled, µm."""
     yield from _height_scores("", true, heights)
     flat = heights.std() == 0 or true.std() == 0
     correlation = math.nan if flat else np.corrcoef(true.ravel(), heights.ravel())[0, 1]
@@ -190,15 +172,10 @@ def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterato
     high = np.zeros_like(outlier)
     least = _STANDS_OUT * scale_um / MM_TO_UM
     is_good = ~(outlier | unmeasured)
-    for row, column in np.argwhere(outlier & ~recovered):
-        rows, columns = (
-            slice(max(i - _AROUND, 0), i + _AROUND + 1) for i in (row, column)
-        )
-        good = heights[rows, columns][is_good[rows, columns]]
-        stands_out = (
-            heights[row, column] - np.median(good) > least if good.size else True
-        )
-        high[row, column] = stands_out
+    for missed in zip(*np.nonzero(outlier & ~recovered), strict=True):
+        around = tuple(slice(max(i - _AROUND, 0), i + _AROUND + 1) for i in missed)
+        good = heights[around][is_good[around]]
+        high[missed] = not good.size or heights[missed] - np.median(good) > least
     _, spikes = scipy.ndimage.label(high, np.ones((3, 3)))
     yield f"{epoch} leftover_spikes", "1", 0, spikes
 
@@ -220,15 +197,11 @@ def _use_scores(truth: Mapping[str, float], use: pd.DataFrame | None) -> Iterato
 def _registration_scores(at: xr.Dataset, recovered: dict) -> Iterator[_Row]:
     """The recovered position of T1, along the axes of the T0 scan."""
     t0, t1 = (PatchPosition.from_dataset(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
-    shift_y, shift_x = relocation(t0, t1)
+    shift_y, shift_x = t0.seen(t1.y_mm, t1.x_mm)
     for axis, shift in (("x", shift_x), ("y", shift_y)):
         yield f"shift_{axis}", "um", shift * MM_TO_UM, recovered[f"shift_{axis}_um"]
-    yield (
-        "rotation",
-        "deg",
-        t1.rotation_deg - t0.rotation_deg,
-        recovered["rotation_deg"],
-    )
+    turn = t1.rotation_deg - t0.rotation_deg
+    yield "rotation", "deg", turn, recovered["rotation_deg"]
     yield "overlap", "1", at.overlap, recovered["overlap"]
 
 

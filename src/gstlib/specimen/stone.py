@@ -29,7 +29,7 @@ from gstlib.specimen.randomness import (
     smooth_field,
     stream,
 )
-from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.grid import axis_coordinates, make_surface
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["MARGIN_MM", "Stone", "block_means", "surface_at"]
@@ -113,8 +113,8 @@ class Stone:
 
         count = int(np.ceil((square_mm + 2 * MARGIN_MM) / self.spacing)) + 1
         points = scipy.fft.next_fast_len(count, real=True)
-        self.grid = square_mm / 2 - (points - 1) / 2 * self.spacing
-        self.grid = self.grid + np.arange(points) * self.spacing
+        first = square_mm / 2 - (points - 1) / 2 * self.spacing
+        self.grid = first + np.arange(points) * self.spacing
         self.detail = self_affine_field(
             stream(p.seed, "stone", "detail"),
             points,
@@ -128,7 +128,7 @@ class Stone:
         # and the spectrum has no step at the cut-off.
         self._spline = scipy.ndimage.spline_filter(waves, order=3, mode="grid-wrap")
         step = square_mm / _CALIBRATION_POINTS
-        places = (np.arange(_CALIBRATION_POINTS) + 0.5) * step
+        places = axis_coordinates(_CALIBRATION_POINTS, step)
         level, _ = remove_plane(make_surface(self.waves(places[:, None], places), step))
         factor = p.macroscale_rms_um * 1e-3 / level.values.std()
         self.waviness = waves * factor
@@ -139,40 +139,30 @@ class Stone:
     @functools.cached_property
     def heights(self) -> np.ndarray:
         """The whole true surface before use (n, n), mm, float32, on the grid of `detail`."""
-        heights = self.macroscale(self.grid, self.grid)
-        heights += self.detail
-        return heights.astype(np.float32)
+        return (self.macroscale(self.grid) + self.detail).astype(np.float32)
 
     def waves(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Waves above the cut-off (mm) at positions (y, x) in mm, without the pebble's shape."""
-        places = [
-            (position - self.square_mm / 2) / self.waviness_spacing
-            + len(self._spline) // 2
-            for position in np.broadcast_arrays(y, x)
-        ]
+        off_middle = np.array(np.broadcast_arrays(y, x)) - self.square_mm / 2
+        places = off_middle / self.waviness_spacing + len(self._spline) // 2
         return scipy.ndimage.map_coordinates(
             self._spline, places, order=3, mode="grid-wrap", prefilter=False
         )
 
-    def macroscale(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """The macroscale surface (ny, nx), mm, at increasing positions near the square, mm."""
+    def macroscale(self, along: np.ndarray) -> np.ndarray:
+        """The macroscale surface (n, n), mm, at increasing positions along both axes, mm."""
+        middle = self.square_mm / 2
+        first, last = (along[[0, -1]] - middle) / self.waviness_spacing
+        nodes = np.arange(
+            np.floor(first) - _SPLINE_PAD, np.ceil(last) + _SPLINE_PAD + 1
+        )
         count = len(self.waviness)
-        nodes = []
-        for positions in (y, x):
-            first, last = (
-                positions[[0, -1]] - self.square_mm / 2
-            ) / self.waviness_spacing
-            low = np.floor(first) - _SPLINE_PAD
-            high = np.ceil(last) + _SPLINE_PAD
-            nodes.append(np.arange(low, high + 1))
-        elements = ((along.astype(int) + count // 2) % count for along in nodes)
-        nodes_y, nodes_x = (
-            along * self.waviness_spacing + self.square_mm / 2 for along in nodes
-        )
-        heights = self.waviness[np.ix_(*elements)] + self.shape(
-            nodes_y[:, None], nodes_x
-        )
-        return scipy.interpolate.RectBivariateSpline(nodes_y, nodes_x, heights)(y, x)
+        elements = (nodes.astype(int) + count // 2) % count
+        nodes = nodes * self.waviness_spacing + middle
+        heights = self.waviness[np.ix_(elements, elements)]
+        heights += self.shape(nodes[:, None], nodes)
+        spline = scipy.interpolate.RectBivariateSpline(nodes, nodes, heights)
+        return spline(along, along)
 
     def shape(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Smooth shape of the use-face (mm) at (y, x) in mm."""
@@ -182,8 +172,8 @@ class Stone:
     def macroscale_means(self, count: int) -> np.ndarray:
         """The macroscale surface (mm) averaged over each of (count, count) elements."""
         fine = count * _SUBSAMPLES
-        places = (np.arange(fine) + 0.5) * (self.square_mm / fine)
-        return block_means(self.macroscale(places, places), _SUBSAMPLES)
+        places = axis_coordinates(fine, self.square_mm / fine)
+        return block_means(self.macroscale(places), _SUBSAMPLES)
 
     def face_means(self, count: int, around: int) -> np.ndarray:
         """The true surface (mm), all waves, averaged over the elements of the face.
@@ -196,9 +186,9 @@ class Stone:
         # shorter than two fifths of an element. Reason: The macroscale contact uses means over
         # elements.
         element = self.square_mm / count
-        total = count + 2 * around
         step = element / _SUBSAMPLES
-        places = (np.arange(total * _SUBSAMPLES) + 0.5) * step - around * element
+        places = axis_coordinates((count + 2 * around) * _SUBSAMPLES, step)
+        places -= around * element
         points = scipy.fft.next_fast_len(len(places), real=True)
         detail = self._factor * self_affine_field(
             stream(self.parameters.seed, "stone", "face"),
@@ -211,19 +201,16 @@ class Stone:
         means = block_means(detail[: len(places), : len(places)], _SUBSAMPLES)
         inside = slice(around, around + count)
         means[inside, inside] = self._detail_means(count)
-        return block_means(self.macroscale(places, places), _SUBSAMPLES) + means
+        return block_means(self.macroscale(places), _SUBSAMPLES) + means
 
     def _detail_means(self, count: int) -> np.ndarray:
         """The detail (mm) averaged over each of (count, count) elements of the square."""
-        edges = np.searchsorted(
-            self.grid, np.arange(count + 1) * self.square_mm / count
-        )
-        points = np.diff(edges)
-        square = slice(edges[0], edges[-1])
-        inside = self.detail[square, square].astype(float)
-        starts = edges[:-1] - edges[0]
-        rows = np.add.reduceat(inside, starts, axis=0)
-        sums = np.add.reduceat(rows, starts, axis=1)
+        limits = np.arange(count + 1) * self.square_mm / count
+        edges = np.searchsorted(self.grid, limits)
+        square, points = slice(edges[0], edges[-1]), np.diff(edges)
+        sums = self.detail[square, square].astype(float)
+        for axis in (0, 1):
+            sums = np.add.reduceat(sums, edges[:-1] - edges[0], axis=axis)
         return sums / np.outer(points, points)
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
@@ -260,7 +247,7 @@ class Stone:
         spacing = step * self.spacing
         steps = np.arange(-(-(points - 1) // step) + 1)
         coarse = self.grid[0] + steps * step * self.spacing
-        level, _ = remove_plane(make_surface(self.macroscale(coarse, coarse), spacing))
+        level, _ = remove_plane(make_surface(self.macroscale(coarse), spacing))
         height = level.values
 
         # High places are only more likely to be worn.
@@ -268,8 +255,7 @@ class Stone:
         chance = smooth_field(generator, len(height), spacing, _CHANCE_LENGTH_UM * 1e-3)
         decides = height + chance * _CHANCE_UM * 1e-3
         threshold = np.quantile(decides, 1 - p.wear_fraction)
-        softness = _SOFTNESS * decides.std()
-        excess = (decides - threshold) / softness
+        excess = (decides - threshold) / (_SOFTNESS * decides.std())
         severity = 1 / (1 + np.exp(-excess))
 
         # A summit is higher than the smoothed stone; the more severe the wear, the deeper the cut.
@@ -295,27 +281,25 @@ class Stone:
 
     def _break_chips(self, depth: np.ndarray, severity: np.ndarray, step: int) -> None:
         """Deepen `depth` by paraboloid pits; their number follows the severity, every `step`."""
+        count = len(depth)
         generator = stream(self.parameters.seed, "wear", "chips")
-        extent = len(depth) * self.spacing
-        tried = generator.poisson(_CHIPS_PER_MM2 * extent**2)
-        places = generator.random((tried, 2)) * len(depth)
+        tried = generator.poisson(_CHIPS_PER_MM2 * (count * self.spacing) ** 2)
+        places = generator.random((tried, 2)) * count
         spread = np.exp(_CHIP_SPREAD * generator.standard_normal(tried))
         radii_um = _CHIP_RADIUS_UM * np.minimum(spread, _CHIP_LARGEST)
         radii = radii_um / self.parameters.scan_spacing_um
         severity_there = severity[tuple((places / step).astype(int).T)]
         kept = generator.random(tried) < severity_there
-        for (row, column), radius in zip(places[kept], radii[kept], strict=True):
-            reach = int(radius) + 1
-            rows, columns = (
-                slice(max(int(centre) - reach, 0), int(centre) + reach + 2)
-                for centre in (row, column)
-            )
-            window = depth[rows, columns]
-            v = (np.arange(window.shape[0]) + rows.start - row) / radius
-            u = (np.arange(window.shape[1]) + columns.start - column) / radius
-            bowl = 1 - v[:, None] ** 2 - u[None, :] ** 2
+        for centre, radius in zip(places[kept], radii[kept], strict=True):
+            point, reach = centre.astype(int), int(radius) + 1
+            low = np.maximum(point - reach, 0)
+            high = np.minimum(point + reach + 2, count)
+            window = tuple(map(slice, low, high))
+            v, u = np.ogrid[window]
+            bowl = 1 - ((v - centre[0]) / radius) ** 2 - ((u - centre[1]) / radius) ** 2
             deepest = _CHIP_DEPTH_FRACTION * radius * self.spacing
-            np.maximum(window, (deepest * bowl).astype(np.float32), out=window)
+            pit = (deepest * bowl).astype(np.float32)
+            depth[window] = np.maximum(depth[window], pit)
 
 
 def surface_at(
@@ -340,6 +324,6 @@ def _bilinear(coarse: np.ndarray, places: np.ndarray) -> np.ndarray:
     """A coarse grid at the fractional indices `places` of its rows and of its columns."""
     low = np.minimum(places.astype(int), len(coarse) - 2)
     weight = (places - low).astype(coarse.dtype)
-    down = weight[:, None]
-    rows = coarse[low] * (1 - down) + coarse[low + 1] * down
-    return rows[:, low] * (1 - weight) + rows[:, low + 1] * weight
+    for _ in "yx":
+        coarse = coarse[low].T * (1 - weight) + coarse[low + 1].T * weight
+    return coarse

@@ -52,7 +52,7 @@ def test_the_square_loses_in_proportion_to_its_share_of_the_force(
 def test_it_lies_at_rest_and_not_on_its_mean_plane(stone, bare):
     """A plane added to the stone makes no difference: it tilts back."""
     tilted = Stone(stone.parameters, 5.0)
-    tilted.macroscale = lambda y, x: stone.macroscale(y, x) + 2e-3 * y[:, None]
+    tilted.macroscale = lambda along: stone.macroscale(along) + 2e-3 * along[:, None]
     assert np.abs(worn(tilted) - bare).max() < 0.02 * bare.max()
 
 

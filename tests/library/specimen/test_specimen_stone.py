@@ -64,7 +64,7 @@ def test_means_over_the_face_are_those_of_the_true_surface_in_the_square(
     assert error.std() < 0.1 * detail.std()
     # around it, the waves go on, and detail as rough as within
     places = (np.arange(grid + 2 * around) - around + 0.5) * 0.1
-    beyond = face - stone.macroscale(places, places)
+    beyond = face - stone.macroscale(places)
     beyond[inside, inside] = np.nan
     assert np.nanstd(beyond) == pytest.approx(detail.std(), rel=0.15)
     assert abs(np.nanmean(beyond)) < 1e-4
@@ -91,7 +91,7 @@ def test_mesh_vertices_lie_on_the_true_surface_but_for_the_noise(parameters, noi
 
 
 def test_wear_and_chips_follow_height_but_not_all_of_it(stone, monkeypatch):
-    height = stone.macroscale(stone.grid, stone.grid)
+    height = stone.macroscale(stone.grid)
     depth = stone.worn_by_rules()
     high = height > np.quantile(height, 0.8)
     low = height < np.quantile(height, 0.2)
