@@ -98,13 +98,11 @@ def _above_planes(
     """Volumes per area above planes, level (one variable) or tilted (three variables)."""
     means = patch_means(height, patches, size_mm=patch_mm)
     inside = np.unique(means.indices)
-    grids = np.meshgrid(height.y, height.x, indexing="ij")
-    y, x = (grid.ravel()[inside] for grid in grids)
-    values = height.values.ravel()[inside]
-    is_stone = np.isfinite(values)
-    weights = means[:, inside[is_stone]]
-    on_stone = (each[is_stone] for each in (y, x, values))
+    inside = inside[np.isfinite(height.values.flat[inside])]
+    fields = *np.meshgrid(height.y, height.x, indexing="ij"), height.values
+    on_stone = (field.flat[inside] for field in fields)
     y, x, values = (each - each.mean() for each in on_stone)
+    weights = means[:, inside]
     steep = 2 * values.std() / max(np.ptp(y), np.ptp(x))
     least, most = _LEVELS
 

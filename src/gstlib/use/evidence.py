@@ -121,12 +121,18 @@ class Losses:
             * np.maximum(_FLOOR * floor, _LEAST_FLOOR),
         }
 
+    def expected(
+        self, pressure: np.ndarray, *parameters: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Expected losses (draws, patches), µm, and the widths of their scatter."""
+        coefficient, scatter, floor = (each[:, np.newaxis] for each in parameters)
+        expected = coefficient * self.law.equivalent(pressure)
+        return expected, np.hypot(scatter * expected, floor)
+
     def log_likelihood(self, pressure: np.ndarray, standard: np.ndarray) -> np.ndarray:
         """Log likelihood of the loss of each patch (draws, patches)."""
         parameters = self.parameters(pressure, standard).values()
-        coefficient, scatter, floor = (each[:, None] for each in parameters)
-        expected = coefficient * self.law.equivalent(pressure)
-        width = np.hypot(scatter * expected, floor)
+        expected, width = self.expected(pressure, *parameters)
         deviation = (self.depth_um - expected) / width
         tail = (_FREEDOM + 1) / 2 * np.log1p(deviation**2 / _FREEDOM)
         return _LOG_OF_T - np.log(width) - tail

@@ -42,6 +42,7 @@ from gstlib.use.competitors import competitor_scores
 from gstlib.use.evidence import FEWEST_PATCHES, FEWEST_WORN, Evidence, Losses
 from gstlib.use.laws import law_scores
 from gstlib.use.sampling import Draws, Prior, Sampling, sample
+from gstlib.use.spread import Uses
 from gstlib.use.tempering import effective_sample_size
 
 __all__ = [
@@ -148,7 +149,8 @@ class StatedUse(NamedTuple):
         """Prior of the load cases."""
         mean, error = [*self.load_point], 2 * [self.load_point_mm]
         if self.radius_mm is not None:
-            mean, error = [*mean, np.log(self.radius_mm)], [*error, self.radius_log_sd]
+            mean.append(np.log(self.radius_mm))
+            error.append(self.radius_log_sd)
         return Prior(np.array(mean), np.array(error), self.scatter_mm, self.stroke_mm)
 
 
@@ -272,7 +274,7 @@ def infer_use(
         return _unknown(reason, remedy)
     if isinstance(evidence, Losses):
         laws = law_scores(
-            lambda standard: draws.process.mean_pressures(draws.prior.uses(standard)),
+            partial(draws.prior.pressures, draws.process),
             draws.prior.variables,
             evidence,
             generator,
@@ -306,7 +308,7 @@ def _stored(draws: Draws, evidence: Evidence, patches: pd.DataFrame) -> xr.Datas
     }
     by_both = {
         "pressure": pressure,
-        "pressure_at_centre": process.mean_pressures(uses.still),
+        "pressure_at_centre": process.mean_pressures(Uses(uses.points)),
         "weight_without": without,
     }
     by_patch = {
@@ -346,23 +348,23 @@ def use_pressures(
     )
     means = patch_means(height, patches, size_mm=patch_mm)
     pressures = np.zeros((len(points), len(patches)))
-    scaled = points / np.where(stated.prior.error > 0, stated.prior.error, 1.0)
-    solved: deque[tuple[int, np.ndarray]] = deque(maxlen=_KEPT)
-    each = np.broadcast_to(springs, len(points))
+    scale = np.where(stated.prior.error > 0, stated.prior.error, 1.0)
+    solved: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=_KEPT)
+    yields = np.broadcast_to(springs, len(points)).tolist()
     for number, (y, x, *log_radius) in enumerate(points):
         over = over_stated
         if log_radius and stated.radius_mm is not None:
             over = as_round_as(over_stated, stated.radius_mm, np.exp(log_radius[0]))
         # Start from the most similar load case.
-        apart = [np.square(scaled[number] - scaled[other]).sum() for other, _ in solved]
+        scaled = points[number] / scale
+        apart = [np.square(scaled - other).sum() for other, _ in solved]
         start = solved[int(np.argmin(apart))][1] if solved else None
         load = Load.of_force(stated.force_N, height, (y, x))
-        case = Case(Interface(height, over), load, modulus, start, float(each[number]))
+        case = Case(Interface(height, over), load, modulus, start, yields[number])
         (contact,) = press_each([case], tolerance=_TOLERANCE, source="use")
-        if contact is None:
-            continue
-        solved.append((number, contact.pressure.values))
-        pressures[number] = means @ contact.pressure.values.ravel()
+        if contact is not None:
+            solved.append((scaled, contact.pressure.values))
+            pressures[number] = means @ contact.pressure.values.ravel()
     return pressures
 
 

@@ -17,6 +17,7 @@ of them contains Archard's law as a special case. So a better score means a bett
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -51,12 +52,9 @@ def _threshold(standard: np.ndarray, mean: float) -> Law:
     return Law(threshold_MPa=_THRESHOLD * mean * np.exp(_THRESHOLD_ERROR * standard))
 
 
-def _exponent(sign: float) -> Callable[[np.ndarray, float], Law]:
-    def law(standard: np.ndarray, mean: float) -> Law:
-        apart = _EXPONENT_APART + _EXPONENT_ERROR * abs(standard)
-        return Law(exponent=2.0 ** (sign * apart))
-
-    return law
+def _exponent(standard: np.ndarray, mean: float, *, sign: float) -> Law:
+    apart = _EXPONENT_APART + _EXPONENT_ERROR * abs(standard)
+    return Law(exponent=2.0 ** (sign * apart))
 
 
 # By name, the parameter of a law, and the law for standard normal variables (draws, 0 or 1) and a
@@ -64,8 +62,8 @@ def _exponent(sign: float) -> Callable[[np.ndarray, float], Law]:
 _LAWS: dict[str, tuple[str, Callable[[np.ndarray, float], Law]]] = {
     BASE: ("", lambda standard, mean: ARCHARD),
     "threshold": ("threshold_MPa", _threshold),
-    "lower exponent": ("exponent", _exponent(-1.0)),
-    "higher exponent": ("exponent", _exponent(1.0)),
+    "lower exponent": ("exponent", partial(_exponent, sign=-1.0)),
+    "higher exponent": ("exponent", partial(_exponent, sign=1.0)),
     "touched": ("", lambda standard, mean: Law(_TOUCHED * mean, 0.0)),
 }
 

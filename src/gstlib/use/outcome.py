@@ -73,19 +73,19 @@ def use_of_study(
     losses : pandas.DataFrame or None
         From `predicted_losses`; None if there are grades instead of losses.
     """
-    told, drawn = StatedUse(**stated), Sampling(**sampling)
+    told, seed = StatedUse(**stated), sampling["seed"]
     settings = {"modulus": modulus, "patch_mm": patch_mm}
+    asked: dict[str, Any] = {"stated": told, "sampling": Sampling(**sampling)}
+    asked |= settings
     if registration is None:
         grades = Grades(patches.wear_grade.to_numpy(dtype=int))
-        use, flat = (
-            infer_use(pressed, patches, grades, told, sampling=drawn, **settings)
-            for pressed in (face, without_curvature(face))
-        )
+        use = infer_use(face, patches, grades, **asked)
+        flat = infer_use(without_curvature(face), patches, grades, **asked)
         means = use_table(flat, told).posterior_mean
         table = use_table(use, told).assign(posterior_mean_without_curvature=means)
         return use, table, None
     measured, losses = losses_of(patches, registration, Law(**wear_law))
-    use = infer_use(face, measured, losses, told, sampling=drawn, **settings)
+    use = infer_use(face, measured, losses, **asked)
     if use.sizes:
         areas = with_t1(patches, registration)
         mean = told.prior.mean[np.newaxis]
@@ -94,7 +94,7 @@ def use_of_study(
         meaning = "pressure of the patch under the prior load case"
         attrs = {"units": "MPa", "long_name": meaning}
         use["stated_pressure"] = "scanned", stated_MPa, attrs
-    predicted = predicted_losses(use, losses, drawn.seed)
+    predicted = predicted_losses(use, losses, seed)
     return use, use_table(use, told, predicted), predicted
 
 
@@ -196,22 +196,16 @@ def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame
     if not use.sizes:
         return pd.DataFrame()
     generator = np.random.default_rng([seed, 7])
-    equivalent = losses.law.equivalent(use.pressure.values)
-    coefficient, scatter, floor = (
-        use[name].values[:, np.newaxis]
-        for name in ("wear_coefficient", "scatter", "floor")
-    )
-    expected = coefficient * equivalent
-    width = np.hypot(scatter * expected, floor)
-    weight = use.weight_without.values
+    parameters = (use[name].values for name in ("wear_coefficient", "scatter", "floor"))
+    of_draws = losses.expected(use.pressure.values, *parameters)
     rows = []
-    for number in range(len(losses.depth_um)):
-        drawn = generator.choice(len(weight), _PREDICTIVE, p=weight[:, number])
+    for expected, width, weight in zip(
+        *(each.T for each in of_draws), use.weight_without.values.T, strict=True
+    ):
+        drawn = generator.choice(len(weight), _PREDICTIVE, p=weight)
         deviation = generator.standard_t(4.0, _PREDICTIVE)
-        loss = expected[drawn, number] + width[drawn, number] * deviation
-        rows.append(
-            (weight[:, number] @ expected[:, number], *np.quantile(loss, LIMITS))
-        )
+        loss = expected[drawn] + width[drawn] * deviation
+        rows.append((weight @ expected, *np.quantile(loss, LIMITS)))
     table = pd.DataFrame(rows, columns=["predicted_um", "low_um", "high_um"])
     table.insert(0, "patch", use.patch.values)
     table.insert(1, "loss_um", losses.depth_um)
@@ -243,32 +237,27 @@ def use_table(
     """
     y, x = stated.load_point
     nothing = np.nan, np.nan
-    rows: list[tuple] = [
-        ("load_point_x", "mm", x, stated.load_point_mm, *_summary(use, "x_mm")),
-        ("load_point_y", "mm", y, stated.load_point_mm, *_summary(use, "y_mm")),
-        (
-            "scatter_of_strikes",
-            "mm",
-            np.nan,
-            stated.scatter_mm,
-            *_summary(use, "scatter_mm"),
-        ),
-        ("stroke", "mm", np.nan, stated.stroke_mm, *_summary(use, "stroke_mm")),
-        ("spread", "mm", *nothing, *_summary(use, "spread_mm")),
+    priors = [
+        ("load_point_x", "mm", x, stated.load_point_mm, "x_mm"),
+        ("load_point_y", "mm", y, stated.load_point_mm, "y_mm"),
+        ("scatter_of_strikes", "mm", np.nan, stated.scatter_mm, "scatter_mm"),
+        ("stroke", "mm", np.nan, stated.stroke_mm, "stroke_mm"),
+        ("spread", "mm", *nothing, "spread_mm"),
     ]
     if stated.radius_mm is not None:
-        prior = stated.radius_mm, stated.radius_log_sd
-        rows.append(("radius", "mm", *prior, *_summary(use, "radius_mm")))
+        of_radius = stated.radius_mm, stated.radius_log_sd
+        priors.append(("radius", "mm", *of_radius, "radius_mm"))
     if "wear_coefficient" in use:
-        coefficient = _summary(use, "wear_coefficient")
-        rows.append(("wear_coefficient", "um/MPa", *nothing, *coefficient))
-        rows.append(("scatter_of_losses", "1", *nothing, *_summary(use, "scatter")))
+        priors.append(("wear_coefficient", "um/MPa", *nothing, "wear_coefficient"))
+        priors.append(("scatter_of_losses", "1", *nothing, "scatter"))
+    rows = [(*prior, *_summary(use, name)) for *prior, name in priors]
     if use.sizes:
-        gain = use.attrs["log_score_gain"]
-        error = 1.96 * use.attrs["log_score_gain_error"]
-        limits = gain - error, gain + error
+        gain, error, contact_error = (
+            use.attrs[name]
+            for name in ("log_score_gain", "log_score_gain_error", "contact_error")
+        )
+        limits = gain - 1.96 * error, gain + 1.96 * error
         rows.append(("log_score_gain", "1", *nothing, gain, *limits))
-        contact_error = use.attrs["contact_error"]
         rows.append(("contact_error", "1", *nothing, contact_error, *nothing))
     if predicted is not None and len(predicted):
         rows.append(("within_95", "1", *nothing, share_within(predicted), *nothing))

@@ -11,6 +11,7 @@ draws strikes that are likely given the wear and the pressures between the conta
 
 import logging
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -81,6 +82,10 @@ class Prior(NamedTuple):
         points = self.mean + self.error * standard[:, :size]
         return Uses(points, self.scatter_mm * np.maximum(scatter, 0.0), stroke.T)
 
+    def pressures(self, process: StrikePressures, standard: np.ndarray) -> np.ndarray:
+        """Mean pressures (uses, patches), MPa, of load cases from `standard`, as in `uses`."""
+        return process.mean_pressures(self.uses(standard))
+
 
 class Draws(NamedTuple):
     """Posterior draws of the load case.
@@ -125,17 +130,15 @@ def sample(
     the wear of the load case of the strike. The result is None if no strike of the first round
     presses a patch.
     """
-    variables = prior.variables
 
     def likely(
         process: StrikePressures, draws: int, counted: float
     ) -> Particles | None:
-        def pressures_of(standard: np.ndarray) -> np.ndarray:
-            return process.mean_pressures(prior.uses(standard))
+        pressed_by = partial(prior.pressures, process)
+        size = prior.variables
+        return posterior(pressed_by, size, evidence, draws, generator, counted)
 
-        return posterior(pressures_of, variables, evidence, draws, generator, counted)
-
-    possible = generator.standard_normal((sampling.draws, variables))
+    possible = generator.standard_normal((sampling.draws, prior.variables))
     strikes = prior.uses(possible).strikes(generator)
     pressed, error = pressures(strikes, springs=springs), np.nan
     if not pressed.any():
@@ -147,7 +150,7 @@ def sample(
         if particles is None:
             return None
         chosen = generator.choice(_USES_OF_ROUND, sampling.draws)
-        uses = prior.uses(particles.standard[chosen, :variables])
+        uses = prior.uses(particles.standard[chosen, : prior.variables])
         new = uses.strikes(generator)
         worn = evidence.springs(process.mean_pressures(uses))
         solved = pressures(new, springs=worn)
@@ -170,6 +173,6 @@ def sample(
 def _relative_error(
     process: StrikePressures, strikes: np.ndarray, pressure: np.ndarray
 ) -> float:
-    still = Uses(strikes, np.zeros(len(strikes)), np.zeros((len(strikes), 2)))
-    error, mean = process.mean_pressures(still) - pressure, pressure.mean()
+    error = process.mean_pressures(Uses(strikes)) - pressure
+    mean = pressure.mean()
     return float(np.sqrt(np.square(error).mean()) / mean) if mean > 0 else np.inf

@@ -34,7 +34,7 @@ _OF_STROKE = 1 / 12
 
 
 class Uses(NamedTuple):
-    """Load cases, one in each row.
+    """Load cases, one in each row; by default without scatter.
 
     Attributes
     ----------
@@ -47,8 +47,8 @@ class Uses(NamedTuple):
     """
 
     points: np.ndarray
-    scatter_mm: np.ndarray
-    stroke_mm: np.ndarray
+    scatter_mm: np.ndarray = np.zeros(1)
+    stroke_mm: np.ndarray = np.zeros((1, 2))
 
     @property
     def covariance(self) -> np.ndarray:
@@ -65,16 +65,12 @@ class Uses(NamedTuple):
     def strikes(self, generator: np.random.Generator) -> np.ndarray:
         """One strike of each load case (uses, 2 or 3)."""
         points = self.points.copy()
-        size = len(points)
-        points[:, :2] += self.scatter_mm[:, None] * generator.standard_normal((size, 2))
-        along = _OF_STROKE**0.5 * generator.standard_normal((size, 1))
-        points[:, :2] += along * self.stroke_mm
+        across, along = (
+            generator.standard_normal((len(points), size)) for size in (2, 1)
+        )
+        points[:, :2] += self.scatter_mm[:, None] * across
+        points[:, :2] += _OF_STROKE**0.5 * along * self.stroke_mm
         return points
-
-    @property
-    def still(self) -> "Uses":
-        """The same centres, without scatter."""
-        return Uses(self.points, 0 * self.scatter_mm, 0 * self.stroke_mm)
 
 
 class StrikePressures(NamedTuple):

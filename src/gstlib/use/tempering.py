@@ -8,6 +8,7 @@ differential evolution (ter Braak 2006, Stat. Comput. 16:239).
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -36,41 +37,18 @@ class Particles(NamedTuple):
     ----------
     standard : (draws, variables) ndarray
         Standard normal variables under the prior.
-    log_likelihood : (draws, places) ndarray
-        Log likelihood of the observation at each place.
-    offset : (places,) ndarray
-        Approximate logarithm of the ratio of the evidence of each part to the evidence of the first
-        part. It makes the parts equally large.
+    weights : (draws,) ndarray
+        Weight of each draw given the observations at all places.
+    weights_without : (draws, places) ndarray
+        Weights given the observations at all other places.
+    log_score : (places,) ndarray
+        Log probability of the observation at each place, given all others.
     """
 
     standard: np.ndarray
-    log_likelihood: np.ndarray
-    offset: np.ndarray
-
-    @property
-    def weights(self) -> np.ndarray:
-        """Weight of each draw (draws,) given the observations at all places."""
-        return scipy.special.softmax(self._log_weight)
-
-    @property
-    def weights_without(self) -> np.ndarray:
-        """Weights (draws, places) given the observations at all other places."""
-        return scipy.special.softmax(self._log_without, axis=0)
-
-    @property
-    def log_score(self) -> np.ndarray:
-        """Log probability (places,) of the observation at each place, given all others."""
-        log_total = scipy.special.logsumexp(self._log_weight)
-        return log_total - scipy.special.logsumexp(self._log_without, axis=0)
-
-    @property
-    def _log_weight(self) -> np.ndarray:
-        whole = self.log_likelihood.sum(axis=1)
-        return whole - _target(self.log_likelihood, self.offset)
-
-    @property
-    def _log_without(self) -> np.ndarray:
-        return self._log_weight[:, None] - self.log_likelihood
+    weights: np.ndarray
+    weights_without: np.ndarray
+    log_score: np.ndarray
 
 
 def tempered(
@@ -106,20 +84,31 @@ def tempered(
     likelihood = log_likelihood(standard)
     if not np.isfinite(likelihood).all(axis=1).any():
         return None
+    # Approximate logarithm of the ratio of the evidence of each part to the evidence of the first
+    # part. It makes the parts equally large.
     offset = np.zeros(likelihood.shape[1])
     reached = 0.0
     while reached < counted:
-        target = _target(likelihood, offset, reached)
-        reached = _step(likelihood, target, offset, reached, counted)
-        offset = _offset(reached * likelihood, target)
-        weight = scipy.special.softmax(_target(likelihood, offset, reached) - target)
+        before = _target(likelihood, offset, reached)
+        reached = _step(likelihood, before, offset, reached, counted)
+        offset = _offset(reached * likelihood, before)
+        target = partial(_target, offset=offset, counted=reached)
+        weight = scipy.special.softmax(target(likelihood) - before)
         chosen = _resampled(weight, generator)
-        mixture = _Mixture(log_likelihood, offset, reached)
-        accepted = _ACCEPTED if reached < counted else _ACCEPTED_LAST
-        standard, likelihood = mixture.moved(
-            standard[chosen], likelihood[chosen], accepted, generator
+        enough = _ACCEPTED if reached < counted else _ACCEPTED_LAST
+        particles = standard[chosen], likelihood[chosen]
+        standard, likelihood = _moved(
+            particles, log_likelihood, target, enough, generator
         )
-    return Particles(standard, likelihood, offset)
+    log_weight = likelihood.sum(axis=1) - _target(likelihood, offset)
+    without = log_weight[:, None] - likelihood
+    total = scipy.special.logsumexp(log_weight)
+    return Particles(
+        standard,
+        weights=scipy.special.softmax(log_weight),
+        weights_without=scipy.special.softmax(without, axis=0),
+        log_score=total - scipy.special.logsumexp(without, axis=0),
+    )
 
 
 def effective_sample_size(weight: np.ndarray) -> np.ndarray:
@@ -185,42 +174,39 @@ def _resampled(weight: np.ndarray, generator: np.random.Generator) -> np.ndarray
     return np.minimum(np.searchsorted(np.cumsum(weight), places), len(weight) - 1)
 
 
-class _Mixture(NamedTuple):
-    """Target of the particles, in which the observations have the weight `counted`."""
+def _moved(
+    particles: tuple[np.ndarray, np.ndarray],
+    log_likelihood: Callable[[np.ndarray], np.ndarray],
+    target: Callable[[np.ndarray], np.ndarray],
+    enough: float,
+    generator: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Particles after moves that keep their distribution, with `enough` accepted for each.
 
-    log_likelihood: Callable[[np.ndarray], np.ndarray]
-    offset: np.ndarray
-    counted: float
+    Particles are variables and log likelihoods, of which `target` makes the density over the prior.
+    """
 
-    def moved(
-        self,
-        standard: np.ndarray,
-        likelihood: np.ndarray,
-        enough: float,
-        generator: np.random.Generator,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Particles after moves that keep their distribution, with `enough` accepted for each."""
-        population = standard
-        draws, variables = standard.shape
-        density = self._log(standard, likelihood)
-        accepted = 0.0
-        for _ in range(_MOST_MOVES):
-            one, other = generator.integers(0, draws, (2, draws))
-            jumps = generator.random((draws, 1)) < _JUMPS
-            scale = np.where(jumps, 1.0, 2.38 / (2 * variables) ** 0.5)
-            proposed = standard + scale * (population[one] - population[other])
-            proposed += _JITTER * generator.standard_normal(standard.shape)
-            new = self.log_likelihood(proposed)
-            new_density = self._log(proposed, new)
-            is_accepted = np.log(generator.random(draws)) < new_density - density
-            standard = np.where(is_accepted[:, None], proposed, standard)
-            likelihood = np.where(is_accepted[:, None], new, likelihood)
-            density = np.where(is_accepted, new_density, density)
-            accepted += is_accepted.mean()
-            if accepted >= enough:
-                break
-        return standard, likelihood
+    def log_density(standard: np.ndarray, likelihood: np.ndarray) -> np.ndarray:
+        return -0.5 * np.square(standard).sum(axis=1) + target(likelihood)
 
-    def _log(self, standard: np.ndarray, likelihood: np.ndarray) -> np.ndarray:
-        prior = -0.5 * np.square(standard).sum(axis=1)
-        return prior + _target(likelihood, self.offset, self.counted)
+    standard, likelihood = particles
+    population = standard.copy()
+    draws, variables = standard.shape
+    density = log_density(standard, likelihood)
+    accepted = 0.0
+    for _ in range(_MOST_MOVES):
+        one, other = generator.integers(0, draws, (2, draws))
+        jumps = generator.random((draws, 1)) < _JUMPS
+        scale = np.where(jumps, 1.0, 2.38 / (2 * variables) ** 0.5)
+        proposed = standard + scale * (population[one] - population[other])
+        proposed += _JITTER * generator.standard_normal(standard.shape)
+        new = log_likelihood(proposed)
+        new_density = log_density(proposed, new)
+        is_accepted = np.log(generator.random(draws)) < new_density - density
+        standard[is_accepted] = proposed[is_accepted]
+        likelihood[is_accepted] = new[is_accepted]
+        density[is_accepted] = new_density[is_accepted]
+        accepted += is_accepted.mean()
+        if accepted >= enough:
+            break
+    return standard, likelihood
