@@ -12,7 +12,7 @@ from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 __all__ = [
     "FAULTS",
@@ -199,15 +199,14 @@ class InputsError(GstError):
         return f"{len(texts)} problems{listed}"
 
 
-def _as_one(errors: list[GstError]) -> GstError:
+def _as_one(errors: list[Any]) -> GstError:
     """Errors that differ in their source alone, as one."""
     first = errors[0]
     if len(errors) == 1 or not isinstance(first, InputError):
         return first
-    sources = (error.source for error in errors if isinstance(error, InputError))
-    whole = first.about(", ".join(sources), first.problem)
+    whole = first.about(", ".join(error.source for error in errors), first.problem)
     if isinstance(whole, FaultError):
-        by_fault = [error.patches for error in errors if isinstance(error, FaultError)]
+        by_fault = [error.patches for error in errors]
         # a fault without patches can be accepted only as a whole
         whole.patches = tuple(itertools.chain(*by_fault)) if all(by_fault) else ()
     return whole

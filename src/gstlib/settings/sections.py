@@ -5,12 +5,16 @@ messages and config/README.md show. Keys that exclude each other are in
 `gstlib.settings.contradictions`.
 """
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
     ValidationError,
     field_validator,
     model_serializer,
@@ -50,7 +54,7 @@ interpenetration."""
 Tolerance = Annotated[float, Field(ge=1e-12, le=1e-6, description=_TOLERANCE)]
 _DISPLACEMENT = """Far-field displacement (µm) beyond which a target pressure counts as out of
 reach."""
-Displacement = Annotated[float, Field(gt=0, le=100_000, description=_DISPLACEMENT)]
+Displacement = Annotated[PositiveFloat, Field(le=100_000, description=_DISPLACEMENT)]
 
 
 class Section(BaseModel):
@@ -104,27 +108,27 @@ class Inputs(Section):
 class Specimen(Section):
     """The synthetic specimen. Null if `inputs` contains measured files."""
 
-    seed: int = Field(7, ge=0)
+    seed: NonNegativeInt = 7
     """Seed of all random parts. Surface, mesh, wear and each patch have streams of their own."""
-    counterface_seed: int | None = Field(None, ge=0)
+    counterface_seed: NonNegativeInt | None = None
     """Seed of a generated active tool of the same kind. It is turned over, and its square faces the
     square of the passive tool. With null, `counterface` describes the active tool."""
-    mesh_edge_mm: float = Field(0.3144, gt=0, le=10)
+    mesh_edge_mm: PositiveFloat = Field(0.3144, le=10)
     """Mean edge length of the mesh (mm)."""
-    cut_off_wavelength_mm: float = Field(0.6, gt=0, lt=2.5)
+    cut_off_wavelength_mm: PositiveFloat = Field(0.6, lt=2.5)
     """Longest wavelength that the mesh does not resolve (mm). It separates the macroscale surface
     from the detail. It must be below 2.5 mm, above which the spectrum is flat. So the macroscale
     surface has a part of the sloping spectrum."""
     scan_points: int = Field(512, ge=16, le=4096)
     """Number of points along each side of a scan."""
-    scan_spacing_um: float = Field(1.66, gt=0, le=1000)
+    scan_spacing_um: PositiveFloat = Field(1.66, le=1000)
     """Spacing of the points of a scan (µm)."""
-    unmeasured_size_um: float = Field(12.0, gt=0, le=1000)
+    unmeasured_size_um: PositiveFloat = Field(12.0, le=1000)
     """Size of the spots of unmeasured points (µm)."""
-    noise_length_along_um: float = Field(0.0, ge=0, le=10_000)
+    noise_length_along_um: NonNegativeFloat = Field(0.0, le=10_000)
     """Distance along a scan line at which the errors of two points correlate by 1/e (µm). With 0,
     errors are independent. Neighbours on measured repeats correlate by 0.88 to 0.97."""
-    noise_length_across_um: float = Field(0.0, ge=0, le=10_000)
+    noise_length_across_um: NonNegativeFloat = Field(0.0, le=10_000)
     """The same distance across scan lines (µm)."""
     wear_placement: Literal["summits", "archard", "interlayer"] = "archard"
     """Origin of the wear. Archard's law wears the bare stone (archard), or an interlayer takes part
@@ -135,7 +139,7 @@ class Specimen(Section):
 class Square(Section):
     """The analysed square and its position on the mesh."""
 
-    size_mm: float = Field(5.0, gt=0, le=100)
+    size_mm: PositiveFloat = Field(5.0, le=100)
     """Side of the analysed square (mm)."""
     points_mm: Points = [[2.5, 2.5, 0.0], [-2.5, 2.5, 0.0], [2.5, -2.5, 0.0]]
     """Three points [x, y, z] on the mesh (mm), as `gst place` writes them. They are the reference
@@ -166,7 +170,7 @@ class Load(Section):
     force_N: float | None = Field(None, ge=0.1, le=100_000)
     """Force that presses the stones together (N), normal to the square. A hand exerts some tens to
     some hundreds of N."""
-    pressure_MPa: float | None = Field(None, gt=0, le=100_000)
+    pressure_MPa: PositiveFloat | None = Field(None, le=100_000)
     """Force divided by the area of the square (MPa)."""
     at_mm: Point | None = None
     """Load point [x, y] in the axes of the square (mm), through which the force acts. The stone is
@@ -178,7 +182,7 @@ class Macroscale(Section):
 
     grid: int = Field(100, ge=8, le=4096)
     """Number of elements along each side of the square."""
-    face_mm: float = Field(15.0, gt=0, le=500)
+    face_mm: PositiveFloat = Field(15.0, le=500)
     """Side of the face (mm), with the square in its middle. The face should contain all of the
     stone that may touch the active tool. With the coupling of the paper, the square is pressed
     alone."""
@@ -205,11 +209,11 @@ class Mould(Section):
 class Scans(Section):
     """Size, units and origin of the confocal scans."""
 
-    size_mm: float = Field(0.85, gt=0, le=50)
+    size_mm: PositiveFloat = Field(0.85, le=50)
     """Side of a square patch (mm). Scans of another size are cut or refused."""
     unit: Literal[None, "mm", "um", "nm", "m"] = None
     """Length unit of files that do not state one. Null refuses such files."""
-    spacing_um: float | None = Field(None, gt=0, le=500)
+    spacing_um: PositiveFloat | None = Field(None, le=500)
     """Spacing of points (µm) in files that do not state one. Null refuses such files."""
     mould: Mould = Mould()
 
@@ -217,13 +221,13 @@ class Scans(Section):
 class Preprocessing(Section):
     """Preparation of a scan before contact."""
 
-    maximum_unmeasured: float = Field(0.1, ge=0, le=1)
+    maximum_unmeasured: NonNegativeFloat = Field(0.1, le=1)
     """Largest fraction of unmeasured points. Scans above it are refused."""
     outlier_rule: Literal["window", "median"] = "median"
     """Rule for outliers, which are replaced. window is the paper's; median is robust."""
-    outlier_fraction: float = Field(0.01, ge=0, le=0.2)
+    outlier_fraction: NonNegativeFloat = Field(0.01, le=0.2)
     """For rule window: largest fraction of the measured points that may be outliers."""
-    outlier_median_threshold: float = Field(5.0, gt=0)
+    outlier_median_threshold: PositiveFloat = 5.0
     """For rule median: an outlier differs from the median of its window by more than this number of
     robust standard deviations."""
 
@@ -231,7 +235,7 @@ class Preprocessing(Section):
 class Registration(Section):
     """Registration of T1 to T0."""
 
-    maximum_shift_mm: float = Field(0.6, gt=0, le=50)
+    maximum_shift_mm: PositiveFloat = Field(0.6, le=50)
     """Largest shift of T1 against T0 along each axis that the search covers with certainty (mm). T1
     must cover at least a quarter of T0."""
 
@@ -251,9 +255,9 @@ class Texture(Section):
     Gaussian (ISO 16610-61).
     """
 
-    s_filter_um: float = Field(8.0, gt=0, le=10_000)
+    s_filter_um: PositiveFloat = Field(8.0, le=10_000)
     """Nesting index of the S-filter, which removes shorter waves (µm)."""
-    l_filter_um: float | None = Field(250.0, gt=0, le=100_000)
+    l_filter_um: PositiveFloat | None = Field(250.0, le=100_000)
     """Nesting index of the L-filter, which removes longer waves (µm). Null keeps them. T0 and T1
     are compared if they share a rectangle at least as long and as wide."""
 
@@ -263,29 +267,29 @@ class Uncertainty(Section):
     patches.
     """
 
-    placement_um: float = Field(30.0, ge=0, le=200)
+    placement_um: NonNegativeFloat = Field(30.0, le=200)
     """Standard deviation of the position of a patch along each axis (µm)."""
-    pose_um: float = Field(100.0, ge=0, le=1000)
+    pose_um: NonNegativeFloat = Field(100.0, le=1000)
     """Standard deviation of the position of the active tool (µm), if it has a mesh."""
-    load_point_mm: float = Field(1.0, ge=0, le=20)
+    load_point_mm: NonNegativeFloat = Field(1.0, le=20)
     """Standard deviation of the load point (mm), for an error that all strokes share. The scatter
     between strokes is gesture.load_point_scatter_mm."""
-    radius_log_sd: float = Field(0.7, ge=0, le=3)
+    radius_log_sd: NonNegativeFloat = Field(0.7, le=3)
     """Standard deviation of the logarithm of the active tool's radius; 0.7 is a factor of 2."""
-    force_log_sd: float = Field(0.2, ge=0, le=2)
+    force_log_sd: NonNegativeFloat = Field(0.2, le=2)
     """Standard deviation of the logarithm of the force."""
-    young_log_sd: float = Field(0.2, ge=0, le=1)
+    young_log_sd: NonNegativeFloat = Field(0.2, le=1)
     """Standard deviation of the logarithm of each stone's Young's modulus."""
-    poisson: float = Field(0.05, ge=0, le=0.5)
+    poisson: NonNegativeFloat = Field(0.05, le=0.5)
     """Standard deviation of each stone's Poisson's ratio."""
 
 
 class Selection(Section):
     """Criteria for the patches of the microscale study."""
 
-    minimum_pressure_MPa: float = Field(1.0, ge=0)
+    minimum_pressure_MPa: NonNegativeFloat = 1.0
     """Lowest macroscale pressure of a patch (MPa). Patches below it are left out."""
-    minimum_overlap: float = Field(0.7, ge=0, le=1)
+    minimum_overlap: NonNegativeFloat = Field(0.7, le=1)
     """Smallest fraction of the area of T0 that T1 must cover."""
     minimum_correlation: float = Field(0.5, ge=-1, le=1)
     """Smallest correlation of the detail (band-passed heights) of T1 and T0 over their overlap."""
@@ -294,7 +298,7 @@ class Selection(Section):
 class Microscale(Section):
     """Contact of each patch with a flat, up to the pressure of the patch."""
 
-    s_filter_um: float | None = Field(5.0, gt=0)
+    s_filter_um: PositiveFloat | None = 5.0
     """Nesting index of the Gaussian S-filter (ISO 16610-61) on the scans before contact (µm).
     Without a filter, noise at single points touches first. Null for no filter."""
     steps: Steps = 20
@@ -340,9 +344,9 @@ class Gesture(Alternatives):
 
     table: Given[str] = None
     """Table with one row per pose. Its columns are described below."""
-    stroke_mm: Given[Annotated[float, Field(ge=0)]] = None
+    stroke_mm: Given[NonNegativeFloat] = None
     """Length of a stroke along the x axis of the square (mm). The pose is in its middle."""
-    load_point_scatter_mm: Given[Annotated[float, Field(ge=0, le=100)]] = None
+    load_point_scatter_mm: Given[Annotated[NonNegativeFloat, Field(le=100)]] = None
     """Standard deviation of the load points along each axis (mm)."""
     poses: Given[Annotated[int, Field(ge=1, le=100_000)]] = None
     """Number of poses of the stroke, or number of load points."""
@@ -353,9 +357,9 @@ class Grinding(Section):
     for none.
     """
 
-    friction: float = Field(0.6, gt=0, le=5)
+    friction: PositiveFloat = Field(0.6, le=5)
     """Coulomb's coefficient of friction μ between the stones."""
-    tangential_ratio: float = Field(0.5, ge=0, le=1)
+    tangential_ratio: NonNegativeFloat = Field(0.5, le=1)
     """Tangential force Q divided by μP, the force that makes a patch slide. A patch sticks at 0 and
     slides at 1."""
 
@@ -365,9 +369,9 @@ class WearLaw(Section):
     to the power of exponent. The default is Archard's law. laws.csv compares it with others.
     """
 
-    threshold_MPa: float = Field(0.0, ge=0, le=100_000)
+    threshold_MPa: NonNegativeFloat = Field(0.0, le=100_000)
     """Pressure up to which a patch does not wear (MPa)."""
-    exponent: float = Field(1.0, ge=0, le=5)
+    exponent: NonNegativeFloat = Field(1.0, le=5)
     """Exponent of the law. With 0, all patches above the threshold have the same loss."""
 
 
@@ -384,11 +388,11 @@ class Use(Section):
     contacts so far. The rounds end early if these contacts predict each other well."""
     particles: int = Field(2000, ge=200, le=100_000)
     """Number of draws of the final sample, which interpolates between the solved contacts."""
-    scatter_mm: float = Field(1.0, ge=0)
+    scatter_mm: NonNegativeFloat = 1.0
     """Scale of the scatter of strikes along each axis (mm). The prior is no scatter with
     probability 0.5, and half-normal with this scale otherwise. With 0, all strikes share one
     position."""
-    stroke_mm: float = Field(3.0, ge=0)
+    stroke_mm: NonNegativeFloat = 3.0
     """Scale of the length of a stroke in any direction (mm). The prior is no stroke with
     probability 0.5, and half-normal with this scale otherwise. 0 excludes strokes."""
 
@@ -399,11 +403,11 @@ class Interlayer(Section):
     none.
     """
 
-    young_MPa: float = Field(gt=0, le=100_000)
+    young_MPa: PositiveFloat = Field(le=100_000)
     """Young's modulus (MPa). It must be below the moduli of the stones."""
-    poisson: float = Field(ge=0, le=0.5)
+    poisson: NonNegativeFloat = Field(le=0.5)
     """Poisson's ratio."""
-    thickness_um: float = Field(gt=0, le=10_000)
+    thickness_um: PositiveFloat = Field(le=10_000)
     """Thickness (µm). It must be at least the spacing of the points of the scans."""
 
 
@@ -412,7 +416,7 @@ class Validation(Section):
 
     resamples: int = Field(9999, ge=99, le=100_000)
     """Number of bootstrap resamples of the patches, and of control draws."""
-    max_gain_to_loss_ratio: float = Field(0.2, gt=0, le=1)
+    max_gain_to_loss_ratio: PositiveFloat = Field(0.2, le=1)
     """Largest ratio of gained to lost area at which the loss of a patch is above the noise. Errors
     at T0 require this limit: points that are too high by error are predicted to wear, and seem to
     be lost at T1."""
@@ -440,7 +444,7 @@ class Settings(Section):
     and . _ - /"""
     title: str = Field("synthetic specimen", min_length=1)
     """Name of the specimen, shown at the head of the page."""
-    seed: int = Field(1, ge=0)
+    seed: NonNegativeInt = 1
     """Seed of all random draws of the analysis (bootstrap, permutations, intervals)."""
     accept: Texts = Field(
         [],
@@ -486,7 +490,7 @@ class Settings(Section):
     counterface: Counterface | None = Counterface(radius_mm=200.0)
     gesture: Gesture | None = None
     grinding: Grinding | None = Grinding()
-    pressure_cap_MPa: float | None = Field(2000.0, gt=0, le=100_000)
+    pressure_cap_MPa: PositiveFloat | None = Field(2000.0, le=100_000)
     """Pressure cap: the largest pressure that an element carries (MPa). cases.csv compares the
     capped contact of each patch. Null for no cap."""
     wear_steps: int = Field(5, ge=1, le=100)
@@ -512,90 +516,92 @@ class Settings(Section):
 
     def by_stage(self) -> dict[str, dict[str, Any]]:
         """The arguments of the function of each stage, by the name of the stage."""
-        modulus = study_modulus(self.material.model_dump())
-        return self._of_macroscale(modulus) | self._of_patches(modulus)
+        config = self.model_dump()
+        modulus = study_modulus(config["material"])
+        return self._of_face(config, modulus) | self._of_patches(config, modulus)
 
-    def _of_macroscale(self, modulus: float) -> dict[str, dict[str, Any]]:
+    def _of_face(
+        self, config: Mapping[str, Any], modulus: float
+    ) -> dict[str, dict[str, Any]]:
         """The arguments of the stages that handle the whole face."""
-        size_mm = self.square.size_mm
-        patch_mm = self.scans.size_mm
-        load = self.load.model_dump()
-        force_N = load_force(load, size_mm)
-        tolerance = self.macroscale.tolerance
-        at_load = {"modulus": modulus, "tolerance": tolerance, "force_N": force_N}
+        square, macroscale, errors = self.square, self.macroscale, self.uncertainty
+        patch_mm, seed = self.scans.size_mm, self.seed
+        at_load = {
+            "modulus": modulus,
+            "tolerance": macroscale.tolerance,
+            "force_N": load_force(config["load"], square.size_mm),
+        }
         # The square of the paper stays on its mean plane and is pressed by a flat.
         load_point, face_mm = None, None
         if self.coupling == "equilibrium":
-            load_point = resolved_load_point(load, size_mm)
-            face_mm = self.macroscale.face_mm
-        errors = self.uncertainty
-        use = {} if self.use is None else self.use.model_dump()
+            load_point = resolved_load_point(config["load"], square.size_mm)
+            face_mm = macroscale.face_mm
+        use = dict(config["use"] or {})
         strikes = {name: use.pop(name) for name in ("scatter_mm", "stroke_mm") if use}
         return {
             "grid_macroscale": {
-                **self.square.model_dump(),
-                "grid": self.macroscale.grid,
-                "interpolation": self.macroscale.interpolation,
+                **config["square"],
+                "grid": macroscale.grid,
+                "interpolation": macroscale.interpolation,
                 "face_mm": face_mm,
             },
             "compose_surface": {
                 "patch_mm": patch_mm,
                 "s_filter_um": self.microscale.s_filter_um,
                 "placement_um": errors.placement_um,
-                "seed": self.seed,
+                "seed": seed,
             },
             "infer_use": {
                 "stated": {
-                    "force_N": force_N,
+                    "force_N": at_load["force_N"],
                     "load_point": load_point,
                     "load_point_mm": errors.load_point_mm,
-                    "radius_mm": study_radius(self.model_dump()),
+                    "radius_mm": study_radius(config),
                     "radius_log_sd": errors.radius_log_sd,
                     **strikes,
                 },
                 "modulus": modulus,
                 "patch_mm": patch_mm,
-                "sampling": use | {"seed": self.seed},
-                "wear_law": self.wear_law.model_dump(),
+                "sampling": use | {"seed": seed},
+                "wear_law": config["wear_law"],
             },
             "solve_macroscale": at_load | {"load_point": load_point},
             "solve_square": at_load,
         }
 
-    def _of_patches(self, modulus: float) -> dict[str, dict[str, Any]]:
+    def _of_patches(
+        self, config: Mapping[str, Any], modulus: float
+    ) -> dict[str, dict[str, Any]]:
         """The arguments of the stages that handle the scanned patches."""
-        patch_mm = self.scans.size_mm
+        patch_mm, validation = self.scans.size_mm, self.validation
         return {
             "prepare_scans": {
-                "scans": self.scans.model_dump(),
-                "preprocessing": self.preprocessing.model_dump(),
+                name: config[name] for name in ("scans", "preprocessing")
             },
             "couple_scales": {"patch_mm": patch_mm},
             "check_placement": {
                 "patch_mm": patch_mm,
                 "placement_um": self.uncertainty.placement_um,
                 "accept": self.accept,
-                **self.scans.mould.model_dump(),
+                **config["scans"]["mould"],
             },
-            "register_patches": self.registration.model_dump()
-            | self.detection.model_dump(),
+            "register_patches": config["registration"] | config["detection"],
             "select_patches": {
-                "selection": self.selection.model_dump(),
-                "max_gain_to_loss_ratio": self.validation.max_gain_to_loss_ratio,
+                "selection": config["selection"],
+                "max_gain_to_loss_ratio": validation.max_gain_to_loss_ratio,
             },
-            "solve_patches": self.microscale.model_dump()
-            | {"contact_modulus_MPa": modulus},
+            "solve_patches": config["microscale"] | {"contact_modulus_MPa": modulus},
             "fit_wear": {
                 "patch_mm": patch_mm,
                 "steps": self.wear_steps,
-                "interlayer": self.interlayer and self.interlayer.model_dump(),
-                "wear_law": self.wear_law.model_dump(),
+                "interlayer": config["interlayer"],
+                "wear_law": config["wear_law"],
             },
             "predict_wear": {"pressure_cap": self.pressure_cap_MPa},
             "score_wear": {
-                "expected_most_worn": self.validation.expected_most_worn,
+                "expected_most_worn": validation.expected_most_worn,
                 "seed": self.seed,
-                "resamples": self.validation.resamples,
+                "resamples": validation.resamples,
             },
         }
 
@@ -622,9 +628,9 @@ def json_schema() -> dict[str, Any]:
         rule = {key: in_place(part) for key, part in rule.items()}
         if several := rule.pop("anyOf", None):
             rule = _merged(several) | rule
-        if isinstance(rule.get("enum"), list):  # which says the type, too
+        if "enum" in rule:  # which says the type, too
             rule.pop("type", None)
-        if isinstance(text := rule.get("description"), str):
+        if text := rule.get("description"):
             rule["description"] = " ".join(text.split())
         return rule
 
