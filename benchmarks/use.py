@@ -266,7 +266,7 @@ def from_prior(stone, generator):
     """Strikes, and errors of the losses, as the study takes them for possible."""
     scatter, length = np.maximum(generator.standard_normal(2), 0.0)
     angle = generator.uniform(0, 2 * np.pi)
-    prior = stone.stated.prior
+    prior = stone.stated
     scatter_mm, stroke_mm = scatter * prior.scatter_mm, length * prior.stroke_mm
     stroke = stroke_mm * np.array([np.sin(angle), np.cos(angle)])
     count = PRIOR_STRIKES if scatter or length else 1
@@ -504,7 +504,7 @@ def row_of(trial, case):
     row |= inferred(use, trial.true)
     if isinstance(evidence, Losses):
         predicted = predicted_losses(use, evidence, sampling.seed)
-        as_told = pressures_of(stone, stone.stated.prior.mean[None], losses=evidence)
+        as_told = pressures_of(stone, stone.stated.mean[None], losses=evidence)
         row["told"], _ = error_at(as_told, evidence)
         row["inferred"] = relative_error(predicted.predicted_um.to_numpy(), evidence)
         if trial.pressure is not None:

@@ -215,10 +215,12 @@ def make_specimen(
             if file:
                 scans[row.patch, epoch] = scan.assign_attrs(file=file)
         level, _ = remove_plane(make_surface(heights["T0"], p.scan_spacing_mm))
+        shifts = t0.seen(t1.y_mm, t1.x_mm)
         of_patch = {
             "nominal_x_mm": nominal.x_mm,
             "nominal_y_mm": nominal.y_mm,
-            "overlap": _overlap(t0, t1, p.scan_size_mm),
+            # the relative rotation is neglected
+            "overlap": np.maximum(1 - np.abs(shifts) / p.scan_size_mm, 0.0).prod(),
             # rounded heights compress twice as well
             "height": (("y", "x"), rounded(level.values)),
             "wear_depth": (("y", "x"), rounded(at_points(depth, place=t0, order=1))),
@@ -235,9 +237,7 @@ def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
     count = int(stone.square_mm / stone.spacing)
     part = slice(first, first + count)
     name = "true height before use"
-    return surface_at(
-        stone.grid[part], surface[part, part], stone.spacing, long_name=name
-    )
+    return surface_at(stone.grid[part], surface[part, part], long_name=name)
 
 
 def write_specimen(
@@ -262,12 +262,6 @@ def write_specimen(
     write_dataset(truth, made.truth, {"note": note})
     single = made.surface.astype(np.float32).to_dataset(name="height")
     write_dataset(surface, single, {"note": note})
-
-
-def _overlap(t0: PatchPosition, t1: PatchPosition, size_mm: float) -> float:
-    """Fraction of the T0 scan's area inside the T1 scan; their relative rotation is neglected."""
-    shifts = np.abs(t0.seen(t1.y_mm, t1.x_mm))
-    return float(np.prod(np.maximum(1 - shifts / size_mm, 0.0)))
 
 
 def _truth(

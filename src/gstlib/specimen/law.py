@@ -80,7 +80,7 @@ def worn_by_law(stone: Stone, mean_loss: float, *, with_interlayer: bool) -> np.
     size_mm = stone.square_mm
     spacing = size_mm / _ELEMENTS
     along = axis_coordinates(_ELEMENTS + 2 * _AROUND, spacing) - _AROUND * spacing
-    face = surface_at(along, stone.face_means(_ELEMENTS, _AROUND), spacing)
+    face = surface_at(along, stone.face_means(_ELEMENTS, _AROUND))
     load_point = load_point_of(stone)
     force_N = _PRESSURE_MPA * size_mm**2
     p = stone.parameters
@@ -99,7 +99,7 @@ def worn_by_law(stone: Stone, mean_loss: float, *, with_interlayer: bool) -> np.
     means = block_means(stone.heights, points)
     element = points * stone.spacing
     first = stone.grid[:points].mean()
-    whole = surface_at(first + element * np.arange(len(means)), means, element)
+    whole = surface_at(first + element * np.arange(len(means)), means)
     height, pressure_MPa = placed_whole(whole, contact)
     share = pressure_MPa * (len(means) * element) ** 2 / force_N
     path = wear_path(

@@ -109,20 +109,21 @@ def _even_spiral(area: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     (Vogel 1979, Math. Biosci. 44:179), so equal areas also mean equal edges.
     """
     rows, columns = area.shape
-    by_row = np.concatenate([[0.0], np.cumsum(area.sum(axis=1))])
-    wanted = (np.arange(count) + 0.5) / count
-    row = np.interp(wanted, by_row / by_row[-1], np.arange(rows + 1.0))
-    # Share of the row's area up to each column, inverted once per row on a regular grid of shares.
+    row = _at_shares(area.sum(axis=1), (np.arange(count) + 0.5) / count)
+    # inverted once per row on a regular grid of shares
     shares = np.linspace(0, 1, 2 * columns + 1)
-    inverse = np.empty((rows, len(shares)))
-    for i, cells in enumerate(area):
-        along = np.concatenate([[0.0], np.cumsum(cells)])
-        inverse[i] = np.interp(shares, along / along[-1], np.arange(columns + 1.0))
+    inverse = np.stack([_at_shares(cells, shares) for cells in area])
     golden = (np.sqrt(5) - 1) / 2
     share = np.mod(np.arange(count) * golden, 1.0)
     at = [row - 0.5, share * (len(shares) - 1)]
     column = scipy.ndimage.map_coordinates(inverse, at, order=1, mode="nearest")
     return row * (np.pi / rows), column * (2 * np.pi / columns)
+
+
+def _at_shares(area: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """The positions, in cells, up to which the area of cells has these shares of the whole."""
+    up_to = np.concatenate([[0.0], np.cumsum(area)])
+    return np.interp(shares, up_to / up_to[-1], np.arange(len(up_to)))
 
 
 def _on_sphere(

@@ -63,13 +63,11 @@ def score_truth(
     pandas.DataFrame
         ``truth.csv``; ``patch`` is empty for the macroscale and the shift common to all patches.
     """
-    rows: list[dict] = []
+    rows: list[tuple] = []
 
     def add(stage: str, patch: str, scores: Iterable[_Row]) -> None:
-        for quantity, unit, true, recovered in scores:
-            about = {"stage": stage, "quantity": quantity, "patch": patch, "unit": unit}
-            pair = {"true": float(true), "recovered": float(recovered)}
-            rows.append({**about, **pair, "error": _error(**pair)})
+        for quantity, unit, *pair in scores:
+            rows.append((stage, quantity, patch, unit, *map(float, pair)))
 
     surface = truth.macroscale_height.rename(macroscale_y="y", macroscale_x="x")
     square = square_of(face["height"], spacing_of(surface)[0] * len(surface.y))
@@ -98,7 +96,9 @@ def score_truth(
         for patch, recovered in stated.pressure_MPa.items():
             add("coupling", patch, [("pressure", "MPa", true_MPa[patch], recovered)])
     add("use", "", _use_scores(truth.attrs, use))
-    return pd.DataFrame(rows)
+    columns = "stage quantity patch unit true recovered"
+    table = pd.DataFrame(rows, columns=columns.split())
+    return table.assign(error=list(map(_error, table.true, table.recovered)))
 
 
 def true_face(truth: xr.Dataset) -> xr.DataArray:

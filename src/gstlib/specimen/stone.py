@@ -199,19 +199,15 @@ class Stone:
             **self._spectrum,
         )
         means = block_means(detail[: len(places), : len(places)], _SUBSAMPLES)
-        inside = slice(around, around + count)
-        means[inside, inside] = self._detail_means(count)
-        return block_means(self.macroscale(places), _SUBSAMPLES) + means
-
-    def _detail_means(self, count: int) -> np.ndarray:
-        """The detail (mm) averaged over each of (count, count) elements of the square."""
         limits = np.arange(count + 1) * self.square_mm / count
         edges = np.searchsorted(self.grid, limits)
         square, points = slice(edges[0], edges[-1]), np.diff(edges)
         sums = self.detail[square, square].astype(float)
         for axis in (0, 1):
             sums = np.add.reduceat(sums, edges[:-1] - edges[0], axis=axis)
-        return sums / np.outer(points, points)
+        inside = slice(around, around + count)
+        means[inside, inside] = sums / np.outer(points, points)
+        return block_means(self.macroscale(places), _SUBSAMPLES) + means
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
         """Closed mesh of the stone, as if made by photogrammetry.
@@ -302,11 +298,9 @@ class Stone:
             depth[window] = np.maximum(depth[window], pit)
 
 
-def surface_at(
-    along: np.ndarray, heights: np.ndarray, spacing: float, **attrs: str
-) -> xr.DataArray:
-    """A surface (y, x), mm, at the positions `along` both axes, mm."""
-    surface = make_surface(heights, spacing, **attrs)
+def surface_at(along: np.ndarray, heights: np.ndarray, **attrs: str) -> xr.DataArray:
+    """A surface (y, x), mm, at the even positions `along` both axes, mm."""
+    surface = make_surface(heights, along[1] - along[0], **attrs)
     return surface.assign_coords(
         {axis: surface[axis].copy(data=along) for axis in "yx"}
     )

@@ -43,8 +43,8 @@ def competitor_scores(
     *,
     patch_mm: float,
     seed: int,
-) -> dict[str, np.ndarray]:
-    """Log probability (patches,) of the wear of each patch given the others, by competitor.
+) -> xr.DataArray:
+    """Log probability (competitor, patch) of the wear of each patch given the others.
 
     Parameters
     ----------
@@ -65,13 +65,15 @@ def competitor_scores(
         "tilted": (above, 3),
         "spot": (_spots(patches, patch_mm), 3),
     }
-    scores = {}
-    for number, (name, (depths, variables)) in enumerate(competitors.items()):
+    scores = np.full((len(competitors), len(patches)), -np.inf)
+    for number, (depths, variables) in enumerate(competitors.values()):
         generator = np.random.default_rng([seed, 13, number])
         particles = posterior(depths, variables, evidence, _DRAWS, generator)
-        none = np.full(len(patches), -np.inf)
-        scores[name] = none if particles is None else particles.log_score
-    return scores
+        if particles is not None:
+            scores[number] = particles.log_score
+    return xr.DataArray(
+        scores, {"competitor": list(competitors)}, ["competitor", "patch"]
+    )
 
 
 def _spots(patches: pd.DataFrame, patch_mm: float) -> _Depths:

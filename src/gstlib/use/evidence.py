@@ -171,19 +171,21 @@ class Grades:
         mean = pressure.mean(axis=1, keepdims=True)
         relative = pressure / np.where(mean > 0, mean, np.inf)
         seen = np.log(relative + _UNSEEN)
-        grades, which = np.unique(self.grade, return_inverse=True)
-        counts = [np.sum(self.grade < grade) for grade in grades[1:]]
+        _, which, counts = np.unique(
+            self.grade, return_inverse=True, return_counts=True
+        )
+        below = np.cumsum(counts)[:-1]
         ordered = np.sort(seen, axis=1)
-        between = [(ordered[:, count - 1] + ordered[:, count]) / 2 for count in counts]
-        endless = np.full(len(seen), np.inf)
-        limits = np.stack([-endless, *between, endless], axis=1)
+        between = (ordered[:, below - 1] + ordered[:, below]) / 2
+        ends = (0, 0), (-np.inf, np.inf)
+        limits = np.pad(between, ((0, 0), (1, 1)), constant_values=ends)
         error = self.parameters(pressure, standard)["scatter"][:, None]
         below_lower, below_upper = (
             scipy.special.ndtr((limits[:, which + side] - seen) / error)
             for side in (0, 1)
         )
         inside = below_upper - below_lower
-        return np.log((1 - _AT_RANDOM) * inside + _AT_RANDOM / len(grades))
+        return np.log((1 - _AT_RANDOM) * inside + _AT_RANDOM / len(counts))
 
 
 Evidence: TypeAlias = Losses | Grades

@@ -27,7 +27,7 @@ than each of them.
 import logging
 from collections import deque
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -41,7 +41,7 @@ from gstlib.surfaces.grid import coarser, described
 from gstlib.use.competitors import competitor_scores
 from gstlib.use.evidence import FEWEST_PATCHES, FEWEST_WORN, Evidence, Losses
 from gstlib.use.laws import law_scores
-from gstlib.use.sampling import Draws, Prior, Sampling, sample
+from gstlib.use.sampling import Draws, Sampling, StatedUse, sample
 from gstlib.use.spread import Uses
 from gstlib.use.tempering import effective_sample_size
 
@@ -115,43 +115,6 @@ _DESCRIBED = {
     "scatter": ("1", "scatter of the wear"),
     "floor": ("um", "scatter that does not grow with the loss"),
 }
-
-
-class StatedUse(NamedTuple):
-    """Prior values of a load case, with standard errors.
-
-    Attributes
-    ----------
-    force_N : float
-    load_point : (float, float)
-        The load point (y, x) on the square, mm.
-    load_point_mm : float
-        Standard error of the load point along each axis.
-    radius_mm : float or None
-        Radius of the active tool whose face is pressed (geometric mean of two radii). None if it is
-        known or flat.
-    radius_log_sd : float
-        Standard error of the logarithm of the radius.
-    scatter_mm, stroke_mm : float
-        Scales of the scatter of strikes along each axis, and of the length of strokes.
-    """
-
-    force_N: float
-    load_point: tuple[float, float]
-    load_point_mm: float
-    radius_mm: float | None = None
-    radius_log_sd: float = 0.0
-    scatter_mm: float = 0.0
-    stroke_mm: float = 0.0
-
-    @property
-    def prior(self) -> Prior:
-        """Prior of the load cases."""
-        mean, error = [*self.load_point], 2 * [self.load_point_mm]
-        if self.radius_mm is not None:
-            mean.append(np.log(self.radius_mm))
-            error.append(self.radius_log_sd)
-        return Prior(np.array(mean), np.array(error), self.scatter_mm, self.stroke_mm)
 
 
 def infer_use(
@@ -243,8 +206,8 @@ def infer_use(
         modulus=modulus,
         patch_mm=patch_mm,
     )
-    springs = evidence.springs(pressures(stated.prior.mean[np.newaxis]))
-    draws = sample(stated.prior, pressures, evidence, sampling, generator, springs)
+    springs = evidence.springs(pressures(stated.mean[np.newaxis]))
+    draws = sample(stated, pressures, evidence, sampling, generator, springs)
     contacts, touching = (
         (draws.contacts, draws.touching) if draws else (sampling.draws, 0)
     )
@@ -254,15 +217,11 @@ def infer_use(
             "Correct load.at_mm and counterface, or raise uncertainty.load_point_mm"
         )
         return _unknown(reason, remedy)
-    scores = competitor_scores(
-        coarser(face.height, _COARSER),
-        patches,
-        evidence,
-        patch_mm=patch_mm,
-        seed=sampling.seed,
+    use = _stored(draws, stated, evidence, patches)
+    height, seed = coarser(face.height, _COARSER), sampling.seed
+    use["competitor_log_score"] = competitor_scores(
+        height, patches, evidence, patch_mm=patch_mm, seed=seed
     )
-    use = _stored(draws, evidence, patches).assign_coords(competitor=list(scores))
-    use["competitor_log_score"] = ("competitor", "patch"), [*scores.values()]
     answer = _answer(use)
     # If a competitor predicts better, more contacts do not help.
     if answer["adopted"] and not draws.contact_error <= _MOST_CONTACT_ERROR:
@@ -274,8 +233,8 @@ def infer_use(
         return _unknown(reason, remedy)
     if isinstance(evidence, Losses):
         laws = law_scores(
-            partial(draws.prior.pressures, draws.process),
-            draws.prior.variables,
+            partial(stated.pressures, draws.process),
+            stated.variables,
             evidence,
             generator,
         )
@@ -286,11 +245,13 @@ def infer_use(
     )
 
 
-def _stored(draws: Draws, evidence: Evidence, patches: pd.DataFrame) -> xr.Dataset:
+def _stored(
+    draws: Draws, stated: StatedUse, evidence: Evidence, patches: pd.DataFrame
+) -> xr.Dataset:
     """The draws as a dataset."""
     particles, process = draws.particles, draws.process
-    standard, size = particles.standard, draws.prior.variables
-    uses = draws.prior.uses(standard[:, :size])
+    standard, size = particles.standard, stated.variables
+    uses = stated.uses(standard[:, :size])
     pressure = process.mean_pressures(uses)
     y_mm, x_mm, *log_radius = uses.points.T
     stroke_y, stroke_x = uses.stroke_mm.T
@@ -348,7 +309,7 @@ def use_pressures(
     )
     means = patch_means(height, patches, size_mm=patch_mm)
     pressures = np.zeros((len(points), len(patches)))
-    scale = np.where(stated.prior.error > 0, stated.prior.error, 1.0)
+    scale = np.where(stated.error > 0, stated.error, 1.0)
     solved: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=_KEPT)
     yields = np.broadcast_to(springs, len(points)).tolist()
     for number, (y, x, *log_radius) in enumerate(points):

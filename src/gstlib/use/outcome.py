@@ -58,7 +58,7 @@ def use_of_study(
     registration : pandas.DataFrame or None
         The table ``registration``.
     stated, sampling : mapping
-        The fields of `gstlib.use.infer.StatedUse` and `gstlib.use.sampling.Sampling`.
+        The fields of `gstlib.use.sampling.StatedUse` and `gstlib.use.sampling.Sampling`.
     wear_law : mapping
         The fields of `gstlib.conditions.Law`.
 
@@ -88,7 +88,7 @@ def use_of_study(
     use = infer_use(face, measured, losses, **asked)
     if use.sizes:
         areas = with_t1(patches, registration)
-        mean = told.prior.mean[np.newaxis]
+        mean = told.mean[np.newaxis]
         (stated_MPa,) = use_pressures(mean, face, areas, told, **settings)
         use = use.assign_coords(scanned=list(patches.patch))
         meaning = "pressure of the patch under the prior load case"

@@ -20,7 +20,7 @@ from gstlib.use.evidence import Evidence, posterior
 from gstlib.use.spread import StrikePressures, Uses
 from gstlib.use.tempering import Particles
 
-__all__ = ["Draws", "Prior", "Sampling", "sample"]
+__all__ = ["Draws", "Sampling", "StatedUse", "sample"]
 
 _log = logging.getLogger(__name__)
 
@@ -50,22 +50,46 @@ class Sampling(NamedTuple):
     seed: int
 
 
-class Prior(NamedTuple):
-    """Prior of the load cases.
+class StatedUse(NamedTuple):
+    """Prior values of a load case, with standard errors.
 
     Attributes
     ----------
-    mean, error : (2 or 3,) ndarray
-        Normal prior of the centre (y, x), mm, and of the logarithm of the radius.
+    force_N : float
+    load_point : (float, float)
+        The load point (y, x) on the square, mm.
+    load_point_mm : float
+        Standard error of the load point along each axis.
+    radius_mm : float or None
+        Radius of the active tool whose face is pressed (geometric mean of two radii). None if it is
+        known or flat.
+    radius_log_sd : float
+        Standard error of the logarithm of the radius.
     scatter_mm, stroke_mm : float
-        Scales of the scatter and of the length of a stroke. Each is 0 with a probability of a half,
-        and half-normal otherwise. All directions of a stroke are equally likely.
+        Scales of the scatter of strikes along each axis, and of the length of strokes. Each is 0
+        with a probability of a half, and half-normal otherwise. All directions of a stroke are
+        equally likely.
     """
 
-    mean: np.ndarray
-    error: np.ndarray
-    scatter_mm: float
-    stroke_mm: float
+    force_N: float
+    load_point: tuple[float, float]
+    load_point_mm: float
+    radius_mm: float | None = None
+    radius_log_sd: float = 0.0
+    scatter_mm: float = 0.0
+    stroke_mm: float = 0.0
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Mean (2 or 3,) of centre (y, x), mm, and logarithm of the radius, if it is inferred."""
+        radius = [] if self.radius_mm is None else [np.log(self.radius_mm)]
+        return np.array([*self.load_point, *radius])
+
+    @property
+    def error(self) -> np.ndarray:
+        """Standard deviations (2 or 3,) of the same."""
+        errors = self.load_point_mm, self.load_point_mm, self.radius_log_sd
+        return np.array(errors)[: len(self.mean)]
 
     @property
     def variables(self) -> int:
@@ -93,8 +117,7 @@ class Draws(NamedTuple):
     Attributes
     ----------
     particles : Particles
-        Their variables begin with the variables of the `prior`.
-    prior : Prior
+        Their variables begin with the variables of the prior.
     process : StrikePressures
         Pressures between the solved contacts.
     touching : int
@@ -104,7 +127,6 @@ class Draws(NamedTuple):
     """
 
     particles: Particles
-    prior: Prior
     process: StrikePressures
     touching: int
     contact_error: float
@@ -116,7 +138,7 @@ class Draws(NamedTuple):
 
 
 def sample(
-    prior: Prior,
+    prior: StatedUse,
     pressures: Callable[..., np.ndarray],
     evidence: Evidence,
     sampling: Sampling,
@@ -154,7 +176,9 @@ def sample(
         new = uses.strikes(generator)
         worn = evidence.springs(process.mean_pressures(uses))
         solved = pressures(new, springs=worn)
-        error = _relative_error(process, new, solved)
+        off = process.mean_pressures(Uses(new)) - solved
+        mean = solved.mean()
+        error = float(np.sqrt(np.square(off).mean()) / mean) if mean > 0 else np.inf
         strikes = np.concatenate([strikes, new])
         pressed = np.concatenate([pressed, solved])
         _log.info(
@@ -167,12 +191,4 @@ def sample(
     if particles is None:
         return None
     touching = int(pressed.any(axis=1).sum())
-    return Draws(particles, prior, process, touching, error)
-
-
-def _relative_error(
-    process: StrikePressures, strikes: np.ndarray, pressure: np.ndarray
-) -> float:
-    error = process.mean_pressures(Uses(strikes)) - pressure
-    mean = pressure.mean()
-    return float(np.sqrt(np.square(error).mean()) / mean) if mean > 0 else np.inf
+    return Draws(particles, process, touching, error)

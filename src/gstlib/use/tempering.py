@@ -94,7 +94,10 @@ def tempered(
         offset = _offset(reached * likelihood, before)
         target = partial(_target, offset=offset, counted=reached)
         weight = scipy.special.softmax(target(likelihood) - before)
-        chosen = _resampled(weight, generator)
+        # each particle as often as its weight requires
+        places = (np.arange(draws) + generator.random()) / draws
+        chosen = np.searchsorted(np.cumsum(weight), places)
+        chosen = np.minimum(chosen, draws - 1)
         enough = _ACCEPTED if reached < counted else _ACCEPTED_LAST
         particles = standard[chosen], likelihood[chosen]
         standard, likelihood = _moved(
@@ -166,12 +169,6 @@ def _step(
         return most
     least = reached + 1e-9 * (most - reached)
     return float(scipy.optimize.brentq(kept, least, most, rtol=1e-3))
-
-
-def _resampled(weight: np.ndarray, generator: np.random.Generator) -> np.ndarray:
-    """Indices of the resampled particles, each as often as its weight requires."""
-    places = (np.arange(len(weight)) + generator.random()) / len(weight)
-    return np.minimum(np.searchsorted(np.cumsum(weight), places), len(weight) - 1)
 
 
 def _moved(

@@ -32,7 +32,7 @@ from gstlib.use.outcome import (
     pressures_of_use,
     use_table,
 )
-from gstlib.use.sampling import Prior, Sampling, sample
+from gstlib.use.sampling import Sampling, sample
 from gstlib.use.spread import StrikePressures, Uses
 from gstlib.use.tempering import tempered
 
@@ -195,7 +195,7 @@ def test_a_use_is_claimed_above_the_best_competitor_alone(gains, answer, is_take
 def test_pressures_after_wear_are_those_of_a_step_of_the_law(face, patches):
     """κ is known from the losses alone, and worn summits bear less."""
     pressed = partial(
-        use_pressures, STATED.prior.mean[None], face, patches, STATED, **SETTINGS
+        use_pressures, STATED.mean[None], face, patches, STATED, **SETTINGS
     )
     before, springs = pressed(), 2e-5
     (after,) = pressed(springs=springs)
@@ -214,7 +214,7 @@ def test_a_strike_wears_by_the_coefficient_that_its_use_needs():
         rounds.append(springs * pressed.sum(axis=1))
         return pressed
 
-    prior = Prior(np.zeros(2), np.array([1.0, 0.3]), scatter_mm=0.0, stroke_mm=0.0)
+    prior = StatedUse(1.0, (0.0, 0.0), 1.0)
     losses = Losses(np.exp(-0.5 * places**2))
     settings = Sampling(draws=60, rounds=4, particles=100, seed=1)
     generator = np.random.default_rng(1)
