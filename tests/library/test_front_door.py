@@ -36,17 +36,22 @@ print(sorted(loaded()), gstlib.contact_modulus(1, 0, 1, 0), gstlib.bem.__name__,
     assert printed == "[] 0.5 gstlib.bem ['numpy', 'scipy']\n"
 
 
+def opened(settings, table):
+    """A study whose files are never read."""
+    readers = {"read_mesh": lambda: None, "read_scan": lambda *_: None}
+    return gstlib.Study(settings, table, **readers)
+
+
 def test_a_study_opens_without_a_config_and_refuses_wrong_settings():
     empty = pd.DataFrame({"patch": [], "t1": []})
-    readers = {"read_mesh": lambda: None, "read_scan": lambda *_: None}
     for settings in (gstlib.Settings(), {"seed": 1.0}):
-        assert gstlib.Study(settings, empty, **readers).config["load"]["force_N"] == 550
+        assert opened(settings, empty).config["load"]["force_N"] == 550
     for settings, problems in (
         ({"seed": "5", "colour": 1}, "(?s)seed.*colour"),
         ({"load": {}, "counterface": {"mesh": "a"}}, "(?s)pose.*load"),
     ):
         with pytest.raises(ValueError, match=problems):
-            gstlib.Study(settings, empty, **readers)
+            opened(settings, empty)
 
 
 @pytest.mark.parametrize(
@@ -58,14 +63,13 @@ def test_a_study_opens_without_a_config_and_refuses_wrong_settings():
 )
 def test_a_study_takes_a_table_as_pandas_reads_it(columns):
     table = pd.DataFrame(columns | {"x_mm": 1.0, "y_mm": 1.0})
-    readers = {"read_mesh": lambda: None, "read_scan": lambda *_: None}
-    study = gstlib.Study({}, table, **readers)
+    study = opened({}, table)
     assert study.worn == ["1"]
     texts = ["patch", "repeat", "flip", "rotation_deg"]
     expected = [["1", "", "", 0.0], ["2", "", "", 0.0]]
     assert study.patches[texts].values.tolist() == expected
     with pytest.raises(InputError, match="patch 1 is there twice"):
-        gstlib.Study({}, table.assign(patch=1), **readers)
+        opened({}, table.assign(patch=1))
 
 
 def test_the_program_itself_goes_by_the_rooms():

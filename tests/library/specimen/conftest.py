@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import pandas as pd
 import pytest
 import yaml
+from contacts import written
 
 from gstlib.specimen.generate import make_specimen
 from gstlib.specimen.randomness import SpecimenParameters
@@ -21,16 +21,15 @@ def parameters():
 
 @pytest.fixture(scope="session")
 def patches():
-    names = ["5", "7", "10", "13", "16"]
-    return pd.DataFrame(
-        {
-            "patch": names,
-            "x_mm": [4.5, 1.5, 4.5, 2.5, 0.5],
-            "y_mm": [0.5, 1.5, 1.5, 2.5, 3.5],
-            "rotation_deg": [0.0, 0.0, 30.0, 0.0, 0.0],
-            "t0": [f"{name}_T0.plu" for name in names],
-            "t1": [f"{name}_T1.plu" for name in names],
-        }
+    return written(
+        """
+        patch, x_mm, y_mm, rotation_deg, t0,        t1
+        5,     4.5,  0.5,  0.0,          5_T0.plu,  5_T1.plu
+        7,     1.5,  1.5,  0.0,          7_T0.plu,  7_T1.plu
+        10,    4.5,  1.5,  30.0,         10_T0.plu, 10_T1.plu
+        13,    2.5,  2.5,  0.0,          13_T0.plu, 13_T1.plu
+        16,    0.5,  3.5,  0.0,          16_T0.plu, 16_T1.plu
+        """
     )
 
 

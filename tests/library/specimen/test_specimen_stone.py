@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from gstlib.specimen.pebble import OUTER_SIZE_MM
@@ -24,14 +25,10 @@ def test_density_has_the_hurst_exponent_and_is_flat_above_the_roll_off(
         along = np.fft.fftfreq(count, spacing)
         frequency = np.hypot(along[:, None], along)
         density = np.abs(np.fft.fft2(field)) ** 2 * (spacing / count) ** 2
-        ring = np.rint(frequency * count * spacing).astype(int)
-        waves = np.bincount(ring.ravel())
-        radius, mean = (
-            np.bincount(ring.ravel(), values.ravel()) / waves
-            for values in (frequency, density)
-        )
-        inside = (radius > low) & (radius < high)
-        return radius[inside], mean[inside]
+        table = pd.DataFrame({"f": frequency.ravel(), "density": density.ravel()})
+        means = table.groupby(np.rint(table.f * count * spacing)).mean()
+        inside = means[means.f.between(low, high)]
+        return inside.f, inside.density
 
     frequency, density = rings(0.5, 4, 35)
     slope, _ = np.polyfit(np.log(frequency), np.log(density), 1)
