@@ -170,11 +170,13 @@ def _blots(
 ) -> np.ndarray:
     """Unmeasured points, clustered in spots: the highest points of a smooth field."""
     field = smooth_field(generator, points, p.scan_spacing_um, p.unmeasured_size_um)
-    measured = field.size - round(_UNMEASURED_FRACTION * field.size)
+    count = round(_UNMEASURED_FRACTION * field.size)
+    heights = field.ravel()
+    high = np.flatnonzero(heights >= np.partition(heights, -count)[-count])
     # Among equally high points, the last ones count.
-    by_height = np.argsort(field, axis=None, kind="stable")
+    by_height = high[np.argsort(heights[high], kind="stable")]
     unmeasured = np.zeros(field.shape, dtype=bool)
-    unmeasured.flat[by_height[measured:]] = True
+    unmeasured.flat[by_height[-count:]] = True
     return unmeasured
 
 
