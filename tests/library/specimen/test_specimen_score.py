@@ -45,10 +45,10 @@ def results(truth):
     names = list(truth.patch.values)
     before = truth.sel(epoch="T0")
     places = {f"{axis}_mm": before[f"nominal_{axis}_mm"].values for axis in "xy"}
-    shared = {"patch": "all"}
-    for axis in "xy":
-        off_mm = before[f"{axis}_mm"] - places[f"{axis}_mm"]
-        shared[f"shift_{axis}_um"] = float(off_mm.mean()) * 1e3
+    shared = {
+        f"shift_{axis}_um": 1e3 * (before[f"{axis}_mm"] - places[f"{axis}_mm"]).mean()
+        for axis in "xy"
+    }
     pressures = np.arange(len(names), dtype=float)
     return {
         "face": make_surface(truth.macroscale_height.values, 0.1).to_dataset(
@@ -60,7 +60,7 @@ def results(truth):
             for epoch in ("T0", "T1")
         },
         "changes": {patch: perfect_change(truth.sel(patch=patch)) for patch in names},
-        "placement": pd.DataFrame([{"patch": names[0]}, shared]),
+        "placement": pd.DataFrame([{}, shared], dtype=float),
         "pressures": pd.DataFrame(
             {"patch": names, "pressure_MPa": pressures, **places}
         ),
@@ -70,9 +70,10 @@ def results(truth):
     }
 
 
-def errors(table, patch):
-    """Errors of a patch by stage and quantity."""
-    return table[table.patch == patch].set_index(["stage", "quantity"]).error
+def wear_errors(truth, results):
+    """Errors of the wear of patch 10, by quantity."""
+    table = score_truth(truth, **results).set_index(["stage", "patch"])
+    return table.loc["wear", "10"].set_index("quantity").error
 
 
 def test_truth_against_itself_has_no_error(truth, results):
@@ -105,20 +106,18 @@ def test_every_perturbed_stage_shows(truth, results):
     noise = 1e-3 * rng.standard_normal(face.height.shape)
     results["face"] = face + 0.01 * face.x - 0.02 * face.y + 3 + noise
     table = score_truth(truth, **results)
-    shared, scanned, moved = (errors(table, patch) for patch in ("", "5", "7"))
-    assert scanned["preprocessing", "T0 tilt_x"] == 1
-    assert scanned["preprocessing", "T1 tilt_x"] == 0
-    assert scanned["preprocessing", "T0 filled"] > 30
-    assert scanned["preprocessing", "T0 outlier_precision"] < -0.5
-    assert scanned["microscale input", "T0 height_rms_error"] == pytest.approx(
-        0.1, rel=0.05
-    )
-    assert moved["registration", "shift_y"] == pytest.approx(5)
-    assert moved["registration", "rotation"] == pytest.approx(-0.25)
-    assert moved["coupling", "pressure"] == pytest.approx(3)
-    assert moved["wear", "loss_recall"] < -0.2
-    assert shared["placement", "shared shift_x"] == pytest.approx(7)
-    assert shared["macroscale", "height_rms_error"] == pytest.approx(1.0, rel=0.05)
+    error = table.set_index(["patch", "quantity"]).error
+    assert error["5", "T0 tilt_x"] == 1
+    assert error["5", "T1 tilt_x"] == 0
+    assert error["5", "T0 filled"] > 30
+    assert error["5", "T0 outlier_precision"] < -0.5
+    assert error["5", "T0 height_rms_error"] == pytest.approx(0.1, rel=0.05)
+    assert error["7", "shift_y"] == pytest.approx(5)
+    assert error["7", "rotation"] == pytest.approx(-0.25)
+    assert error["7", "pressure"] == pytest.approx(3)
+    assert error["7", "loss_recall"] < -0.2
+    assert error["", "shared shift_x"] == pytest.approx(7)
+    assert error["", "height_rms_error"] == pytest.approx(1.0, rel=0.05)
 
 
 def test_shallow_traces_are_neither_false_nor_missed_and_only_the_overlap_counts(
@@ -131,10 +130,10 @@ def test_shallow_traces_are_neither_false_nor_missed_and_only_the_overlap_counts
     change["loss"] = deep
     off = 0.2e-3 * (depth > 0) + 0.1e-3
     change["change"] = change.change + off
-    wear = errors(score_truth(truth, **results), "10")["wear"]
-    for quantity in ("loss_precision", "loss_recall", "false_loss_fraction"):
-        assert wear[quantity] == pytest.approx(0, abs=1e-12)
+    wear = wear_errors(truth, results)
+    quantities = ["loss_precision", "loss_recall", "false_loss_fraction"]
+    np.testing.assert_allclose(wear[quantities], 0, atol=1e-12)
     change["change"] = change.change.where(change.x < 0.4)
-    wear = errors(score_truth(truth, **results), "10")["wear"]
+    wear = wear_errors(truth, results)
     assert wear.change_bias_unworn == pytest.approx(0.1, abs=1e-6)
     assert wear.change_bias_worn == pytest.approx(0.3, abs=1e-6)

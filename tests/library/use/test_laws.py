@@ -62,13 +62,10 @@ def test_a_law_is_found_under_loads_that_are_not_known():
     places = np.linspace(0, 4, 12)
 
     def hertz(standard):
-        centre, radius = (
-            2.2 + 0.5 * standard[:, :1],
-            np.exp(0.4 + 0.05 * standard[:, 1:]),
-        )
-        return (
-            60 * np.sqrt(np.maximum(1 - ((places - centre) / radius) ** 2, 0)) / radius
-        )
+        centre = 2.2 + 0.5 * standard[:, :1]
+        radius = np.exp(0.4 + 0.05 * standard[:, 1:])
+        off = (places - centre) / radius
+        return 60 * np.sqrt(np.maximum(1 - off**2, 0)) / radius
 
     generator = np.random.default_rng(3)
     (pressure,) = hertz(np.array([[-0.4, 0.5]]))
