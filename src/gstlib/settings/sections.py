@@ -38,6 +38,7 @@ AnyType = TypeVar("AnyType")
 # A key without a default, which may be omitted.
 Given: TypeAlias = AnyType | SkipJsonSchema[None]
 Texts = list[str]
+MeshUnit = Literal["mm", "cm", "m", "um", "in", "ft"]
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Points = Annotated[list[Vector], Field(min_length=3, max_length=3)]
@@ -99,7 +100,7 @@ class Inputs(Section):
 
     mesh: str
     """Mesh of the tool (STL, PLY, OBJ, OFF, GLB or 3MF)."""
-    mesh_unit: Literal["mm", "cm", "m", "um", "in", "ft"]
+    mesh_unit: MeshUnit
     """Unit of the coordinates of the mesh. The GLB format prescribes m."""
     scan_folder: str | None = None
     """Folder of the scans in the patch table. It is required if there is a patch table."""
@@ -332,7 +333,7 @@ class Counterface(Alternatives):
     the scans of patches. It is prepared like them and turned over about the y axis."""
     mesh: Given[str] = None
     """Mesh of the active tool (STL, PLY, OBJ, OFF, GLB or 3MF)."""
-    mesh_unit: Given[Literal["mm", "cm", "m", "um", "in", "ft"]] = None
+    mesh_unit: Given[MeshUnit] = None
     """Unit of the coordinates of this mesh. The default is mm."""
     pose: Given[Pose] = None
 

@@ -192,6 +192,7 @@ def make_specimen(
             "Make the square smaller.",
         )
     stone = Stone(p, square_mm)
+    stl = stone_stl(stone)
     depth = wear(stone) if wear else wear_depth(stone, p.wear_placement)
     poor = poor_overlaps(list(patches.patch), p.seed)
     scans: dict[tuple[str, str], xr.DataArray] = {}
@@ -210,8 +211,8 @@ def make_specimen(
             heights[epoch] = at_points(stone.heights, place=place, order=3)
             if epoch == "T1":
                 heights[epoch] -= at_points(depth, place=place, order=1)
-            scan, true = take_scan(heights[epoch], row.patch, epoch, p)
-            seen.append(xr.Dataset(place._asdict() | true))
+            scan, masks = take_scan(heights[epoch], row.patch, epoch, p)
+            seen.append(xr.Dataset(place._asdict() | masks))
             if file:
                 scans[row.patch, epoch] = scan.assign_attrs(file=file)
         level, _ = remove_plane(make_surface(heights["T0"], p.scan_spacing_mm))
@@ -225,10 +226,10 @@ def make_specimen(
             "height": (("y", "x"), rounded(level.values)),
             "wear_depth": (("y", "x"), rounded(at_points(depth, place=t0, order=1))),
         }
-        truths.append(xr.concat(seen[:2], "epoch").assign(of_patch))
+        true = xr.concat(seen[:2], "epoch").assign(of_patch)
+        truths.append(dict(true.variables))
     truth = _truth(patches, stone, grid, around, truths)
-    surface = within_square(stone.heights, stone)
-    return Specimen(stone_stl(stone), scans, truth, surface)
+    return Specimen(stl, scans, truth, within_square(stone.heights, stone))
 
 
 def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
@@ -265,11 +266,7 @@ def write_specimen(
 
 
 def _truth(
-    patches: pd.DataFrame,
-    stone: Stone,
-    grid: int,
-    around: int,
-    of_patches: list[xr.Dataset],
+    patches: pd.DataFrame, stone: Stone, grid: int, around: int, of_patches: list[dict]
 ) -> xr.Dataset:
     """The truth about a specimen, from the truths `of_patches`."""
     p = stone.parameters
@@ -278,20 +275,25 @@ def _truth(
     along_face = axis_coordinates(grid + 2 * around, spacing) - around * spacing
     along_scan = axis_coordinates(p.scan_points, p.scan_spacing_mm)
     of_square, of_face = ("macroscale_y", "macroscale_x"), ("face_y", "face_x")
-    heights = {
+    variables: dict[str, Any] = {
         "macroscale_height": (of_square, stone.macroscale_means(grid)),
         "face_height": (of_face, stone.face_means(grid, around)),
     }
+    for name in _TRUTH.keys() - variables.keys():
+        # popped: the maps are large
+        values = [patch.pop(name) for patch in of_patches]
+        variables[name] = xr.Variable.concat(values, "patch")
     of_axes = {"macroscale_": along_square, "face_": along_face, "": along_scan}
     coordinates = {
         f"{prefix}{axis}": (f"{prefix}{axis}", along, {"units": "mm"})
         for prefix, along in of_axes.items()
         for axis in "yx"
     }
-    names = {"patch": list(patches.patch), "epoch": ["T0", "T1"]}
-    truth = xr.concat(of_patches, "patch").assign(heights)[list(_TRUTH)]
-    truth = truth.assign_coords(names | coordinates)
-    truth.attrs["wear_threshold_um"] = _WEAR_THRESHOLD_UM
+    truth = xr.Dataset(
+        {name: variables[name] for name in _TRUTH},
+        {"patch": list(patches.patch), "epoch": ["T0", "T1"]} | coordinates,
+        {"wear_threshold_um": _WEAR_THRESHOLD_UM},
+    )
     if p.wear_placement in LAWS:
         truth.attrs["use_y_mm"], truth.attrs["use_x_mm"] = load_point_of(stone)
         truth.attrs["use_radius_mm"] = p.worn_radius_mm

@@ -10,8 +10,6 @@ a spot anywhere, and uniform wear. Each predicts the wear of a patch from the ot
 # below their mean and 2.5 above it. Its tilt would about span the heights. Reason: Planes and spots
 # beyond these limits wear nearly all patches alike, or hardly any.
 
-from collections.abc import Callable
-
 import numpy as np
 import pandas as pd
 import scipy
@@ -19,6 +17,7 @@ import xarray as xr
 
 from gstlib.macroscale.ensemble import patch_means
 from gstlib.use.evidence import Evidence, posterior
+from gstlib.use.tempering import OfDraws
 
 __all__ = ["COMPETITORS", "competitor_scores"]
 
@@ -31,9 +30,6 @@ COMPETITORS = {
 _DRAWS = 500
 _LEVELS = -0.5, 2.5
 _WIDTHS = 0.08, 0.6
-
-# Maps standard normal variables (draws, variables) to depths (draws, patches), in any unit.
-_Depths = Callable[[np.ndarray], np.ndarray]
 
 
 def competitor_scores(
@@ -59,7 +55,7 @@ def competitor_scores(
     seed : int
     """
     above = _above_planes(height, patches, patch_mm)
-    competitors: dict[str, tuple[_Depths, int]] = {
+    competitors: dict[str, tuple[OfDraws, int]] = {
         "everywhere": (lambda standard: np.ones((len(standard), len(patches))), 0),
         "heights": (above, 1),
         "tilted": (above, 3),
@@ -76,7 +72,7 @@ def competitor_scores(
     )
 
 
-def _spots(patches: pd.DataFrame, patch_mm: float) -> _Depths:
+def _spots(patches: pd.DataFrame, patch_mm: float) -> OfDraws:
     """Depths of spots with a Gaussian profile."""
     places = patches[["y_mm", "x_mm"]].to_numpy(dtype=float)
     low = places.min(axis=0) - patch_mm / 2
@@ -96,7 +92,7 @@ def _spots(patches: pd.DataFrame, patch_mm: float) -> _Depths:
 
 def _above_planes(
     height: xr.DataArray, patches: pd.DataFrame, patch_mm: float
-) -> _Depths:
+) -> OfDraws:
     """Volumes per area above planes, level (one variable) or tilted (three variables)."""
     means = patch_means(height, patches, size_mm=patch_mm)
     inside = np.unique(means.indices)

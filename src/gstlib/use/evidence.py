@@ -18,7 +18,7 @@ priors in `gstlib.use.tempering`.
 # of their grades. Reason: Grades give an order, but no depths.
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -27,7 +27,7 @@ import scipy
 
 from gstlib.conditions import ARCHARD, Law
 from gstlib.errors import InputError
-from gstlib.use.tempering import Particles, tempered
+from gstlib.use.tempering import OfDraws, Particles, tempered
 
 __all__ = [
     "FEWEST_PATCHES",
@@ -202,7 +202,7 @@ def likelihood(
 
 
 def posterior(
-    pressures: Callable[[np.ndarray], np.ndarray],
+    pressures: OfDraws,
     variables: int,
     evidence: Evidence,
     draws: int,

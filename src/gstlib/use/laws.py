@@ -18,6 +18,7 @@ of them contains Archard's law as a special case. So a better score means a bett
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -26,7 +27,7 @@ import xarray as xr
 
 from gstlib.conditions import ARCHARD, Law
 from gstlib.use.evidence import FEWEST_PATCHES, Losses, likelihood
-from gstlib.use.tempering import mean_and_limits, tempered
+from gstlib.use.tempering import OfDraws, mean_and_limits, tempered
 
 __all__ = ["BASE", "UNDECIDED", "law_scores", "law_table"]
 
@@ -57,9 +58,10 @@ def _exponent(standard: np.ndarray, mean: float, *, sign: float) -> Law:
     return Law(exponent=2.0 ** (sign * apart))
 
 
-# By name, the parameter of a law, and the law for standard normal variables (draws, 0 or 1) and a
-# mean pressure (MPa).
-_LAWS: dict[str, tuple[str, Callable[[np.ndarray, float], Law]]] = {
+# Maps standard normal variables (draws, 0 or 1) and a mean pressure (MPa) to a law.
+_LawOf: TypeAlias = Callable[[np.ndarray, float], Law]
+# By name, the parameter of a law, and the law.
+_LAWS: dict[str, tuple[str, _LawOf]] = {
     BASE: ("", lambda standard, mean: ARCHARD),
     "threshold": ("threshold_MPa", _threshold),
     "lower exponent": ("exponent", partial(_exponent, sign=-1.0)),
@@ -69,10 +71,7 @@ _LAWS: dict[str, tuple[str, Callable[[np.ndarray, float], Law]]] = {
 
 
 def law_scores(
-    pressures: Callable[[np.ndarray], np.ndarray],
-    variables: int,
-    losses: Losses,
-    generator: np.random.Generator,
+    pressures: OfDraws, variables: int, losses: Losses, generator: np.random.Generator
 ) -> xr.Dataset:
     """Score how well each law predicts the loss of each patch from the other losses.
 
@@ -97,9 +96,7 @@ def law_scores(
     touched = prior[prior > 0]
     mean = float(touched.mean()) if touched.size else 0.0
 
-    def scored(
-        parameter: str, law: Callable[[np.ndarray, float], Law]
-    ) -> tuple[np.ndarray, list[float]]:
+    def scored(parameter: str, law: _LawOf) -> tuple[np.ndarray, list[float]]:
         """Score of each loss, and statistics of the parameter."""
         end = variables + bool(parameter)
 

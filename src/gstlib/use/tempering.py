@@ -9,19 +9,22 @@ differential evolution (ter Braak 2006, Stat. Comput. 16:239).
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import scipy
 
 __all__ = [
     "LIMITS",
+    "OfDraws",
     "Particles",
     "effective_sample_size",
     "mean_and_limits",
     "tempered",
 ]
 
+# Maps standard normal variables (draws, variables) to values (draws, ...).
+OfDraws: TypeAlias = Callable[[np.ndarray], np.ndarray]
 # Quantiles that enclose 95 % of the posterior.
 LIMITS = 0.025, 0.975
 # Effective fraction of the particles after a step, and accepted moves of each particle.
@@ -52,7 +55,7 @@ class Particles(NamedTuple):
 
 
 def tempered(
-    log_likelihood: Callable[[np.ndarray], np.ndarray],
+    log_likelihood: OfDraws,
     variables: int,
     draws: int,
     generator: np.random.Generator,
@@ -173,8 +176,8 @@ def _step(
 
 def _moved(
     particles: tuple[np.ndarray, np.ndarray],
-    log_likelihood: Callable[[np.ndarray], np.ndarray],
-    target: Callable[[np.ndarray], np.ndarray],
+    log_likelihood: OfDraws,
+    target: OfDraws,
     enough: float,
     generator: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
