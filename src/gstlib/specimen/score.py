@@ -18,7 +18,7 @@ from gstlib.surfaces.footprints import PatchPosition, square_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["score_truth", "true_contact", "true_face"]
+__all__ = ["score_truth", "true_contact"]
 
 # Significant digits of the larger number that are kept in the difference of two numbers.
 _ERROR_DIGITS = 7
@@ -101,11 +101,6 @@ def score_truth(
     return table.assign(error=list(map(_error, table.true, table.recovered)))
 
 
-def true_face(truth: xr.Dataset) -> xr.DataArray:
-    """The true heights of the face before use (y, x), mm, from the truth of a specimen."""
-    return truth.face_height.reset_coords(drop=True).rename(face_y="y", face_x="x")
-
-
 def true_contact(
     truth: xr.Dataset,
     counterface: xr.DataArray,
@@ -114,8 +109,9 @@ def true_contact(
     source: str | Path = "truth",
 ) -> Contact:
     """The contact of the true face under the load of `contact`, of the measured face."""
+    height = truth.face_height.reset_coords(drop=True).rename(face_y="y", face_x="x")
     return contact_at_pressure(
-        Interface(true_face(truth), counterface),
+        Interface(height, counterface),
         contact.load,
         modulus=contact.modulus,
         tolerance=contact.tolerance,

@@ -169,10 +169,11 @@ class Stone:
         # This frame is the frame of the mesh turned by half a turn about the centre of the square.
         return use_face(self.square_mm / 2 - x, self.square_mm / 2 - y)
 
-    def macroscale_means(self, count: int) -> np.ndarray:
-        """The macroscale surface (mm) averaged over each of (count, count) elements."""
-        fine = count * _SUBSAMPLES
-        places = axis_coordinates(fine, self.square_mm / fine)
+    def macroscale_means(self, count: int, around: int = 0) -> np.ndarray:
+        """The macroscale surface (mm) averaged over the elements of the face, as `face_means`."""
+        element = self.square_mm / count
+        fine = (count + 2 * around) * _SUBSAMPLES
+        places = axis_coordinates(fine, element / _SUBSAMPLES) - around * element
         return block_means(self.macroscale(places), _SUBSAMPLES)
 
     def face_means(self, count: int, around: int) -> np.ndarray:
@@ -185,11 +186,9 @@ class Stone:
         # ASSUME: Short waves outside the square. The face outside the square does not contain waves
         # shorter than two fifths of an element. Reason: The macroscale contact uses means over
         # elements.
-        element = self.square_mm / count
-        step = element / _SUBSAMPLES
-        places = axis_coordinates((count + 2 * around) * _SUBSAMPLES, step)
-        places -= around * element
-        points = scipy.fft.next_fast_len(len(places), real=True)
+        step = self.square_mm / count / _SUBSAMPLES
+        fine = (count + 2 * around) * _SUBSAMPLES
+        points = scipy.fft.next_fast_len(fine, real=True)
         detail = self._factor * self_affine_field(
             stream(self.parameters.seed, "stone", "face"),
             points,
@@ -198,7 +197,7 @@ class Stone:
             shortest=2 * step,
             **self._spectrum,
         )
-        means = block_means(detail[: len(places), : len(places)], _SUBSAMPLES)
+        means = block_means(detail[:fine, :fine], _SUBSAMPLES)
         limits = np.arange(count + 1) * self.square_mm / count
         edges = np.searchsorted(self.grid, limits)
         square, points = slice(edges[0], edges[-1]), np.diff(edges)
@@ -207,7 +206,7 @@ class Stone:
             sums = np.add.reduceat(sums, edges[:-1] - edges[0], axis=axis)
         inside = slice(around, around + count)
         means[inside, inside] = sums / np.outer(points, points)
-        return block_means(self.macroscale(places), _SUBSAMPLES) + means
+        return self.macroscale_means(count, around) + means
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
         """Closed mesh of the stone, as if made by photogrammetry.

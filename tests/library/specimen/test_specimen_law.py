@@ -7,25 +7,15 @@ import pytest
 
 from gstlib.specimen import law
 from gstlib.specimen.law import worn_by_law
-from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import Stone
 
 MEAN_LOSS = 2e-4
 
 
 @pytest.fixture(scope="module")
-def stone():
-    parameters = SpecimenParameters(
-        seed=9,
-        counterface_seed=None,
-        mesh_edge_mm=0.6,
-        cut_off_wavelength_mm=1.2,
-        scan_points=32,
-        scan_spacing_um=26.56,
-        unmeasured_size_um=30.0,
-        wear_placement="archard",
-    )
-    return Stone(parameters, 5.0)
+def stone(parameters):
+    coarse = {"scan_points": 32, "scan_spacing_um": 26.56}
+    return Stone(replace(parameters, **coarse, wear_placement="archard"), 5.0)
 
 
 def worn(stone, with_interlayer=False):
