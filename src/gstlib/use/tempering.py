@@ -23,7 +23,7 @@ __all__ = [
     "tempered",
 ]
 
-# Maps standard normal variables (draws, variables) to values (draws, ...).
+# Maps values of draws, such as their standard normal variables (draws, variables), to others.
 OfDraws: TypeAlias = Callable[[np.ndarray], np.ndarray]
 # Quantiles that enclose 95 % of the posterior.
 LIMITS = 0.025, 0.975
