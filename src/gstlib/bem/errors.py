@@ -10,9 +10,12 @@ __all__ = [
     "ContactWarning",
     "ConvergenceError",
     "TippingError",
+    "as_number",
     "checked_array",
     "checked_cap",
     "checked_number",
+    "checked_poisson",
+    "checked_share",
     "checked_spacing",
     "checked_steps",
     "checked_tolerance",
@@ -64,16 +67,37 @@ class ConvergenceError(ContactError):
     """
 
 
-def checked_number(
-    name: str, value: object, unit: str, *, positive: bool = False
-) -> float:
-    """A finite number that is not negative or, if required, positive."""
+def as_number(name: str, value: object, unit: str) -> float:
+    """Any number, NaN and infinity included."""
     try:
-        number = float(value)  # type: ignore[arg-type]
+        return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise ContactInputError(
             f"{name} must be a number ({unit}), got {value!r}"
         ) from None
+
+
+def checked_poisson(name: str, value: object) -> float:
+    """Poisson's ratio, in (-1, 0.5]."""
+    number = as_number(name, value, "dimensionless")
+    if not -1 < number <= 0.5:
+        raise ContactInputError(f"{name} must lie in (-1, 0.5], got {value}")
+    return number
+
+
+def checked_share(name: str, value: object) -> float:
+    """A share, in [0, 1]."""
+    number = as_number(name, value, "dimensionless")
+    if not 0 <= number <= 1:
+        raise ContactInputError(f"{name} must lie in [0, 1], got {value}")
+    return number
+
+
+def checked_number(
+    name: str, value: object, unit: str, *, positive: bool = False
+) -> float:
+    """A finite number that is not negative or, if required, positive."""
+    number = as_number(name, value, unit)
     if not 0 <= number < math.inf or (positive and number == 0):
         wanted = "positive and finite" if positive else "finite and not negative"
         raise ContactInputError(f"{name} must be {wanted} ({unit}), got {value}")

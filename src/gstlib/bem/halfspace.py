@@ -23,7 +23,14 @@ from .convolution import (
     kernel_spectrum,
     love_kernel,
 )
-from .errors import ContactInputError, checked_array, checked_number, checked_spacing
+from .errors import (
+    ContactInputError,
+    as_number,
+    checked_array,
+    checked_number,
+    checked_poisson,
+    checked_spacing,
+)
 from .layer import Layer
 
 __all__ = ["APPROXIMATION_ERROR", "HalfSpace", "contact_modulus", "inverse_padding"]
@@ -76,18 +83,10 @@ def contact_modulus(
     """
     compliance = 0.0
     for body, young, poisson in ((1, young_1, poisson_1), (2, young_2, poisson_2)):
-        try:
-            young, poisson = float(young), float(poisson)
-        except (TypeError, ValueError):
-            raise ContactInputError(
-                f"young_{body} and poisson_{body} must be numbers, got {young!r} and {poisson!r}"
-            ) from None
+        young = as_number(f"young_{body}", young, "MPa")
+        poisson = checked_poisson(f"poisson_{body}", poisson)
         if not young > 0:
             raise ContactInputError(f"young_{body} must be positive (MPa), got {young}")
-        if not -1 < poisson <= 0.5:
-            raise ContactInputError(
-                f"poisson_{body} must lie in (-1, 0.5], got {poisson}"
-            )
         compliance += (1 - poisson**2) / young
     if compliance == 0:
         raise ContactInputError(
@@ -180,21 +179,17 @@ class HalfSpace:
 
     @cached_property
     def _single(self):
-        if self.periodic:
-            return self._exact(np.float32)
         reach = self.layer.reach if self.layer else 0.0
-        if SplitConvolution.saves(self.shape, self.spacing, reach):
-            return SplitConvolution(
-                self.shape, self.spacing, self.contact_modulus, self.kernel
-            )
-        return self._exact(np.float32)
+        grid = self.shape, self.spacing
+        if self.periodic or not SplitConvolution.saves(*grid, reach):
+            return self._exact(np.float32)
+        return SplitConvolution(*grid, self.contact_modulus, self.kernel)
 
     @cached_property
     def _inverse(self):
         padded = self.shape if self.periodic else inverse_padding(self.shape)
-        return EvenConvolution(
-            self.shape, 1 / self.spectrum(padded), np.float32, padded
-        )
+        inverse = 1 / self.spectrum(padded)
+        return EvenConvolution(self.shape, inverse, np.float32, padded)
 
     def _exact(self, dtype):
         padded = self.shape if self.periodic else exact_padding(self.shape)
@@ -212,19 +207,17 @@ class HalfSpace:
         """
         if not self.periodic:
             return kernel_spectrum(grid, lambda shape: self.kernel(shape, coarsening))
-        steps = [
-            2 * math.pi / (m * coarsening * side)
-            for m, side in zip(grid, self.spacing, strict=True)
-        ]
         y, x = (
-            np.arange(m // 2 + 1) * step for m, step in zip(grid, steps, strict=True)
+            np.arange(m // 2 + 1) * (2 * math.pi / (m * coarsening * side))
+            for m, side in zip(grid, self.spacing, strict=True)
         )
         wave_number = np.hypot(y[:, None], x)
-        wave_number[0, 0] = 0.5 * min(steps)
+        lengths = np.multiply(grid, self.spacing) * coarsening
+        wave_number[0, 0] = math.pi / lengths.max()
         spectrum = self.springs + 2 / (self.contact_modulus * wave_number)
-        return (
-            spectrum + 1 / self.layer.stiffness(wave_number) if self.layer else spectrum
-        )
+        if self.layer:
+            spectrum += 1 / self.layer.stiffness(wave_number)
+        return spectrum
 
     def kernel(self, shape: tuple[int, int], coarsening: int = 1) -> np.ndarray:
         """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
@@ -234,7 +227,9 @@ class HalfSpace:
         spacing = (coarsening * self.spacing[0], coarsening * self.spacing[1])
         kernel = love_kernel(shape, spacing, self.contact_modulus)
         kernel[0, 0] += self.springs
-        return kernel + self.layer.kernel(shape, spacing) if self.layer else kernel
+        if self.layer:
+            kernel += self.layer.kernel(shape, spacing)
+        return kernel
 
     def displacement(self, pressure) -> np.ndarray:
         """Displacement at element centres (mm) under a pressure, uniform on each element (MPa).
@@ -280,14 +275,15 @@ class HalfSpace:
             if holds and math.prod(shape) > _WORTH_A_BOX * math.prod(box.shape):
                 return box
         self._convolutions = self.convolutions
-        self._box = HalfSpace(
-            shape,
-            self.spacing,
-            self.contact_modulus,
-            springs=self.springs,
-            layer=self.layer,
-        )
+        self._box = self.on(shape)
         return self._box
+
+    def on(self, shape: tuple[int, int], coarsening: int = 1) -> "HalfSpace":
+        """The same half-space on another grid, with elements `coarsening` times as long."""
+        spacing = [coarsening * side for side in self.spacing]
+        bodies = {"springs": self.springs, "layer": self.layer}
+        modulus = self.contact_modulus
+        return HalfSpace(shape, spacing, modulus, periodic=self.periodic, **bodies)
 
 
 def inverse_padding(shape: tuple[int, int]) -> tuple[int, int]:

@@ -14,12 +14,12 @@ that reaches farther than the layer's thickness.
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 
 import numpy as np
 
 from .convolution import love_kernel
-from .errors import ContactInputError, checked_number
+from .errors import ContactInputError, checked_number, checked_poisson
 
 __all__ = ["LONGEST_ELEMENT", "Layer"]
 
@@ -70,10 +70,7 @@ class Layer:
     def __post_init__(self):
         checked_number("young", self.young, "MPa", positive=True)
         checked_number("thickness", self.thickness, "mm", positive=True)
-        if not -1 < self.poisson <= 0.5:
-            raise ContactInputError(
-                f"poisson must lie in (-1, 0.5], got {self.poisson}"
-            )
+        checked_poisson("poisson", self.poisson)
 
     @property
     def modulus(self) -> float:
@@ -88,39 +85,14 @@ class Layer:
     @property
     def uniform_influence(self) -> float:
         """Displacement under unit pressure all over (mm/MPa), t(1 + ν)(1 − 2ν)/(E(1 − ν))."""
-        return (
-            self.thickness
-            * (1 - 2 * self.poisson)
-            / (1 - self.poisson) ** 2
-            / self.modulus
-        )
+        nu = self.poisson
+        return self.thickness * (1 - 2 * nu) / (1 - nu) ** 2 / self.modulus
 
     def stiffness(self, wave_number):
         """Pressure per displacement (MPa/mm) of waves of these wave numbers (1/mm), > 0."""
         wave_number = np.asarray(wave_number, dtype=float)
-        return (
-            self.modulus * wave_number / 2 / self._share(wave_number * self.thickness)
-        )
-
-    def _share(self, zeta):
-        """f(ζ): displacement of a wave relative to a half-space."""
-        nu = self.poisson
-        zeta = np.minimum(zeta, 100.0)  # f is 1 long before sinh overflows
-        above = (3 - 4 * nu) * np.sinh(2 * zeta) - 2 * zeta
-        below = (3 - 4 * nu) * np.cosh(2 * zeta) + 2 * zeta**2
-        return above / (below + 5 - 12 * nu + 8 * nu**2)
-
-    @cached_property
-    def _behind(self):
-        """g(ρ), the reduction due to the body behind the layer, 1/ρ beyond the reach."""
-        # here: SciPy takes longer to import than all of gstlib.bem, and only a layer needs it
-        from scipy.interpolate import CubicSpline
-        from scipy.special import j0
-
-        nodes, weights = np.polynomial.legendre.leggauss(_WAVES)
-        zeta = _LARGEST_WAVE / 2 * (nodes + 1)
-        weights = _LARGEST_WAVE / 2 * weights * (1 - self._share(zeta))
-        return CubicSpline(_TABLE, j0(np.outer(_TABLE, zeta)) @ weights)
+        share = _share(self.poisson, wave_number * self.thickness)
+        return self.modulus * wave_number / 2 / share
 
     def kernel(
         self, shape: tuple[int, int], spacing: tuple[float, float]
@@ -135,7 +107,7 @@ class Layer:
         )
         places, weights = zip(*map(self._along, (ny, nx), spacing), strict=True)
         distance = np.hypot(places[0][:, None], places[1])
-        smooth = self._behind(np.minimum(distance, _REACH))
+        smooth = _behind(self.poisson)(np.minimum(distance, _REACH))
         far = distance > _REACH
         smooth[far] = 1 / distance[far]
         smooth *= np.outer(*weights)
@@ -159,3 +131,25 @@ class Layer:
         nodes, weights = np.polynomial.legendre.leggauss(min(number, _MOST_NODES))
         places = np.arange(count)[:, None] * step + nodes * step / 2
         return places.reshape(-1), np.tile(weights * step / 2, count)
+
+
+def _share(poisson, zeta):
+    """f(ζ): displacement of a wave relative to a half-space."""
+    nu = poisson
+    zeta = np.minimum(zeta, 100.0)  # f is 1 long before sinh overflows
+    above = (3 - 4 * nu) * np.sinh(2 * zeta) - 2 * zeta
+    below = (3 - 4 * nu) * np.cosh(2 * zeta) + 2 * zeta**2
+    return above / (below + 5 - 12 * nu + 8 * nu**2)
+
+
+@cache
+def _behind(poisson):
+    """g(ρ), the reduction due to the body behind the layer, 1/ρ beyond the reach."""
+    # here: SciPy takes longer to import than all of gstlib.bem, and only a layer needs it
+    from scipy.interpolate import CubicSpline
+    from scipy.special import j0
+
+    nodes, weights = np.polynomial.legendre.leggauss(_WAVES)
+    zeta = _LARGEST_WAVE / 2 * (nodes + 1)
+    weights = _LARGEST_WAVE / 2 * weights * (1 - _share(poisson, zeta))
+    return CubicSpline(_TABLE, j0(np.outer(_TABLE, zeta)) @ weights)

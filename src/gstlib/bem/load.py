@@ -22,38 +22,41 @@ class LoadControl:
         Sum of the elements' pressures (MPa).
     pressure_cap : float
         Cap on the pressure (MPa), may be infinite.
+
+    Notes
+    -----
+    Vectors contain the elements that the load is `at`: pressures in MPa, and openings Kp + (h_max −
+    h) in mm. `freedoms` are what the load leaves free: here the displacement (mm).
     """
 
     displacement: float | None = None
     force: float | None = None
     pressure_cap: float = math.inf
 
-    def coarser(self, relief: np.ndarray) -> "LoadControl":
+    def coarser(self, relief):
         """The same load on elements twice as long, with their relief (mm)."""
         return self if self.force is None else replace(self, force=self.force / 4)
 
-    def at(self, elements: np.ndarray) -> "LoadControl":
-        """The load on the elements of these flat indices, to which the vectors below belong."""
+    def at(self, elements):
+        """The load on the elements of these flat indices."""
         return self
 
-    def freedoms(self, pressure: np.ndarray, opening: np.ndarray):
-        """Displacement that closes the contact, from the opening Kp + (h_max − h)."""
+    def freedoms(self, pressure, opening):
+        """Displacement that closes the contact."""
         if self.displacement is not None:
             return self.displacement
-        elastic = pressure
-        if self.pressure_cap < math.inf:
-            elastic = pressure * (pressure < self.pressure_cap)
+        elastic = pressure * (pressure < self.pressure_cap)
         force = float(elastic.sum())
         if force > 0:
             return dot(elastic, opening) / force
         # All contact is at the limit: any displacement from here to the next touch would do.
         return float(opening[pressure > 0].max())
 
-    def followed(self) -> np.ndarray:
+    def followed(self):
         """Flat indices of elements to follow however far they are from contact."""
         return np.zeros(0, np.intp)
 
-    def decided_by(self, pressure: np.ndarray) -> bool:
+    def decided_by(self, pressure):
         """Whether this pressure, without elements out of contact, decides the freedoms."""
         return True
 
@@ -61,34 +64,34 @@ class LoadControl:
         """Displacement of the rigid surface at the elements (mm)."""
         return freedoms
 
-    def plane(self, freedoms, shape: tuple[int, int]):
+    def plane(self, freedoms, shape):
         """The same on the whole grid."""
         return freedoms
 
-    def tilt(self, freedoms) -> np.ndarray:
+    def tilt(self, freedoms):
         """Slopes (y, x) that they represent."""
         return np.zeros(2)
 
-    def eccentricity(self, pressure: np.ndarray) -> float:
+    def eccentricity(self, pressure):
         """Distance of the pressure's resultant from its required point, over the grid's side."""
         return 0.0
 
-    def deepest(self, rigid, relief: np.ndarray) -> float:
+    def deepest(self, rigid, relief):
         """Largest rigid interpenetration of the elements (mm)."""
         return rigid
 
-    def balanced(self, direction: np.ndarray, lift: np.ndarray) -> np.ndarray:
+    def balanced(self, direction, lift):
         """A direction that keeps the load, by a share of `lift` ≥ 0."""
         return direction - lift * (direction.sum() / lift.sum())
 
-    def admissible(self, trial: np.ndarray, lift: np.ndarray | None) -> np.ndarray:
+    def admissible(self, trial, lift):
         """The pressure nearest to `trial` within its bounds, raised along `lift` ≥ 0 to the force.
 
         clip(trial + c·lift, 0, limit) with the number c for which its sum is the force.
         """
         limit, force = self.pressure_cap, self.force
-        pressure = self._bounded(trial)
-        if force is None or lift is None:
+        pressure = trial.clip(0.0, limit)
+        if force is None:
             return pressure
         moving = lift > 0
         if not moving.any():
@@ -107,26 +110,20 @@ class LoadControl:
             shift = shift - excess / slope if slope > 0 else math.inf
             if not low < shift < high:
                 shift = 0.5 * (low + high)
-            pressure = self._bounded(trial + shift * lift)
+            pressure = (trial + shift * lift).clip(0.0, limit)
         return pressure
 
-    def _bounded(self, trial):
-        return trial.clip(0.0, self.pressure_cap)
-
-    def carried_by(self, pressure: np.ndarray) -> bool:
+    def carried_by(self, pressure):
         """Whether a pressure ≥ 0 can be scaled to the force within its limit."""
         if self.force is None:
             return True
-        if self.pressure_cap == math.inf:
-            return bool(pressure.any())
-        return bool(np.count_nonzero(pressure) * self.pressure_cap > self.force)
+        count = np.count_nonzero(pressure)
+        return count > 0 and count * self.pressure_cap > self.force
 
-    def scaled(self, pressure: np.ndarray) -> np.ndarray:
+    def scaled(self, pressure):
         """A pressure ≥ 0 scaled to the force, except at the limit. It may be unchanged."""
-        lift = pressure
-        if self.pressure_cap < math.inf:
-            pressure = np.minimum(pressure, self.pressure_cap)
-            lift = pressure * (pressure < self.pressure_cap)
+        pressure = np.minimum(pressure, self.pressure_cap)
         if self.force is None:
             return pressure
+        lift = pressure * (pressure < self.pressure_cap)
         return self.admissible(pressure, lift if lift.any() else pressure)

@@ -217,13 +217,9 @@ def _below(problem, above, displacement, tolerance, tangent):
     opening = opening + problem.relief.reshape(-1)[window.elements]
     # On the way down elements leave the contact. If some join it nevertheless, against the
     # continuum's rule, the solver's final check adds them.
-    return problem.solve(
-        LoadControl(displacement),
-        tolerance,
-        np.sqrt(np.maximum(squared, 0)),
-        window,
-        nearby=(pressure, opening + above.displacement),
-    )
+    nearby = pressure, opening + above.displacement
+    start = np.sqrt(np.maximum(squared, 0))
+    return problem.solve(LoadControl(displacement), tolerance, start, nearby, window)
 
 
 def _unit_response(window, start):

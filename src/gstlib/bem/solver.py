@@ -23,6 +23,7 @@ a separate convolution, in double precision and on every element.
 
 import copy
 import math
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -276,20 +277,11 @@ class ContactProblem:
         problem.relief -= top
         return problem, -top
 
-    def solve(
-        self,
-        load,
-        tolerance,
-        initial_pressure=None,
-        window=None,
-        nearby=None,
-        field=None,
-    ):
-        """Solve at one load. Arguments are as in :func:`solve_contact`, and already checked.
+    def solve(self, load, tolerance, pressure=None, displacement=None, window=None):
+        """Solve at one load, from a pressure (MPa) on the grid or the `window` to follow first.
 
-        `window` : the elements to follow first; `initial_pressure`, shape (n,), is theirs then.
-        `nearby` : a pressure on the window near the initial one, and its displacement (mm).
-        `field` : the exact displacement (mm) of the initial pressure on the grid; with a force.
+        `displacement` (mm) is the exact one of the pressure on the grid, under a force. On a
+        window, it is a pressure near the initial one, and its displacement.
         """
         nothing = np.zeros_like(self.relief)
         settings = {
@@ -304,22 +296,22 @@ class ContactProblem:
             return ContactState(nothing + mean, nothing, 0.0, mean, 1.0, **settings)
         few = self._only_candidates(load)
         if few.size:
-            initial_pressure = np.full(few.size, load.force)
-            window, nearby = Window(self.half_space, few), None
-        elif initial_pressure is None or not _carried(load, initial_pressure):
-            (initial_pressure, window), nearby = self._start(load), None
+            pressure, displacement = np.full(few.size, load.force), None
+            window = Window(self.half_space, few)
+        elif pressure is None or not _carried(load, pressure):
+            (pressure, window), displacement = self._start(load), None
         elif window is None:
-            initial_pressure = np.array(initial_pressure, order="C")
-            if load.force and not 0.1 < initial_pressure.sum() / load.force < 10:
+            pressure, field = np.array(pressure, order="C"), displacement
+            displacement = None
+            if load.force and not 0.1 < pressure.sum() / load.force < 10:
                 # So far from the force, it would be lost to rounding.
-                initial_pressure /= initial_pressure.max()
-                initial_pressure *= load.force / initial_pressure.sum()
+                pressure /= pressure.max()
+                pressure *= load.force / pressure.sum()
             elif field is not None:
-                scale = load.force / initial_pressure.sum()
-                if scale * initial_pressure.max() < load.pressure_cap:
-                    initial_pressure *= scale
-                    nearby = initial_pressure, scale * field
-        return self._iterate(load, tolerance, initial_pressure, window, nearby)
+                scale = load.force / pressure.sum()
+                if scale * pressure.max() < load.pressure_cap:
+                    pressure, displacement = scale * pressure, scale * field
+        return self._iterate(load, tolerance, pressure, window, displacement)
 
     def _only_candidates(self, load):
         """The only elements that can touch, if so small a load leaves only a few, or None.
@@ -343,15 +335,10 @@ class ContactProblem:
         ny, nx = self.relief.shape
         # An odd grid is lengthened by a copy of its border. The solution there is only a start.
         relief = np.pad(self.relief, ((0, ny % 2), (0, nx % 2)), mode="edge")
-        relief = _mean_of_four(relief)
-        half_space = self.half_space
-        spacing = tuple(2 * side for side in half_space.spacing)
-        options = {
-            name: getattr(half_space, name) for name in ("springs", "layer", "periodic")
-        }
-        coarse = ContactProblem(relief, spacing, half_space.contact_modulus, **options)
+        coarse = copy.copy(self)
         # δ is counted from the summit of the finest grid, which averaging lowers.
-        coarse.relief = relief
+        coarse.relief = _mean_of_four(relief)
+        coarse.half_space = self.half_space.on(coarse.relief.shape, coarsening=2)
         return coarse
 
     def _start(self, load):
@@ -389,37 +376,28 @@ class ContactProblem:
             return uniform, None
         return pressure, Window(self.half_space, candidates)
 
-    def _iterate(self, load, tolerance, pressure, window, nearby=None, certified=True):
+    def _iterate(self, load, tolerance, pressure, window, field=None, certified=True):
         """Improve `pressure` until its recomputed residual is below `tolerance`.
 
         Only elements of the window take part in the iterations, and have the `pressure`. If the
         window is None, `pressure` covers the grid, in C order, and is overwritten. The window then
-        comes from the gap under it, and `nearby` contains its exact displacement. Unless
+        comes from the gap under it. For the `field`, see the displacement of `solve`. Unless
         `certified`, a state is recomputed approximately.
         """
-        before, iterations = self.half_space.convolutions, 0
-        respond, inaccuracy = self.half_space.exact_displacement, 0.0
-        if not certified:
-            respond, inaccuracy = (
-                self.half_space.approximate_displacement,
-                APPROXIMATION_ERROR,
-            )
-        field, error = None, 0.0
-        if nearby is not None and window is not None:
+        before, iterations, error = self.half_space.convolutions, 0, 0.0
+        if field is not None and window is not None:
             # Only the difference is computed approximately.
-            difference = window.displacement(pressure - nearby[0])
-            field = nearby[1] + difference
-            error, nearby = APPROXIMATION_ERROR * np.abs(difference).max(), None
+            difference = window.displacement(pressure - field[0])
+            field = field[1] + difference
+            error = APPROXIMATION_ERROR * np.abs(difference).max()
         while True:
             if window is None:
-                field, nearby = None if nearby is None else nearby[1], None
-                state, field = self._recompute(
-                    load, pressure, respond, iterations, before, field
-                )
-                if max(state.residual, state.moment_residual) <= tolerance:
-                    return state
+                state, field = self._recompute(load, pressure, field, certified)
+                reached = max(state.residual, state.moment_residual)
+                if reached <= tolerance:
+                    spent = self.half_space.convolutions - before
+                    return replace(state, iterations=iterations, convolutions=spent)
                 if iterations >= MAX_ITERATIONS:
-                    reached = max(state.residual, state.moment_residual)
                     raise ConvergenceError(
                         f"contact not converged: residual {reached:.3g} after {iterations} "
                         f"iterations, tolerance {tolerance:.3g}. Set a tolerance above the "
@@ -428,13 +406,12 @@ class ContactProblem:
                 near = state.gap < _CANDIDATE_GAP * state.displacement
                 window = Window(self.half_space, np.flatnonzero(near | state.contact))
                 pressure = state.pressure.reshape(-1)[window.elements]
-                error = inaccuracy * float(field.max())
+                error = 0.0 if certified else APPROXIMATION_ERROR * float(field.max())
                 field = field.reshape(-1)[window.elements].astype(float)
-            relief = self.relief.reshape(-1)[window.elements]
             values, iterations = descend(
                 window,
                 load.at(window.elements),
-                relief,
+                self.relief.reshape(-1)[window.elements],
                 pressure,
                 field,
                 _INNER_FRACTION * tolerance,
@@ -443,9 +420,9 @@ class ContactProblem:
             )
             pressure = np.zeros(self.relief.shape)
             pressure.reshape(-1)[window.elements] = values
-            window = None
+            window = field = None
 
-    def _recompute(self, load, pressure, respond, iterations, before, field=None):
+    def _recompute(self, load, pressure, field, certified):
         """State of a pressure field by a separate convolution, and its displacement.
 
         The pressure is scaled to the load, in place. The next convolution overwrites the
@@ -456,8 +433,14 @@ class ContactProblem:
         loaded = own.scaled(pressure.reshape(-1)[contact])
         pressure.reshape(-1)[contact] = loaded
         force = float(loaded.sum())
-        if field is None:
-            field = respond(pressure) if force > 0 else np.zeros_like(pressure)
+        if field is None and force > 0:
+            half_space = self.half_space
+            respond = half_space.approximate_displacement
+            if certified:
+                respond = half_space.exact_displacement
+            field = respond(pressure)
+        elif field is None:
+            field = np.zeros_like(pressure)
         gap = field - self.relief
         deciding = contact
         if not own.decided_by(loaded):
@@ -469,20 +452,15 @@ class ContactProblem:
         displacement = load.deepest(rigid, self.relief)
         gap -= rigid
         # Either the gap is open under pressure, or negative where the pressure could be higher.
-        opened = gap.reshape(-1)[contact]
-        below = (
-            gap if load.pressure_cap == math.inf else gap[pressure < load.pressure_cap]
-        )
-        violation = max(opened.max(initial=0.0), -below.min(initial=0.0))
+        opened = gap.reshape(-1)[contact].max(initial=0.0)
+        below = gap[pressure < load.pressure_cap].min(initial=0.0)
         state = ContactState(
             pressure=pressure,
             gap=gap,
             displacement=displacement,
             mean_pressure=force / pressure.size,
             contact_fraction=contact.size / pressure.size,
-            iterations=iterations,
-            convolutions=self.half_space.convolutions - before,
-            residual=float(violation / displacement),
+            residual=float(max(opened, -below) / displacement),
             pressure_cap=load.pressure_cap,
             tilt=tuple((self.tilt + load.tilt(freedoms)).tolist()),
             moment_residual=own.eccentricity(loaded),

@@ -22,8 +22,8 @@ from .doubts import warn_of_doubts
 from .errors import (
     ContactInputError,
     checked_array,
-    checked_cap,
     checked_number,
+    checked_share,
     checked_steps,
     checked_tolerance,
 )
@@ -163,15 +163,6 @@ def wear_path(  # noqa: PLR0913
     heights, spacing, like = as_given(heights, spacing)
     heights = checked_array("heights", heights, holes=True)
     steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
-    bodies = _bodies(heights, mean_pressure, third_body, steps)
-    total = sum(body.share * float(body.pressures.sum()) for body in bodies)
-    if not total > 0:
-        raise ContactInputError(
-            "mean_pressure must be positive in at least one step (MPa)"
-        )
-    for body in bodies:
-        covered = float(np.isfinite(body.heights).mean())
-        pressure_cap = checked_cap(pressure_cap, float(body.pressures.max()), covered)
     target = checked_number("mean_loss", mean_loss, "mm")
     relief = float(np.ptp(heights[heights > -math.inf]))
     if target > relief:
@@ -179,29 +170,34 @@ def wear_path(  # noqa: PLR0913
             f"mean_loss {target:g} mm is more than the relief of the surface, {relief:g} mm: "
             "nothing would be left of it"
         )
-    for body in bodies:
-        # The same sliding in each step, and so the same operators.
-        body.rate = body.share * target / total
-        body.problem = ContactProblem(
-            body.heights,
-            spacing,
-            contact_modulus,
-            springs=body.rate,
-            layer=body.layer,
-            periodic=periodic,
+    pressed = list(_pressed(heights, mean_pressure, third_body, steps))
+    total = sum(share * float(pressures.sum()) for share, _, pressures, _ in pressed)
+    if not total > 0:
+        raise ContactInputError(
+            "mean_pressure must be positive in at least one step (MPa)"
         )
+    bodies = []
+    for share, surface, pressures, layer in pressed:
+        # The same sliding in each step, and so the same operators.
+        rate = share * target / total
+        grid = spacing, contact_modulus
+        problem = ContactProblem(
+            surface, *grid, springs=rate, layer=layer, periodic=periodic
+        )
+        cap = problem.load(None, pressures.max(), pressure_cap).pressure_cap
+        bodies.append(_Body(rate, pressures * heights.size, cap, problem))
     depth, mean_loss = np.zeros_like(heights), np.zeros(steps)
     states, depths, highest = [], [], 0.0
     for step in range(steps):
         reached: list[ContactState] = []
         for body in bodies:
-            state = body.press(step, pressure_cap, tolerance)
+            state = body.press(step, tolerance)
             loss = body.rate * state.pressure
             depth += loss
             highest = max(highest, float(state.pressure.max()))
-            lowered = [other.lower(loss) for other in bodies]
+            sunk = [other.lower(loss) for other in bodies]
             # Kp − w of the worn surface is (K + κI)p − w of that before: the gap is the same.
-            reached.append(_sunk(state, lowered[len(reached)]))
+            reached.append(_sunk(state, sunk[len(reached)]))
         if keep_states:
             states.append(tuple(state.like(like) for state in reached))
         if keep_depths:
@@ -218,37 +214,29 @@ def wear_path(  # noqa: PLR0913
     )
 
 
+@dataclass
 class _Body:
     """A body that presses the surface for a share of the wear: bare stone or third body.
 
-    Before the first step it gets its `rate`, wear coefficient × sliding of a step (mm/MPa). Its
-    `problem` is the contact with the surface as worn so far.
+    `rate` is wear coefficient × sliding of a step (mm/MPa), and `forces` are the sums of pressures
+    in each step. `problem` is the contact with the surface as worn so far. `start` is the last
+    pressure and its displacement.
     """
 
     rate: float
+    forces: np.ndarray
+    pressure_cap: float
     problem: ContactProblem
+    start: tuple = (None, None)
 
-    def __init__(self, share, heights, pressures, layer=None):
-        self.share, self.heights, self.pressures, self.layer = (
-            share,
-            heights,
-            pressures,
-            layer,
-        )
-        self.last_pressure = self.field = None
-
-    def press(self, step, pressure_cap, tolerance):
-        """The contact of a step, from the last pressure and its displacement."""
-        load = LoadControl(
-            force=self.pressures[step] * self.heights.size, pressure_cap=pressure_cap
-        )
-        state = self.problem.solve(
-            load, tolerance, self.last_pressure, field=self.field
-        )
-        relief, self.field = self.problem.relief, np.zeros_like(self.heights)
-        there = relief > -math.inf
-        self.field[there] = state.gap[there] + relief[there] + state.displacement
-        self.last_pressure = state.pressure
+    def press(self, step, tolerance):
+        """The contact of a step."""
+        load = LoadControl(force=self.forces[step], pressure_cap=self.pressure_cap)
+        state = self.problem.solve(load, tolerance, *self.start)
+        relief = self.problem.relief
+        field, there = np.zeros_like(relief), relief > -math.inf
+        field[there] = state.gap[there] + relief[there] + state.displacement
+        self.start = state.pressure, field
         return state
 
     def lower(self, loss):
@@ -257,26 +245,21 @@ class _Body:
         return sunk
 
 
-def _bodies(heights, mean_pressure, third_body, steps):
-    """The bodies that do a share of the wear, the bare stone first."""
-    share = third_body.share if third_body else 0.0
-    if not 0 <= share <= 1:
-        raise ContactInputError(
-            f"share of the third body must lie in [0, 1], got {share}"
-        )
-    bodies = []
+def _pressed(heights, mean_pressure, third_body, steps):
+    """The share, surface, pressures and layer of each body that wears, the bare stone first."""
+    share = checked_share(
+        "share of the third body", third_body.share if third_body else 0
+    )
     if share < 1:
-        bodies.append(_Body(1 - share, heights, _in_steps(mean_pressure, steps)))
+        yield 1 - share, heights, _in_steps(mean_pressure, steps), None
     if share > 0:
         lowered = np.asarray(rows_first(third_body.lowered))
         if lowered.size > 1 and lowered.shape != heights.shape:
             raise ContactInputError(
                 f"third_body.lowered has the shape {lowered.shape}, the surface {heights.shape}"
             )
-        below = heights - lowered
         pressures = _in_steps(third_body.mean_pressure, steps)
-        bodies.append(_Body(share, below, pressures, third_body.layer))
-    return bodies
+        yield share, heights - lowered, pressures, third_body.layer
 
 
 def _sunk(state, depth):
@@ -294,6 +277,6 @@ def _in_steps(mean_pressure, steps):
         raise ContactInputError(
             f"mean_pressure must be one number or {steps}, one for each step, got {pressures.size}"
         )
-    return np.broadcast_to(
-        [checked_number("mean_pressure", value, "MPa") for value in pressures], (steps,)
-    )
+    for pressure in pressures:
+        checked_number("mean_pressure", pressure, "MPa")
+    return np.broadcast_to(pressures, (steps,))
