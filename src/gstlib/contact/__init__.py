@@ -6,9 +6,7 @@ If the pressure is zero, the contact is empty: its pressure, displacement and st
 shares of the contact are NaN.
 """
 
-from .counterface import check_grid, turned_over
-from .interface import LEVEL, Interface
-from .load import Load, from_corner
+from .interface import LEVEL, Interface, Load, check_grid, turned_over
 from .solve import contact_at_pressure, contact_path, solve_again
 from .state import Contact, ContactPath, load_path_table
 
@@ -21,7 +19,6 @@ __all__ = [
     "check_grid",
     "contact_at_pressure",
     "contact_path",
-    "from_corner",
     "load_path_table",
     "solve_again",
     "turned_over",

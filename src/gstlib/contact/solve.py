@@ -13,8 +13,7 @@ from gstlib.bem.doubts import FULL
 from gstlib.bem.errors import ContactError, ContactWarning, TippingError
 from gstlib.bem.loading import load_path
 from gstlib.bem.solver import solve_contact
-from gstlib.contact.interface import Interface
-from gstlib.contact.load import Load, from_corner
+from gstlib.contact.interface import Interface, Load
 from gstlib.contact.state import Contact, ContactPath
 from gstlib.errors import InputError
 
@@ -109,11 +108,6 @@ def contact_at_pressure(
     `springs`. The solver starts from `initial_pressure` (ny, nx), MPa, the pressure of a similar
     contact.
     """
-    load_point = (
-        None
-        if load.load_point is None
-        else from_corner(load.load_point, interface.height)
-    )
     state = _run(
         solve_contact,
         interface,
@@ -121,12 +115,12 @@ def contact_at_pressure(
         modulus,
         source,
         mean_pressure=load.mean_pressure,
-        load_point=load_point,
+        load_point=load.from_corner(interface.height),
         springs=springs,
         tolerance=tolerance,
         initial_pressure=initial_pressure,
     )
-    if load_point is not None:
+    if load.load_point is not None:
         interface = interface.tilted(state.tilt)
     return Contact.of_state(
         state, interface, load=load, modulus=modulus, tolerance=tolerance

@@ -12,8 +12,7 @@ import xarray as xr
 from gstlib.bem.fields import FIELDS
 from gstlib.bem.loading import LoadPath, curve_table
 from gstlib.bem.state import ContactState
-from gstlib.contact.interface import Interface
-from gstlib.contact.load import Load
+from gstlib.contact.interface import Interface, Load
 
 __all__ = ["Contact", "ContactPath", "load_path_table"]
 
