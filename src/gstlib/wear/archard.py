@@ -83,7 +83,7 @@ _BODIES = "stone", "interlayer"
 # Largest mean pressure of a patch, relative to the cap on the pressure of its elements.
 _BORNE = 0.9
 
-_OF_PATCHES = "pressure_MPa", "x_mm", "y_mm", "rotation_deg"
+_PLACES = "x_mm", "y_mm", "rotation_deg"
 _DESCRIBED = {
     "reach": ("mm/MPa", "κ of the bare stone at the end of a path"),
     "kappa": ("mm/MPa", "wear coefficient × sliding"),
@@ -160,7 +160,7 @@ class WornSquare(NamedTuple):
         """The interlayer as the solver takes it."""
         if self.interlayer is None:
             return None
-        return _layer(*(float(self.interlayer[name]) for name in _OF_LAYER))
+        return Layer(*(float(self.interlayer[name]) for name in _OF_LAYER))
 
     def along(self, patch: str, ratio: float) -> xr.Dataset:
         """The path along which a patch wears, whose steps do not depend on its own loss."""
@@ -171,12 +171,6 @@ class WornSquare(NamedTuple):
     def fitted_to(self) -> list[str]:
         """The patches that κ is fitted to."""
         return self.path.patch.values[np.isfinite(self.path.measured.values)].tolist()
-
-
-@cache
-def _layer(*constants: float) -> Layer:
-    """One layer for all contacts with these constants, because it keeps a table."""
-    return Layer(*constants)
 
 
 def layer_of(interlayer: Mapping[str, float]) -> Layer:
@@ -231,13 +225,10 @@ def wear_square(
     table = pressures.set_index("patch", drop=False)
     # An interlayer adds to the wear by the bare stone.
     ratios = _RATIOS if interlayer else _RATIOS[:1]
-    outlines = table[["patch", *_OF_PATCHES]]
     # Over the outlines, then over the areas that both scans cover.
+    areas = table[["patch", *_PLACES]], table
     means = scipy.sparse.vstack(
-        [
-            patch_means(contact.pressure, areas, size_mm=patch_mm)
-            for areas in (outlines, table)
-        ]
+        [patch_means(contact.pressure, area, size_mm=patch_mm) for area in areas]
     )
 
     @cache
@@ -268,9 +259,9 @@ def wear_square(
         reach_of_all=reaches[0],
         measured=("patch", measured.reindex(table.index)),
         patch_mm=patch_mm,
+        pressure_MPa=("patch", unseen(table)),  # for which κ was fitted
+        **{name: ("patch", table[name]) for name in _PLACES},
     )
-    path = path.assign({name: ("patch", table[name]) for name in _OF_PATCHES})
-    path["pressure_MPa"] = "patch", unseen(table)  # for which κ was fitted
     path = described(path, _DESCRIBED)
     if law != ARCHARD:
         path.attrs["wear_law"] = [*law]
@@ -402,11 +393,11 @@ def _fit(
     for power in range(first, first + _MORE + 1):
         reach = 2.0 ** (power / 2)
         path = path_to(reach).sel(ratio=0)
-        pressed = path.pressed_covered.transpose("step", "patch")
-        removed = _removed(pressed.values, path.kappa.values, law, pressures.to_numpy())
+        pressed, kappa = path.pressed_covered, path.kappa.values
+        removed = _removed(pressed.values, kappa, law, pressures.to_numpy())
         lost = pressed.copy(data=removed).sel(patch=patches).sum("patch").values
         if total <= lost[-1]:
-            return float(np.interp(total, lost, path.kappa)), reach
+            return float(np.interp(total, lost, kappa)), reach
     raise InputError(
         "macroscale",
         "the measured losses are more than this square can lose under its patches",
@@ -474,7 +465,7 @@ def wear_patch(
     if pressure_cap is None:
         return [elastic.depth]
     most = _BORNE * pressure_cap * contact.interface.covered
-    bounded = _bounded(options, ratio, pressure_cap, most, worn.law)
+    bounded = _bounded(options, pressure_cap, most, worn.law)
     # If no pressure reaches the cap, the contacts are the same as without it.
     is_borne = math.isclose(bounded["mean_loss"], lost, rel_tol=1e-12)
     if is_borne and elastic.highest_pressure < pressure_cap:
@@ -508,22 +499,23 @@ def driven(
     return lost, options
 
 
-def _bounded(
-    options: dict, ratio: float, pressure_cap: float, most: float, law: Law
-) -> dict:
+def _bounded(options: dict, pressure_cap: float, most: float, law: Law) -> dict:
     """The settings of `driven` with a cap on the pressure, at mean pressures of at `most` MPa."""
-    share = ratio / (1 + ratio)
-    body = options.get("third_body")
     stone = np.minimum(options["mean_pressure"], most)
-    asked = (1 - share) * law.rate(options["mean_pressure"]).sum()
-    borne = (1 - share) * law.rate(stone).sum()
-    bounded: dict[str, Any] = {"mean_pressure": stone, "pressure_cap": pressure_cap}
-    if body is not None:
+    bounded = options | {"mean_pressure": stone, "pressure_cap": pressure_cap}
+    if (body := options.get("third_body")) is not None:
         soft = np.minimum(body.mean_pressure, most)
         bounded["third_body"] = replace(body, mean_pressure=soft)
-        asked += share * body.mean_pressure.sum()
-        borne += share * soft.sum()
-    return options | bounded | {"mean_loss": options["mean_loss"] * borne / asked}
+    borne, asked = _rate(bounded, law), _rate(options, law)
+    return bounded | {"mean_loss": options["mean_loss"] * borne / asked}
+
+
+def _rate(options: dict, law: Law) -> float:
+    """Rate of wear by both bodies under the settings of `driven`, up to a coefficient."""
+    body, rate = options.get("third_body"), law.rate(options["mean_pressure"]).sum()
+    if body is None:
+        return float(rate)
+    return float((1 - body.share) * rate + body.share * body.mean_pressure.sum())
 
 
 def _lowered(

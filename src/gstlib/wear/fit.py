@@ -208,20 +208,18 @@ def wear_map(
         ``depth`` (model, y, x), mm, by ``archard``, the bare stone; with an interlayer, also by
         ``interlayer``; and with a cap, by ``archard_capped``, the last of these under the cap.
     """
-    coefficients: dict[str, dict[str, float]] = {BARE: {}}
+    depth, coefficients = {}, {}
     if (fitted := worn.fitted_interlayer) is not None:
-        ratio, kappa = fitted.ratio_of_all, fitted.kappa_of_all
+        names = "ratio_of_all", "kappa_of_all"
         if patch in fitted.patch:
-            ratio, kappa = (
-                fitted[name].sel(patch=patch)
-                for name in ("interlayer_ratio", "interlayer_kappa")
-            )
-        coefficients[INTERLAYER] = {"ratio": float(ratio), "kappa": float(kappa)}
-    depth: dict[str, np.ndarray] = {}
-    for model, coefficient in coefficients.items():
-        cap = pressure_cap if model == list(coefficients)[-1] else None
-        maps = wear_patch(contact, worn, patch, pressure_cap=cap, **coefficient)
-        depth |= zip((model, CAPPED), maps, strict=False)
+            fitted = fitted.sel(patch=patch)
+            names = "interlayer_ratio", "interlayer_kappa"
+        ratio, kappa = (float(fitted[name]) for name in names)
+        (depth[BARE],) = wear_patch(contact, worn, patch)
+        coefficients = {"ratio": ratio, "kappa": kappa}
+    maps = wear_patch(contact, worn, patch, pressure_cap=pressure_cap, **coefficients)
+    model = INTERLAYER if coefficients else BARE
+    depth |= zip((model, CAPPED), maps, strict=False)
     described = {"units": "mm", "long_name": "predicted height loss"}
     return xr.Dataset(
         {"depth": (("model", "y", "x"), np.stack([*depth.values()]), described)},

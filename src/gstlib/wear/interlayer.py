@@ -1,25 +1,20 @@
 """Wear coefficient of an interlayer that alternates with the bare stone, from the maps of loss."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from gstlib.contact import Contact
 from gstlib.surfaces.grid import described
 from gstlib.wear.archard import WornSquare, driven, seen_depth, wear_contact
 
-__all__ = ["fit_interlayer", "interlayer_misfits"]
+__all__ = ["fit_interlayer"]
 
-_MISFITS = {
-    "visible": ("mm", "mean predicted depth above its median"),
-    "misfit": ("mm2", "sum of squared differences of loss"),
-    "product": ("mm2", "sum of products of these differences in two steps"),
-}
 _RATIO = "1", "ratio of the coefficients of interlayer and bare stone"
 _FITTED = {
-    "misfit": _MISFITS["misfit"],
+    "misfit": ("mm2", "sum of squared differences of loss"),
     "interlayer_ratio": _RATIO,
     "interlayer_kappa": ("mm/MPa", "κ of other patches, with the interlayer"),
     "ratio_of_all": _RATIO,
@@ -27,27 +22,25 @@ _FITTED = {
 }
 
 
-def interlayer_misfits(
+def _misfits(
     contact: Contact, change: xr.Dataset, worn: WornSquare, patch: str
-) -> xr.Dataset:
+) -> np.ndarray:
     """Compare the wear of a patch with its measured loss, along each path of the square.
 
     Returns
     -------
-    xarray.Dataset
-        ``visible`` (reach, ratio, step): mean of the predicted depth above its median, mm;
-        ``misfit`` (reach, ratio, step): sum over the points of (predicted − measured loss)², mm²;
-        ``product`` (reach, ratio, step): sum of products of the errors of a step and the next, mm².
+    ndarray, shape (3, reaches, ratios, steps + 1)
+        The mean of the predicted depth above its median, mm; the sum over the points of (predicted
+        − measured loss)², mm²; and the sum of products of the errors of a step and the next, mm².
     """
     is_measured = np.isfinite(change.change.values)
     lost = -change.change.values[is_measured]
     path = worn.path.sel(patch=patch)
-    steps = path.sizes["step"] - 1
     visible, misfit, product = misfits = np.zeros((3, *path.kappa.shape))
     for reach, ratio in np.ndindex(path.kappa.shape[:2]):
         at = path.isel(reach=reach, ratio=ratio)
         total, options = driven(contact, worn, at, float(at.kappa[-1]))
-        depths: np.ndarray | tuple = np.zeros((steps, *contact.pressure.shape))
+        depths: Any = np.zeros((options["steps"], *contact.pressure.shape))
         if total > 0:
             options["keep_depths"] = True
             depths = wear_contact(contact, f"patch {patch}", **options).depths
@@ -60,13 +53,7 @@ def interlayer_misfits(
             misfit[reach, ratio, step] = error @ error
             product[reach, ratio, step - 1] = before @ error
             before = error
-    dims = path.kappa.dims
-    fields = {
-        name: (dims, values) for name, values in zip(_MISFITS, misfits, strict=True)
-    }
-    return described(
-        xr.Dataset(fields, {"reach": path.reach, "ratio": path.ratio}), _MISFITS
-    )
+    return misfits
 
 
 def fit_interlayer(
@@ -92,52 +79,49 @@ def fit_interlayer(
         and ``interlayer_kappa`` (patch): fitted to all other patches; ``ratio_of_all`` and
         ``kappa_of_all``: fitted to all patches.
     """
+    path = worn.path
     names = worn.fitted_to
     by_patch = [
-        interlayer_misfits(contacts[patch], changes[patch], worn, patch)
-        for patch in names
+        _misfits(contacts[patch], changes[patch], worn, patch) for patch in names
     ]
-    misfits = xr.concat(by_patch, pd.Index(names, name="patch"))
-    measured = worn.path.measured.sel(patch=names).values
+    misfits = np.stack(by_patch, axis=1)
+    measured = path.measured.sel(patch=names).values
 
-    def fit(patches: np.ndarray, reach: float) -> tuple[float, float, np.ndarray]:
+    def fit(patches: np.ndarray, reach: xr.DataArray) -> tuple:
         """Ratio, κ and the misfits (ratio, patch) of a fit to these patches."""
+        (end,) = np.flatnonzero(path.reach == reach)
         kappas, errors = [], []
-        for ratio in worn.path.ratio.values:
-            where = {"ratio": ratio, "reach": reach}
-            at = misfits.sel(where)
-            kappa = worn.path.kappa.sel(where).values
+        for number, kappa in enumerate(path.kappa.values[end]):
+            visible, misfit, product = misfits[:, :, end, number]
             steps = np.arange(kappa.size)
-            visible = at.visible[patches].sum("patch")
-            place = np.interp(measured[patches].sum(), visible, steps)
+            place = np.interp(
+                measured[patches].sum(), visible[patches].sum(axis=0), steps
+            )
             low = min(int(place), kappa.size - 2)
             part = place - low
             kappas.append(np.interp(place, steps, kappa))
             errors.append(
-                (1 - part) ** 2 * at.misfit[:, low]
-                + 2 * part * (1 - part) * at.product[:, low]
-                + part**2 * at.misfit[:, low + 1]
+                (1 - part) ** 2 * misfit[:, low]
+                + 2 * part * (1 - part) * product[:, low]
+                + part**2 * misfit[:, low + 1]
             )
         table = np.array(errors)
         best = int(table[:, patches].sum(axis=1).argmin())
-        return float(worn.path.ratio[best]), float(kappas[best]), table
+        return float(path.ratio[best]), float(kappas[best]), table
 
     every = np.arange(len(names))
-    ratio_of_all, kappa_of_all, all_misfits = fit(every, float(worn.path.reach_of_all))
-    ratios, kappas = [], []
-    for own, patch in enumerate(names):
-        reach = float(worn.path.reach_of.sel(patch=patch))
-        ratio, kappa, _ = fit(np.delete(every, own), reach)
-        ratios.append(ratio)
-        kappas.append(kappa)
+    ratio_of_all, kappa_of_all, all_misfits = fit(every, path.reach_of_all)
+    reaches = path.reach_of.sel(patch=names)
+    fits = [fit(np.delete(every, own), reach) for own, reach in enumerate(reaches)]
+    ratios, kappas, _ = zip(*fits, strict=True)
     fitted = xr.Dataset(
         {
             "misfit": (("ratio", "patch"), all_misfits),
-            "interlayer_ratio": ("patch", ratios),
-            "interlayer_kappa": ("patch", kappas),
+            "interlayer_ratio": ("patch", [*ratios]),
+            "interlayer_kappa": ("patch", [*kappas]),
             "ratio_of_all": ratio_of_all,
             "kappa_of_all": kappa_of_all,
         },
-        coords={"ratio": worn.path.ratio, "patch": names},
+        coords={"ratio": path.ratio, "patch": names},
     )
     return described(fitted, _FITTED)

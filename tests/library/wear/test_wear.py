@@ -294,7 +294,7 @@ def test_summits_that_yield_spread_the_same_loss_wider(worn, pressures):
 def test_a_patch_that_bears_more_than_the_cap_loses_less():
     """Of 20 and 60 MPa in two steps, with a cap of 50 MPa, of which nine tenths are borne."""
     options = {"mean_pressure": np.array([20.0, 60.0]), "mean_loss": 1e-3}
-    bounded = _bounded(options, 0.0, 50.0, 45.0, Law(exponent=2.0))
+    bounded = _bounded(options, 50.0, 45.0, Law(exponent=2.0))
     np.testing.assert_allclose(bounded["mean_pressure"], [20.0, 45.0])
     expected = 1e-3 * (20**2 + 45**2) / (20**2 + 60**2)
     assert bounded["mean_loss"] == pytest.approx(expected)
