@@ -8,10 +8,11 @@ shares of the contact are NaN.
 
 from .interface import LEVEL, Interface, Load, check_grid, turned_over
 from .solve import contact_at_pressure, contact_path, solve_again
-from .state import Contact, ContactPath, load_path_table
+from .state import VARIABLES, Contact, ContactPath, load_path_table
 
 __all__ = [
     "LEVEL",
+    "VARIABLES",
     "Contact",
     "ContactPath",
     "Interface",

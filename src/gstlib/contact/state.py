@@ -14,7 +14,7 @@ from gstlib.bem.loading import LoadPath, curve_table
 from gstlib.bem.state import ContactState
 from gstlib.contact.interface import Interface, Load
 
-__all__ = ["Contact", "ContactPath", "load_path_table"]
+__all__ = ["VARIABLES", "Contact", "ContactPath", "load_path_table"]
 
 # Fields that are stored under the same names at one load and along the path to it.
 _FIELDS = "pressure", "gap"
@@ -24,7 +24,7 @@ _CURVE = "displacement", "mean_pressure", "contact_fraction", "stiffness"
 _PATH = "path_"
 
 # Unit and long name of each variable.
-_VARIABLES = FIELDS | {
+VARIABLES = FIELDS | {
     "height": ("mm", "height of the surface, level"),
     "counterface": ("mm", "height of the counterface, 0 for a flat"),
     "slope_y": ("1", "slope of the plane of the surface along y"),
@@ -188,7 +188,7 @@ def _variables(values: Mapping[str, Any], prefix: str = "") -> dict[str, tuple]:
     """Variables with units and long names. The number of dimensions determines their names."""
     described = {}
     for name, value in values.items():
-        units, long_name = _VARIABLES[name]
+        units, long_name = VARIABLES[name]
         # Nothing is computed from the gap: half of its digits do.
         value = np.float32(value) if name == "gap" else value
         attrs = {"units": units, "long_name": long_name}

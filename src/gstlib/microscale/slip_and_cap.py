@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem.errors import ContactInputError, checked_number
-from gstlib.contact import Contact, solve_again
+from gstlib.bem.errors import checked_number, checked_poisson, checked_share
+from gstlib.contact import VARIABLES, Contact, solve_again
 from gstlib.surfaces.grid import described
 
 __all__ = ["capped_numbers", "case_table", "slip_numbers", "solve_capped", "solve_slip"]
@@ -37,8 +37,6 @@ _log = logging.getLogger(__name__)
 # Cook & Whitney 2006, Am. Mineral. 91:135), and quartzite as a whole is crushed at 150 to 300 MPa.
 # The strength of an element as small as a scan's point lies in between.
 
-# The cases, in the order of the table. The first is the study itself.
-_CASES = "study", "grinding", "cap"
 _UNITS = {
     "friction": "1",
     "tangential ratio": "1",
@@ -53,12 +51,9 @@ _UNITS = {
     "deepest yield": "um",
 }
 # Unit and long name of each quantity of a case.
-_VARIABLES = {
-    "pressure": ("MPa", "contact pressure"),
+_VARIABLES = VARIABLES | {
     "gap": ("mm", "gap between the bodies, or minus the depth of yield"),
-    "displacement": ("mm", "far-field displacement from first touch"),
     "capped_fraction": ("1", "share of the contact at the cap"),
-    "residual": ("1", "largest violation of contact conditions"),
     "pressure_cap": ("MPa", "cap on the pressure"),
     "traction": ("MPa", "tangential traction along the load"),
     "stick": ("1", "in contact, sticking"),
@@ -127,13 +122,9 @@ def solve_slip(
     (1.0, 52, 28)
     """
     friction = checked_number("friction", friction, "dimensionless", positive=True)
-    for name, value, is_right, allowed in (
-        ("tangential_ratio", tangential_ratio, 0 <= tangential_ratio <= 1, "[0, 1]"),
-        ("poisson", poisson, -1 < poisson <= 0.5, "(-1, 0.5]"),
-    ):
-        if not is_right:
-            raise ContactInputError(f"{name} must lie in {allowed}, got {value}")
-    pressure, remaining = contact.pressure, 1 - tangential_ratio
+    poisson = checked_poisson("poisson", poisson)
+    remaining = 1 - checked_share("tangential_ratio", tangential_ratio)
+    pressure = contact.pressure
     reduced = solve_again(
         contact,
         source,
@@ -184,10 +175,14 @@ def solve_capped(
     state = solve_again(
         contact, source, mean_pressure=mean_pressure, pressure_cap=pressure_cap
     )
-    names = "displacement", "capped_fraction", "residual", "pressure_cap"
-    fields = {name: getattr(state, name) for name in names}
-    for name in ("pressure", "gap"):
-        fields[name] = contact.pressure.copy(data=getattr(state, name))
+    fields = {
+        "displacement": state.displacement,
+        "capped_fraction": state.capped_fraction,
+        "residual": state.residual,
+        "pressure_cap": state.pressure_cap,
+        "pressure": contact.pressure.copy(data=state.pressure),
+        "gap": contact.pressure.copy(data=state.gap),
+    }
     return described(xr.Dataset(fields), _VARIABLES)
 
 
@@ -215,21 +210,18 @@ def case_table(
     pandas.DataFrame
         ``case, patch, quantity, unit, value``. ``patch`` is empty if a row describes all patches.
     """
-    study: dict[str, dict[str, float]] = {}
-    ground: dict[str, dict[str, float]] = {}
-    capped: dict[str, dict[str, float]] = {}
+    # In the order of the table, by patch; the first is the study itself.
+    cases: dict[str, dict] = {"study": {}, "grinding": {}, "cap": {}}
     if grinding is not None:
-        ground[""] = {
-            "friction": float(grinding["friction"]),
-            "tangential ratio": float(grinding["tangential_ratio"]),
-        }
+        friction, ratio = grinding["friction"], grinding["tangential_ratio"]
+        cases["grinding"][""] = {"friction": friction, "tangential ratio": ratio}
     if pressure_cap is not None:
-        capped[""] = {"pressure cap": float(pressure_cap)}
+        cases["cap"][""] = {"pressure cap": pressure_cap}
     for patch, contact in contacts.items():
         source = f"patch {patch}"
         if grinding is not None:
             slip = solve_slip(contact, source=source, **grinding)
-            ground[patch] = slip_numbers(slip)
+            cases["grinding"][patch] = slip_numbers(slip)
         if pressure_cap is None:
             continue
         mean = float(contact.pressure.mean())
@@ -243,10 +235,11 @@ def case_table(
             )
             continue
         limited = solve_capped(contact, source=source, pressure_cap=pressure_cap)
-        study[patch], capped[patch] = capped_numbers(contact, limited)
+        numbers = capped_numbers(contact, limited)
+        cases["study"][patch], cases["cap"][patch] = numbers
     rows = [
-        (case, patch, quantity, _UNITS[quantity], value)
-        for case, patches in zip(_CASES, (study, ground, capped), strict=True)
+        (case, patch, quantity, _UNITS[quantity], float(value))
+        for case, patches in cases.items()
         for patch, numbers in patches.items()
         for quantity, value in numbers.items()
     ]
@@ -258,12 +251,11 @@ def slip_numbers(slip: xr.Dataset) -> dict[str, float]:
 
     The rest of the contact sticks. If the patch has no contact, the share that slips is NaN.
     """
-    sticking, slipping = int(slip.stick.sum()), int(slip.slip.sum())
+    slipping = int(slip.slip.sum())
+    touching = slipping + int(slip.stick.sum())
     return {
         "mean traction": float(slip.traction.values.mean()),
-        "slip share": slipping / (sticking + slipping)
-        if sticking + slipping
-        else math.nan,
+        "slip share": slipping / touching if touching else math.nan,
         "tangential displacement": float(slip.tangential_displacement) * 1e3,
     }
 
