@@ -13,7 +13,6 @@ each way, so neither rings far. Both Gaussians are divided out of the coarse ker
 """
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import scipy
@@ -24,8 +23,8 @@ __all__ = [
     "EvenConvolution",
     "SplitConvolution",
     "even_size",
+    "even_spectrum",
     "exact_padding",
-    "kernel_spectrum",
     "love_kernel",
 ]
 
@@ -82,12 +81,7 @@ class EvenConvolution:
         self._rows, self._columns = rows[:, :mx], columns[:, :my]
         self._result = np.empty(shape, dtype)
 
-    def __call__(
-        self,
-        field: np.ndarray,
-        longest: tuple[int, int] = (0, 0),
-        respond: Callable[[np.ndarray], np.ndarray] | None = None,
-    ) -> np.ndarray:
+    def __call__(self, field, longest=(0, 0), respond=None):
         """The convolution of a field, shape (ny, nx), which the next call overwrites.
 
         `respond`, if given, takes the `longest` waves (count_y, count_x) of the field, complex,
@@ -151,28 +145,23 @@ class SplitConvolution:
     def __init__(self, shape, spacing, contact_modulus, kernel):
         sigma = _sigma(spacing)
         padded = _margin_padding(shape, spacing)
-        lengths = tuple(m * step for m, step in zip(padded, spacing, strict=True))
-        coarse = tuple(
-            even_size(math.ceil(length * _SIGMA / sigma)) for length in lengths
-        )
-        coarse_spacing = tuple(
-            length / m for length, m in zip(lengths, coarse, strict=True)
-        )
+        lengths = np.multiply(padded, spacing)
+        coarse = tuple(even_size(math.ceil(side * _SIGMA / sigma)) for side in lengths)
+        coarse_spacing = lengths / coarse
         element = math.prod(spacing) / (math.pi * contact_modulus)
 
         quadrant = tuple(m // 2 + 1 for m in padded)
         near = kernel(quadrant)
         near -= element * _far_field(quadrant, spacing, sigma)
-        self._near = EvenConvolution(shape, _even_spectrum(near), np.float32)
+        self._near = EvenConvolution(shape, even_spectrum(near), np.float32)
         far = element * _coarse_kernel(coarse, coarse_spacing, sigma)
-        self._far = EvenConvolution(coarse, _even_spectrum(far), np.float32)
+        self._far = EvenConvolution(coarse, even_spectrum(far), np.float32)
 
         # To the coarse grid, into its middle; and back.
+        grids = zip(coarse, coarse_spacing, padded, shape, strict=True)
         down_y, down_x = (
             _smoothing(m, step, sigma) * _shift(m, (size - n) / (2 * size))
-            for m, step, size, n in zip(
-                coarse, coarse_spacing, padded, shape, strict=True
-            )
+            for m, step, size, n in grids
         )
         down = down_x[: coarse[1] // 2 + 1, None] * down_y / math.prod(coarse)
         up = down.conj() * math.prod(padded)
@@ -215,9 +204,7 @@ def exact_padding(shape):
     return tuple(even_size(2 * n - 1) for n in shape)
 
 
-def love_kernel(
-    shape: tuple[int, int], spacing: tuple[float, float], contact_modulus: float
-) -> np.ndarray:
+def love_kernel(shape, spacing, contact_modulus):
     """Displacement at element centres from unit pressure on the element at the origin.
 
     Entry [i, j] is the displacement (mm/MPa, positive into the half-space) at (y, x) =
@@ -245,17 +232,12 @@ def love_kernel(
     return integral
 
 
-def kernel_spectrum(padded, kernel):
-    """Spectrum of a kernel, wrapped to the nearest image on a grid of even size `padded`.
+def even_spectrum(quadrant):
+    """Spectrum of a kernel that is even in y and x, and wrapped to the nearest image.
 
-    `kernel` gives a quadrant of it. The spectrum is at wave numbers from 0 on, shape (my // 2 + 1,
-    mx // 2 + 1). The kernel is even in y and x, so its spectrum is even and real.
+    It is real, and at wave numbers from 0 on. Of a grid of even size (my, mx), the quadrant of the
+    kernel, which is overwritten, and its spectrum have the shape (my // 2 + 1, mx // 2 + 1).
     """
-    return _even_spectrum(kernel(tuple(m // 2 + 1 for m in padded)))
-
-
-def _even_spectrum(quadrant):
-    """Spectrum of an even kernel, from wave number 0 on. It overwrites the kernel's quadrant."""
     return scipy.fft.dctn(quadrant, type=1, overwrite_x=True)
 
 
@@ -295,8 +277,8 @@ def _coarse_kernel(coarse, spacing, sigma):
         wave_number = math.pi * np.arange(n + 1) / (n * step)
         growths.append(np.exp((wave_number * sigma) ** 2 / 4) / (2 * n))
     field = _far_field(tuple(n + 1 for n in long), spacing, sigma)
-    smoothed = _even_spectrum(field * np.outer(*fades))
-    freed = _even_spectrum(smoothed * np.outer(*growths))
+    smoothed = even_spectrum(field * np.outer(*fades))
+    freed = even_spectrum(smoothed * np.outer(*growths))
     my, mx = coarse
     return freed[: my + 1, : mx + 1]
 

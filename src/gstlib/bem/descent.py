@@ -45,15 +45,14 @@ class _Response:
     field: np.ndarray
     error: float
 
-    def compute(self, pressure):
-        """The displacement of a pressure, approximately."""
-        self.pressure, self.field = pressure, self.window.displacement(pressure)
-        self.error = APPROXIMATION_ERROR * self.field.max()
-
-    def compute_exactly(self, pressure):
-        """The displacement of a pressure, in double precision."""
-        self.pressure, self.field = pressure, self.window.exact_displacement(pressure)
-        self.error = 0.0
+    def compute(self, pressure, exactly=False):
+        """The displacement of a pressure, approximately or in double precision."""
+        self.pressure, self.error = pressure, 0.0
+        if exactly:
+            self.field = self.window.exact_displacement(pressure)
+        else:
+            self.field = self.window.displacement(pressure)
+            self.error = APPROXIMATION_ERROR * self.field.max()
 
     def displacement(self, change):
         """The displacement of a change, whose error adds to the error of the field."""
@@ -64,10 +63,10 @@ class _Response:
     def cut_to(self, pressure, exactly):
         """Go to an admissible pressure. Only the cut is convolved, unless `exactly`."""
         if exactly:
-            self.compute_exactly(pressure)
+            self.compute(pressure, exactly)
         else:
-            self.field = self.field + self.displacement(pressure - self.pressure)
-            self.pressure = pressure
+            cut = pressure - self.pressure
+            self.field, self.pressure = self.field + self.displacement(cut), pressure
 
     def add(self, change, field):
         """Change the pressure by a change of this displacement."""
@@ -122,7 +121,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
         violation = np.abs(penetration * free).max()
         stalled = progress.is_stalled(iterations)
         if stalled or response.error > _LARGE_ERROR * violation:
-            response.compute_exactly(pressure)
+            response.compute(pressure, exactly=True)
             last, progress.lowest_energy = None if stalled else last, math.inf
             continue
         iterations += 1
@@ -166,10 +165,8 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
             np.where(inside, response.pressure, trial),
             None if lift is None else lift * inside,
         )
-        if (
-            np.abs(pressure - response.pressure).max()
-            > _LARGE_CUT * np.abs(last[0]).max()
-        ):
+        cut = np.abs(pressure - response.pressure).max()
+        if cut > _LARGE_CUT * np.abs(last[0]).max():
             if not started:
                 # At the first iteration, most often at the start, large changes are still ahead.
                 started = True
@@ -210,10 +207,9 @@ def _direction(preconditioner, load, penetration, free, pairs):
         direction = load.balanced(direction, lift)
     if not pairs:
         return direction, lift
-    weights = _energy_weights(pairs, [dot(direction, image) for _, image in pairs])
-    conjugate = (
-        direction - _combination(weights, [vector for vector, _ in pairs]) * free
-    )
+    vectors, images = zip(*pairs, strict=True)
+    weights = _energy_weights(pairs, [dot(direction, image) for image in images])
+    conjugate = direction - _combination(weights, vectors) * free
     if load.force is not None:
         conjugate = load.balanced(conjugate, lift)
     return (direction if dot(conjugate, penetration) <= 0 else conjugate), lift
@@ -258,7 +254,4 @@ def _energy_weights(pairs, right):
 
 def _combination(weights, vectors):
     """Σ w·v."""
-    total = weights[0] * vectors[0]
-    for weight, vector in zip(weights[1:], vectors[1:], strict=True):
-        total += weight * vector
-    return total
+    return sum(weight * vector for weight, vector in zip(weights, vectors, strict=True))

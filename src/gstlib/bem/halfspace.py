@@ -19,8 +19,8 @@ from .convolution import (
     EvenConvolution,
     SplitConvolution,
     even_size,
+    even_spectrum,
     exact_padding,
-    kernel_spectrum,
     love_kernel,
 )
 from .errors import (
@@ -198,7 +198,7 @@ class HalfSpace:
             spectrum[0, 0] = self.uniform_influence
         return EvenConvolution(self.shape, spectrum, dtype, padded)
 
-    def spectrum(self, grid: tuple[int, int], coarsening: int = 1) -> np.ndarray:
+    def spectrum(self, grid, coarsening=1):
         """Displacement of waves of unit pressure on a grid that repeats itself (mm/MPa), > 0.
 
         It is at wave numbers from 0 on, shape (my // 2 + 1, mx // 2 + 1). The size must be even
@@ -206,7 +206,7 @@ class HalfSpace:
         number.
         """
         if not self.periodic:
-            return kernel_spectrum(grid, lambda shape: self.kernel(shape, coarsening))
+            return even_spectrum(self.kernel([m // 2 + 1 for m in grid], coarsening))
         y, x = (
             np.arange(m // 2 + 1) * (2 * math.pi / (m * coarsening * side))
             for m, side in zip(grid, self.spacing, strict=True)
@@ -219,12 +219,12 @@ class HalfSpace:
             spectrum += 1 / self.layer.stiffness(wave_number)
         return spectrum
 
-    def kernel(self, shape: tuple[int, int], coarsening: int = 1) -> np.ndarray:
+    def kernel(self, shape, coarsening=1):
         """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
 
         Elements are `coarsening` times as long as the half-space's own.
         """
-        spacing = (coarsening * self.spacing[0], coarsening * self.spacing[1])
+        spacing = tuple(coarsening * side for side in self.spacing)
         kernel = love_kernel(shape, spacing, self.contact_modulus)
         kernel[0, 0] += self.springs
         if self.layer:
@@ -241,12 +241,12 @@ class HalfSpace:
             checked_array("pressure", pressure, self.shape)
         ).copy()
 
-    def exact_displacement(self, pressure: np.ndarray) -> np.ndarray:
+    def exact_displacement(self, pressure):
         """`displacement`, unchecked. The next call overwrites it."""
         self._convolutions += 1
         return self._double(pressure)
 
-    def approximate_displacement(self, pressure: np.ndarray) -> np.ndarray:
+    def approximate_displacement(self, pressure):
         """The same within `APPROXIMATION_ERROR`, in float32, in a third of the time.
 
         The kernel is split, and precision is single. The error, 2e-6 of the largest displacement,
@@ -256,7 +256,7 @@ class HalfSpace:
         self._convolutions += 1
         return self._single(pressure)
 
-    def approximate_inverse(self, displacement: np.ndarray) -> np.ndarray:
+    def approximate_inverse(self, displacement):
         """Pressure (MPa), float32, for about this displacement (mm). The next call overwrites it.
 
         It is a convolution with the inverse of the kernel's spectrum on a grid padded by a tenth
@@ -266,7 +266,7 @@ class HalfSpace:
         """
         return self._inverse(displacement)
 
-    def box(self, shape: tuple[int, int]) -> "HalfSpace":
+    def box(self, shape):
         """The half-space on a part of the grid with at least `shape` elements."""
         if self.periodic:
             return self
@@ -278,15 +278,19 @@ class HalfSpace:
         self._box = self.on(shape)
         return self._box
 
-    def on(self, shape: tuple[int, int], coarsening: int = 1) -> "HalfSpace":
+    def on(self, shape, coarsening=1):
         """The same half-space on another grid, with elements `coarsening` times as long."""
         spacing = [coarsening * side for side in self.spacing]
-        bodies = {"springs": self.springs, "layer": self.layer}
-        modulus = self.contact_modulus
-        return HalfSpace(shape, spacing, modulus, periodic=self.periodic, **bodies)
+        return HalfSpace(
+            shape,
+            spacing,
+            self.contact_modulus,
+            springs=self.springs,
+            layer=self.layer,
+            periodic=self.periodic,
+        )
 
 
-def inverse_padding(shape: tuple[int, int]) -> tuple[int, int]:
+def inverse_padding(shape):
     """Size of the grid on which an approximate inverse is computed."""
-    ny, nx = (even_size(math.ceil(_INVERSE_PADDING * n)) for n in shape)
-    return ny, nx
+    return tuple(even_size(math.ceil(_INVERSE_PADDING * n)) for n in shape)

@@ -69,8 +69,8 @@ class LoadControl:
         return freedoms
 
     def tilt(self, freedoms):
-        """Slopes (y, x) that they represent."""
-        return np.zeros(2)
+        """Slopes (y, x) of the surface in the contact."""
+        return 0.0, 0.0
 
     def eccentricity(self, pressure):
         """Distance of the pressure's resultant from its required point, over the grid's side."""

@@ -17,7 +17,6 @@ therefore be given at any distance from equilibrium.
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -26,7 +25,7 @@ from .errors import ContactInputError, TippingError
 from .load import LoadControl
 from .window import dot
 
-__all__ = ["RestingLoad", "checked_point", "resting", "tilted_too_far", "tipping"]
+__all__ = ["RestingLoad", "checked_point", "resting", "tipping"]
 
 # A point so close to the hull (over the grid's size) is in it: rounding of its coordinates.
 _ON_HULL = 1e-12
@@ -34,10 +33,6 @@ _ON_HULL = 1e-12
 _MOST_PIVOTS = 60
 # An element this little above the plane, relative to the relief, is in it.
 _LEVEL = 1e-12
-# At a steeper tilt, above 45°, a map of heights no longer shows all points that can touch.
-# (Half-space and constant lever arms are valid for far smaller tilts only, which the caller has to
-# limit.)
-_STEEPEST_TILT = 1.0
 # Steps of Newton's method on the three multipliers (measured: 0 to 2, at most 22 on the coarsest
 # grid), and trials in the search along one of them.
 _MOST_STEPS = 60
@@ -77,6 +72,8 @@ class RestingLoad(LoadControl):
         Flat indices of elements whose hull contains the point.
     softness : float
         Displacement of an element under unit pressure on itself (mm/MPa).
+    rigid_tilt : ndarray, shape (2,)
+        Slopes (y, x) that bring the rigid surface to rest. They have been added to the heights.
     modes : ndarray, shape (3, n), or None
         For the elements in question (`at`): 1, and lever arms (y, x) about the point over `length`.
     """
@@ -87,6 +84,7 @@ class RestingLoad(LoadControl):
     columns: int
     supports: np.ndarray
     softness: float
+    rigid_tilt: np.ndarray
     modes: np.ndarray | None = None
 
     def at(self, elements):
@@ -163,7 +161,7 @@ class RestingLoad(LoadControl):
         return _plane(shape, self.point, level, *(self.spacing * slopes))
 
     def tilt(self, freedoms):
-        return freedoms[1:] / self.length
+        return tuple((self.rigid_tilt + freedoms[1:] / self.length).tolist())
 
     def deepest(self, rigid, relief):
         return float((rigid + relief).max())
@@ -271,7 +269,7 @@ def checked_point(load_point) -> np.ndarray:
 
 
 def resting(relief, half_space, force, load_point):
-    """The load of a force through a point, and the tilt of the rigid rest.
+    """The load of a force through a point.
 
     Parameters
     ----------
@@ -286,8 +284,6 @@ def resting(relief, half_space, force, load_point):
     Returns
     -------
     RestingLoad
-    ndarray, shape (2,)
-        Slopes (y, x) that bring the rigid surface to rest.
 
     Raises
     ------
@@ -295,35 +291,28 @@ def resting(relief, half_space, force, load_point):
         The point is not in the hull of the elements with surface.
     """
     spacing = np.array(half_space.spacing)
-    supports = settle(relief, load_point / spacing - 0.5)
-    if supports is None:
-        raise TippingError(tipping(load_point, "is outside the outline of the surface"))
-    point, slopes, elements = supports
+    rest = settle(relief, load_point / spacing - 0.5)
+    if rest is None:
+        why = "is outside the outline of the surface: move it inward"
+        raise TippingError(tipping(load_point, why))
+    point, slopes, supports = rest
     length = float((relief.shape * spacing).max())
-    load = RestingLoad(
+    return RestingLoad(
         force=force,
         point=point,
         spacing=spacing / length,
         length=length,
         columns=relief.shape[1],
-        supports=elements,
+        supports=supports,
         softness=half_space.self_influence,
+        rigid_tilt=-slopes / spacing,
     )
-    return load, -slopes / spacing
-
-
-def tilted_too_far(tilt):
-    """Whether a tilt (slopes y, x) is too steep for a map of heights."""
-    return math.hypot(*tilt) > _STEEPEST_TILT
 
 
 def tipping(load_point, why):
     """The sentence for a body that does not come to rest."""
     y, x = load_point
-    return (
-        f"the stone tips over: the load point (y, x) = ({y:g}, {x:g}) mm {why}. Move it "
-        "further inside the surface."
-    )
+    return f"the stone tips over: the load point (y, x) = ({y:g}, {x:g}) mm {why}"
 
 
 def settle(relief, point):
@@ -399,11 +388,8 @@ def _triangle(corners, point):
     """Shares and corners of a part of a convex polygon around a point, or None outside."""
     # Lever arms about the point over the grid's size: rounding is the same on a grid of any size.
     size = max(corners.max(), 1.0)
-    first, *others = corners
-    parts = [corners]
-    if len(corners) > 3:
-        parts = [np.stack((first, *pair)) for pair in pairwise(others)]
-    for part in parts:
+    fan = [corners[[0, k, k + 1]] for k in range(1, len(corners) - 1)]
+    for part in fan or [corners]:
         arms = (part - point) / size
         system = np.column_stack((np.ones(len(part)), arms))
         shares = np.linalg.lstsq(system.T, [1.0, 0.0, 0.0])[0]

@@ -29,7 +29,7 @@ from functools import cached_property
 import numpy as np
 
 from .descent import MAX_ITERATIONS, descend
-from .doubts import fitted_plane, warn_of_doubts
+from .doubts import warn_of_doubts
 from .errors import (
     ContactInputError,
     ConvergenceError,
@@ -42,7 +42,7 @@ from .errors import (
 from .fields import as_given, rows_first
 from .halfspace import APPROXIMATION_ERROR, HalfSpace
 from .load import LoadControl
-from .rest import checked_point, resting, tilted_too_far, tipping
+from .rest import checked_point, resting, tipping
 from .state import ContactState
 from .window import Window
 
@@ -65,6 +65,10 @@ _CANDIDATE_GAP = 0.03
 _FEW = 64
 # The recurrence continues to this share of the tolerance, so the recomputed residual meets it.
 _INNER_FRACTION = 0.7
+# At a steeper tilt, above 45°, a map of heights no longer shows all points that can touch.
+# (Half-space and constant lever arms are valid for far smaller tilts only, which the caller has to
+# limit.)
+_STEEPEST_TILT = 1.0
 # Elements this many times higher than long come from a wrong unit, and overflow sums.
 _STEEPEST = 1e9
 
@@ -187,21 +191,11 @@ def solve_contact(  # noqa: PLR0913
             )
         problem, load = problem.at_rest(load.force, checked_point(load_point))
     state = problem.solve(load, checked_tolerance(tolerance), initial_pressure)
-    if tilted_too_far(state.tilt):
-        _refuse_steep_plane(heights, problem.half_space.spacing)
-        raise TippingError(tipping(load_point, "would tilt it by more than 45°"))
+    if math.hypot(*state.tilt) > _STEEPEST_TILT:
+        why = "would tilt it by more than 45°: level the heights, or move it inward"
+        raise TippingError(tipping(load_point, why))
     warn_of_doubts(state, problem)
     return state.like(like)
-
-
-def _refuse_steep_plane(heights, spacing):
-    """Refuse heights that are on a plane above 45° themselves."""
-    slopes, _ = fitted_plane(heights, spacing)
-    if tilted_too_far(slopes):
-        raise ContactInputError(
-            f"the heights lie on a plane of {math.degrees(math.atan(math.hypot(*slopes))):.0f}°, "
-            "and a map of heights is valid up to 45° only: level them first"
-        )
 
 
 class ContactProblem:
@@ -212,14 +206,12 @@ class ContactProblem:
     half_space : HalfSpace
     relief : ndarray, shape (ny, nx)
         h − h_max (mm), ≤ 0, −inf where the surface is missing.
-    tilt : ndarray, shape (2,)
-        Slopes (y, x) that have been added to the heights.
     """
 
     def __init__(self, heights, spacing, contact_modulus, **options):
         heights = checked_array("heights", heights, holes=True)
         self.half_space = HalfSpace(heights.shape, spacing, contact_modulus, **options)
-        self.relief, self.tilt = heights - heights.max(), np.zeros(2)
+        self.relief = heights - heights.max()
         height = -float(self.relief.min(where=self.relief > -math.inf, initial=0.0))
         if height > _STEEPEST * min(self.half_space.spacing):
             raise ContactInputError(
@@ -229,11 +221,9 @@ class ContactProblem:
     @property
     def full_displacement(self):
         """Displacement at which a periodic surface is in full contact, and no longer sinks (mm)."""
-        return (
-            math.inf
-            if self.half_space.uniform_influence
-            else -float(self.relief.mean())
-        )
+        if self.half_space.uniform_influence:
+            return math.inf
+        return -float(self.relief.mean())
 
     def load(self, displacement, mean_pressure, pressure_cap):
         """The load in the arguments of `solve_contact`."""
@@ -261,11 +251,9 @@ class ContactProblem:
 
         The force (MPa, sum of the elements' pressures) acts through a point (y, x) (mm).
         """
-        load, tilt = resting(self.relief, self.half_space, force, load_point)
-        problem, _ = self.lowered(
-            -load.plane([0.0, *(tilt * load.length)], self.relief.shape)
-        )
-        problem.tilt = tilt
+        load = resting(self.relief, self.half_space, force, load_point)
+        freedoms = 0.0, *(load.rigid_tilt * load.length)
+        problem, _ = self.lowered(-load.plane(freedoms, self.relief.shape))
         return problem, load
 
     def lowered(self, depth):
@@ -286,7 +274,7 @@ class ContactProblem:
         nothing = np.zeros_like(self.relief)
         settings = {
             "pressure_cap": load.pressure_cap,
-            "tilt": tuple(self.tilt.tolist()),
+            "tilt": load.tilt(np.zeros(3)),
             "periodic": self.half_space.periodic,
         }
         if load.displacement == 0 or load.force == 0:
@@ -295,7 +283,7 @@ class ContactProblem:
             mean = load.force / nothing.size
             return ContactState(nothing + mean, nothing, 0.0, mean, 1.0, **settings)
         few = self._only_candidates(load)
-        if few.size:
+        if few is not None:
             pressure, displacement = np.full(few.size, load.force), None
             window = Window(self.half_space, few)
         elif pressure is None or not _carried(load, pressure):
@@ -318,15 +306,14 @@ class ContactProblem:
 
         Among all the others, their pressure would be lost to rounding.
         """
-        few = np.array([], dtype=np.intp)
         if load.force is None or load.force >= load.pressure_cap:
-            return few
+            return None
         # One element that carries all the load sinks deepest. Between periods another may touch,
         # which the final check adds.
         sinks = self.half_space.self_influence * load.force
         near = self.relief >= -sinks
         if np.count_nonzero(near) > _FEW:
-            return few
+            return None
         return np.union1d(np.flatnonzero(near), load.followed())
 
     @cached_property
@@ -343,32 +330,24 @@ class ContactProblem:
 
     def _start(self, load):
         """Pressure to start from, and the window to follow: from the next coarser grid."""
-        shape = self.relief.shape
-        uniform = np.full(
-            shape, 0.0 if load.force is None else load.force / math.prod(shape)
-        )
-        uniform[np.isneginf(self.relief)] = 0.0
-        if max(shape) <= _COARSEST:
+        ny, nx = self.relief.shape
+        mean = (load.force or 0.0) / self.relief.size
+        uniform = np.where(self.relief > -math.inf, mean, 0.0)
+        if max(ny, nx) <= _COARSEST:
             return uniform, None
-        half = load.coarser(self._coarser.relief)
-        start = self._coarser._start(half)
-        coarse = self._coarser._iterate(
-            half, _COARSE_TOLERANCE, *start, certified=False
-        )
+        coarser = self._coarser
+        half = load.coarser(coarser.relief)
+        start = coarser._start(half)
+        coarse = coarser._iterate(half, _COARSE_TOLERANCE, *start, certified=False)
 
         # Candidates under the same elastic displacement: elements whose finer relief is near it.
-        with np.errstate(
-            invalid="ignore"
-        ):  # no surface: not a number, and no candidate
-            depth = (
-                coarse.gap + self._coarser.relief - _CANDIDATE_GAP * coarse.displacement
-            )
+        # Without surface, the depth is not a number, and the element no candidate.
+        with np.errstate(invalid="ignore"):
+            depth = coarse.gap + coarser.relief - _CANDIDATE_GAP * coarse.displacement
         depth[coarse.contact] = -math.inf
-        depth = np.repeat(np.repeat(depth, 2, axis=0), 2, axis=1)[
-            : shape[0], : shape[1]
-        ]
+        depth = depth.repeat(2, axis=0).repeat(2, axis=1)[:ny, :nx]
         candidates = np.union1d(np.flatnonzero(self.relief > depth), load.followed())
-        rows, columns = np.divmod(candidates, shape[1])
+        rows, columns = np.divmod(candidates, nx)
         pressure = coarse.pressure[rows // 2, columns // 2]
         # If the coarse grid misses a spike, no element is near. If the border of an odd grid was
         # cut off, the near elements carry too little.
@@ -462,7 +441,7 @@ class ContactProblem:
             contact_fraction=contact.size / pressure.size,
             residual=float(max(opened, -below) / displacement),
             pressure_cap=load.pressure_cap,
-            tilt=tuple((self.tilt + load.tilt(freedoms)).tolist()),
+            tilt=load.tilt(freedoms),
             moment_residual=own.eccentricity(loaded),
             periodic=self.half_space.periodic,
         )
@@ -478,9 +457,6 @@ def _carried(load, pressure):
 def _mean_of_four(relief):
     """Mean of the elements with surface in each two by two elements; −inf without any."""
     quarters = [relief[i::2, j::2] for j in (0, 1) for i in (0, 1)]
-    total = quarters[0] + quarters[1] + quarters[2] + quarters[3]
-    if np.isfinite(total).all():
-        return 0.25 * total
     there = np.isfinite(quarters)
     count = there.sum(axis=0)
     total = np.sum(quarters, axis=0, where=there)

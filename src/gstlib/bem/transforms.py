@@ -7,9 +7,7 @@ processor's vector units (benchmarks/README.md reports the gain).
 import functools
 import importlib.util
 from types import SimpleNamespace
-from typing import Any
 
-import numpy as np
 import scipy
 
 __all__ = ["from_waves", "from_waves_inplace", "to_waves", "to_waves_inplace"]
@@ -20,7 +18,7 @@ if HAS_DUCC0:
 
 
 @functools.cache
-def _pocketfft() -> Any:
+def _pocketfft():
     """SciPy's transforms, with the arguments of ducc0. When first used: their import is slow."""
     try:
         # Not public, but the transforms of scipy.fft bit for bit. They write into a given array.
@@ -44,25 +42,25 @@ def _c2c(lines, axes, forward, norm, out, threads):
     return transform(lines, overwrite_x=True)
 
 
-def _library() -> Any:
+def _library():
     return ducc0.fft if HAS_DUCC0 else _pocketfft()
 
 
-def to_waves(lines: np.ndarray, out: np.ndarray) -> None:
+def to_waves(lines, out):
     """Waves (m, n // 2 + 1) of real lines (m, n)."""
     _library().r2c(lines, (1,), True, 0, out, 1)
 
 
-def from_waves(waves: np.ndarray, out: np.ndarray) -> None:
+def from_waves(waves, out):
     """Real lines (m, n), n even, of waves (m, n // 2 + 1)."""
     _library().c2r(waves, (1,), out.shape[1], False, 2, out, 1)
 
 
-def to_waves_inplace(lines: np.ndarray) -> np.ndarray:
+def to_waves_inplace(lines):
     """Waves of complex lines (m, n), which are overwritten."""
     return _library().c2c(lines, (1,), True, 0, lines, 1)
 
 
-def from_waves_inplace(waves: np.ndarray) -> np.ndarray:
+def from_waves_inplace(waves):
     """Complex lines of waves (m, n), which are overwritten."""
     return _library().c2c(waves, (1,), False, 2, waves, 1)

@@ -30,7 +30,7 @@ _LOCAL, _LOCAL_GROWTH, _KEPT = 2.0, 1.25, 0.4
 _STALE = 0.05
 
 
-def dot(one: np.ndarray, two: np.ndarray) -> float:
+def dot(one, two):
     """Σ one·two over all elements."""
     return float(np.einsum("i,i->", one.reshape(-1), two.reshape(-1)))
 
@@ -48,7 +48,7 @@ class Window:
         Flat indices in ascending order, at least one.
     """
 
-    def __init__(self, half_space: HalfSpace, elements: np.ndarray):
+    def __init__(self, half_space, elements):
         self.half_space, self.elements = half_space, elements
         rows, columns = np.divmod(elements, half_space.shape[1])
         self.rows = rows - rows.min()
@@ -60,19 +60,19 @@ class Window:
         self._places = self.rows * self._box.shape[1] + self.columns
 
     @cached_property
-    def preconditioner(self) -> "Preconditioner":
+    def preconditioner(self):
         """The approximate inverse, prepared for all elements or for the last requested set."""
         return Preconditioner(self)
 
-    def exact_displacement(self, pressure: np.ndarray) -> np.ndarray:
+    def exact_displacement(self, pressure):
         """Displacement (mm) of a pressure (MPa), in double precision."""
         return self._respond(HalfSpace.exact_displacement, pressure)
 
-    def displacement(self, pressure: np.ndarray) -> np.ndarray:
+    def displacement(self, pressure):
         """The same within `APPROXIMATION_ERROR`."""
         return self._respond(HalfSpace.approximate_displacement, pressure)
 
-    def pressure(self, displacement: np.ndarray) -> np.ndarray:
+    def pressure(self, displacement):
         """Approximate pressure (MPa) that has the displacement (mm)."""
         return self._respond(HalfSpace.approximate_inverse, displacement)
 
@@ -101,12 +101,11 @@ class Preconditioner:
         Pressure for the displacement 1 on the free elements.
     """
 
-    def __init__(self, window: Window):
+    def __init__(self, window):
         # its window keeps it: a cycle would keep both until the next collection of garbage
         self._window = weakref.proxy(window)
-        ny = int(window.rows.max()) + 1
-        nx = int(window.columns.max()) + 1
-        self._stencil: list[tuple[int, float]] | None = None
+        ny, nx = int(window.rows.max()) + 1, int(window.columns.max()) + 1
+        self._stencil = None
         if window.elements.size < _SPARSE * ny * nx:
             self._stencil = self._prepare_stencil(ny, nx)
         # T, on cells of several elements: Love's kernel grows in proportion to its elements.
@@ -116,7 +115,7 @@ class Preconditioner:
         padded = inverse_padding(self._shape)
         self._spectrum = window.half_space.spectrum(padded, _BLOCK)
         self._local = _LOCAL
-        self._free: np.ndarray | None = None
+        self._free = None
 
     def _prepare_stencil(self, ny, nx):
         """Indices and weights of the inverse's nearest offsets, in a field with a margin."""
@@ -135,7 +134,7 @@ class Preconditioner:
             if i * i + j * j <= _REACH**2 + 1
         ]
 
-    def fit(self, free: np.ndarray) -> None:
+    def fit(self, free):
         """Prepare for a set of free elements (bool, shape (n,)), unless the last was similar."""
         if self._free is not None:
             changed = np.count_nonzero(free != self._free)
@@ -154,11 +153,11 @@ class Preconditioner:
                 return
             self._local *= _LOCAL_GROWTH
 
-    def __call__(self, displacement: np.ndarray) -> np.ndarray:
+    def __call__(self, displacement):
         """Pressure (MPa), shape (n,), from a displacement (mm) that is zero on fixed elements."""
         return self.short_range(displacement) - self._from_afar(displacement)
 
-    def short_range(self, displacement: np.ndarray) -> np.ndarray:
+    def short_range(self, displacement):
         """M alone: slower, but positive definite for certain."""
         if self._stencil is None:
             return self._window.pressure(displacement)

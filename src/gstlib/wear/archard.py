@@ -260,8 +260,8 @@ def wear_square(
         measured=("patch", measured.reindex(table.index)),
         patch_mm=patch_mm,
         pressure_MPa=("patch", unseen(table)),  # for which κ was fitted
-        **{name: ("patch", table[name]) for name in _PLACES},
     )
+    path = path.assign({name: ("patch", table[name]) for name in _PLACES})
     path = described(path, _DESCRIBED)
     if law != ARCHARD:
         path.attrs["wear_law"] = [*law]

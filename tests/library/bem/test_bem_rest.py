@@ -134,14 +134,14 @@ RIM[:, 6:] = -np.inf
     [
         (
             {"load_point": (0.5, 0.7)},
-            r"tips over: .*\(0.5, 0.7\) mm is outside .* Move it",
+            r"tips over: .*\(0.5, 0.7\) mm is outside .* move it",
         ),
         ({"load_point": (0.5, np.nan)}, r"load_point must be a point \(y, x\)"),
         ({"heights": np.full((3, 3), -np.inf)}, "no surface"),
         ({"heights": np.diag([5.0] + [0.0] * 9)}, "tilt it by more than 45°"),
         (
             {"heights": np.add.outer(0.2 * np.arange(10), np.zeros(10))},
-            "a plane of 63°",
+            "more than 45°: level the heights",
         ),
     ],
 )
