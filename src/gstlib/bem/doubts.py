@@ -7,7 +7,7 @@ import numpy as np
 
 from .errors import ContactWarning
 
-__all__ = ["FULL", "fitted_plane", "warn_of_doubts"]
+__all__ = ["FULL", "warn_of_doubts"]
 
 # The rim is suspect if it carries more of the force than this, and than so many times its share of
 # the area. At 256², rough surfaces without waves as long as the grid have 3 to 16 % at a few per
@@ -50,7 +50,7 @@ def warn_of_doubts(state, problem):
             f"the r.m.s. slope is {slope:.2g}, but half-spaces are valid only far below 1: are "
             "heights and spacing in mm?"
         )
-    _, share = fitted_plane(relief[::every, ::every], problem.half_space.spacing)
+    share = _share_of_plane(relief[::every, ::every], problem.half_space.spacing)
     if share > _TILTED and not any(state.tilt):
         doubts.append(
             "the heights are almost an inclined plane, so one side carries the force. Level them, "
@@ -65,33 +65,22 @@ def _rms_slope(heights, spacing, every):
 
     Along one line of `every` so many.
     """
-    total = 0.0
-    for axis, step in enumerate(spacing):
-        if heights.shape[axis] < 2:
-            continue
-        lines = heights[::every] if axis else heights[:, ::every]
+    total, (dy, dx) = 0.0, spacing
+    for lines, step in ((heights.T[::every], dy), (heights[::every], dx)):
         with np.errstate(invalid="ignore"):  # −inf less −inf
-            difference = np.diff(lines, axis=axis)
-        difference = difference[np.isfinite(difference)]
-        squared = float(np.einsum("i,i->", difference, difference))
-        total += squared / (max(difference.size, 1) * step**2)
+            slopes = np.diff(lines) / step
+        slopes = slopes[np.isfinite(slopes)]
+        total += np.square(slopes).sum() / max(slopes.size, 1)
     return math.sqrt(total)
 
 
-def fitted_plane(heights, spacing):
-    """Slopes (y, x) of the plane through the heights (mm), −inf left out, and its share in them.
-
-    The share is the fraction of the heights' variance.
-    """
-    rows, columns = np.nonzero(np.isfinite(heights))
-    if not rows.size:
-        return np.zeros(2), 0.0
-    values = heights[rows, columns]
-    values = values - values.mean()
-    points = np.stack((rows * spacing[0], columns * spacing[1]))
-    points -= points.mean(axis=1, keepdims=True)
-    squares = np.einsum("in,jn->ij", points, points)
-    right = np.einsum("in,n->i", points, values)
-    slopes = np.linalg.lstsq(squares, right)[0]
-    variance = float(np.einsum("n,n->", values, values))
-    return slopes, float(slopes @ right) / variance if variance else 0.0
+def _share_of_plane(heights, spacing):
+    """Share of the variance of the heights (mm) in a plane through them, −inf left out."""
+    there = np.isfinite(heights)
+    values = heights[there] - heights[there].mean()
+    points = np.argwhere(there) * spacing
+    points -= points.mean(axis=0)
+    slopes = np.linalg.lstsq(points, values)[0]
+    left = values - points @ slopes
+    variance = np.square(values).sum()
+    return 1 - np.square(left).sum() / variance if variance else 0.0

@@ -12,7 +12,6 @@ __all__ = [
     "TippingError",
     "as_number",
     "checked_array",
-    "checked_cap",
     "checked_number",
     "checked_poisson",
     "checked_share",
@@ -128,27 +127,6 @@ def checked_tolerance(tolerance: object) -> float:
     return number
 
 
-def checked_cap(
-    pressure_cap: float, mean_pressure: float, covered: float = 1.0
-) -> float:
-    """A cap on the pressure (MPa), above the mean over the `covered` share of the elements.
-
-    Infinite means no cap.
-    """
-    if pressure_cap != math.inf:
-        pressure_cap = checked_number(
-            "pressure_cap", pressure_cap, "MPa", positive=True
-        )
-    if mean_pressure >= covered * pressure_cap:
-        part = f" over the {100 * covered:.3g} % of the grid with surface"
-        where = part if covered < 1 else ""
-        raise ContactInputError(
-            f"mean_pressure {mean_pressure:g} MPa is not below pressure_cap {pressure_cap:g} "
-            f"MPa{where}"
-        )
-    return pressure_cap
-
-
 def checked_steps(steps: object) -> int:
     """A number of steps, at least 1."""
     if not isinstance(steps, int | np.integer) or steps < 1:
@@ -182,7 +160,7 @@ def checked_array(
         )
     if shape is not None and array.shape != shape:
         raise ContactInputError(f"{name} has shape {array.shape}, the surface {shape}")
-    missing = np.isneginf(array) if holes else np.zeros(array.shape, bool)
+    missing = holes & np.isneginf(array)
     bad = np.count_nonzero(~(np.isfinite(array) | missing))
     if bad:
         raise ContactInputError(

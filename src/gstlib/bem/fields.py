@@ -38,7 +38,7 @@ def as_given(
         if spacing is None:
             raise ContactInputError("an array has no spacing: pass spacing (mm)")
         return heights, spacing, lambda name, values: values
-    if not hasattr(heights, "values") or callable(heights.values):
+    if callable(heights.values):
         raise ContactInputError("heights are a Dataset: give one of its variables")
     if heights.attrs.get("units", "mm") != "mm":
         raise ContactInputError(
@@ -107,30 +107,21 @@ def step_of(field: Any, dim: str, stated: Any = None) -> float:
 
 def _mean_step(dim, values):
     """Mean step of the values of a coordinate, which must rise in even steps."""
-    if (
-        values.ndim != 1
-        or values.dtype.kind not in "iuf"
-        or not np.isfinite(values).all()
-    ):
-        raise ContactInputError(f"the coordinate {dim} must be finite numbers (mm)")
-    if values.size < 2:
+    is_numeric = values.ndim == 1 and values.dtype.kind in "iuf"
+    if not is_numeric or values.size < 2 or not np.isfinite(values).all():
         raise ContactInputError(
-            f"the coordinate {dim} has {values.size} value: the spacing needs two. Give at "
-            "least two rows and two columns, or an array and its spacing"
+            f"the coordinate {dim} must be at least two finite numbers (mm): give at least two "
+            "rows and two columns, or an array and its spacing"
         )
     values = values.astype(float)
     mean = float(values[-1] - values[0]) / (values.size - 1)
-    if mean < 0:
-        raise ContactInputError(
-            f"the coordinate {dim} decreases: sort it with .sortby({dim!r})"
-        )
     off = np.abs(np.diff(values) - mean)
-    if not off.max() <= _IRREGULAR * mean or mean == 0:
-        at = int(np.argmax(off))
+    if not (mean > 0 and off.max() <= _IRREGULAR * mean):
+        at = int(off.argmax())
         raise ContactInputError(
-            f"the coordinate {dim} is uneven: it goes from {values[at]:.6g} to "
-            f"{values[at + 1]:.6g} mm at index {at}, and its mean step is {mean:.6g} mm. "
-            "Resample the heights onto even coordinates"
+            f"the coordinate {dim} must rise in even steps: it goes from {values[at]:.6g} to "
+            f"{values[at + 1]:.6g} mm at index {at}, and its mean step is {mean:.6g} mm. Sort it "
+            f"with .sortby({dim!r}), or resample the heights onto even coordinates"
         )
     # of a grid that begins at 0, the first centre is half a step without any rounding
     step = 2 * float(values[0])

@@ -42,6 +42,15 @@ _OF_STATE = (
 )
 
 
+# Name and factor of the columns of its table.
+_COLUMNS = {
+    "displacement": ("displacement_um", 1e3),
+    "mean_pressure": ("mean_pressure_MPa", 1.0),
+    "contact_fraction": ("contact_fraction", 1.0),
+    "stiffness": ("stiffness_MPa_per_um", 1e-3),
+}
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadPath:
     """States at equal increments of displacement up to the target pressure.
@@ -78,13 +87,7 @@ class LoadPath:
 
     def table(self) -> "pd.DataFrame":
         """A row for each state, units in the names of its columns."""
-        curve = (
-            self.displacement,
-            self.mean_pressure,
-            self.contact_fraction,
-            self.stiffness,
-        )
-        return curve_table(*curve).assign(residual=self.residual)
+        return curve_table(self).assign(residual=self.residual)
 
 
 def load_path(
@@ -160,29 +163,23 @@ def load_path(
         curve.append([getattr(state, name) for name in _OF_STATE])
         if keep_states:
             states.append(state.like(like))
+    columns = [np.array(values) for values in zip(*reversed(curve), strict=True)]
     return LoadPath(
         stiffness=stiffness,
         final=final.like(like),
         states=tuple(reversed(states)),
-        **{
-            name: np.array(values[::-1])
-            for name, values in zip(_OF_STATE, zip(*curve, strict=True), strict=True)
-        },
+        **dict(zip(_OF_STATE, columns, strict=True)),
     )
 
 
-def curve_table(
-    displacement, mean_pressure, contact_fraction, stiffness
-) -> "pd.DataFrame":
-    """A load path, with units in the names of its columns, all of shape (steps,)."""
+def curve_table(path, prefix: str = "") -> "pd.DataFrame":
+    """A load path, whose attributes have this prefix, with units in the names of its columns."""
     import pandas as pd  # here: solving needs it not
 
     return pd.DataFrame(
         {
-            "displacement_um": 1e3 * displacement,
-            "mean_pressure_MPa": mean_pressure,
-            "contact_fraction": contact_fraction,
-            "stiffness_MPa_per_um": 1e-3 * stiffness,
+            column: factor * np.asarray(getattr(path, prefix + name))
+            for name, (column, factor) in _COLUMNS.items()
         }
     )
 
@@ -246,7 +243,5 @@ def _unit_response(window, start):
         solution = solution + scale * direction
         residual = residual - scale * image
     # The energy 2·Σp' − p'ᵀKp', stationary at the solution where it equals Σp'.
-    stiffness = (solution.sum() + dot(residual, solution)) / math.prod(
-        window.half_space.shape
-    )
-    return solution, float(stiffness)
+    energy = solution.sum() + dot(residual, solution)
+    return solution, float(energy) / math.prod(window.half_space.shape)

@@ -35,7 +35,6 @@ from .errors import (
     ConvergenceError,
     TippingError,
     checked_array,
-    checked_cap,
     checked_number,
     checked_tolerance,
 )
@@ -231,8 +230,11 @@ class ContactProblem:
             raise ContactInputError(
                 "give exactly one of displacement (mm) and mean_pressure (MPa)"
             )
+        if pressure_cap != math.inf:
+            pressure_cap = checked_number(
+                "pressure_cap", pressure_cap, "MPa", positive=True
+            )
         if mean_pressure is None:
-            pressure_cap = checked_cap(pressure_cap, 0.0)
             displacement = checked_number("displacement", displacement, "mm")
             if displacement and displacement >= self.full_displacement:
                 raise ContactInputError(
@@ -243,7 +245,12 @@ class ContactProblem:
             return LoadControl(displacement, None, pressure_cap)
         mean_pressure = checked_number("mean_pressure", mean_pressure, "MPa")
         covered = float(np.isfinite(self.relief).mean())
-        pressure_cap = checked_cap(pressure_cap, mean_pressure, covered)
+        if mean_pressure >= covered * pressure_cap:
+            where = f" over the {100 * covered:.3g} % of the grid with surface"
+            raise ContactInputError(
+                f"mean_pressure {mean_pressure:g} MPa is not below pressure_cap {pressure_cap:g} "
+                f"MPa{where if covered < 1 else ''}"
+            )
         return LoadControl(None, mean_pressure * self.relief.size, pressure_cap)
 
     def at_rest(self, force, load_point):

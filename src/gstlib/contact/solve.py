@@ -55,22 +55,21 @@ def contact_path(
     InputError
         The load is not reached within `maximum_displacement_um`, or the solver gives up.
     """
+    solving: dict[str, Any] = {"modulus": modulus, "tolerance": tolerance}
     if load.load_point is not None:
         # ASSUME: Final tilt on the load path. On the way to the target load, a body has the tilt
         # that it has at the target. Reason: All steps of the path then press the same surface.
-        interface = contact_at_pressure(
-            interface, load, modulus=modulus, tolerance=tolerance, source=source
-        ).interface
+        final = contact_at_pressure(interface, load, source=source, **solving)
+        interface = final.interface
     path = _run(
         load_path,
         interface,
         load,
-        modulus,
         source,
         target_pressure=load.mean_pressure,
         steps=steps,
         keep_states=every_step,
-        tolerance=tolerance,
+        **solving,
     )
     if (needed_um := path.final.displacement * 1e3) > maximum_displacement_um:
         raise InputError(
@@ -86,9 +85,7 @@ def contact_path(
             source,
             100 * path.final.contact_fraction,
         )
-    final = Contact.of_state(
-        path.final, interface, load=load, modulus=modulus, tolerance=tolerance
-    )
+    final = Contact.of_state(path.final, interface, load=load, **solving)
     return ContactPath(**vars(path) | {"final": final})
 
 
@@ -108,23 +105,21 @@ def contact_at_pressure(
     `springs`. The solver starts from `initial_pressure` (ny, nx), MPa, the pressure of a similar
     contact.
     """
+    solving: dict[str, Any] = {"modulus": modulus, "tolerance": tolerance}
     state = _run(
         solve_contact,
         interface,
         load,
-        modulus,
         source,
         mean_pressure=load.mean_pressure,
         load_point=load.from_corner(interface.height),
         springs=springs,
-        tolerance=tolerance,
         initial_pressure=initial_pressure,
+        **solving,
     )
     if load.load_point is not None:
         interface = interface.tilted(state.tilt)
-    return Contact.of_state(
-        state, interface, load=load, modulus=modulus, tolerance=tolerance
-    )
+    return Contact.of_state(state, interface, load=load, **solving)
 
 
 def solve_again(
@@ -137,16 +132,17 @@ def solve_again(
 
     The body stays on its plane. `options` are passed to the solver. See `contact_path` for errors.
     """
-    pressed = contact.interface, contact.load, contact.modulus
-    return _run(solver, *pressed, source, tolerance=contact.tolerance, **options)
+    options |= {"modulus": contact.modulus, "tolerance": contact.tolerance}
+    return _run(solver, contact.interface, contact.load, source, **options)
 
 
 def _run(
     solver: Callable[..., Any],
     interface: Interface,
     load: Load,
-    modulus: float,
     source: str | Path,
+    *,
+    modulus: float,
     **options: Any,
 ) -> Any:
     """Result of a solver, which is logged; an `InputError` for the user if the solver fails.

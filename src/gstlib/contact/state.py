@@ -19,7 +19,6 @@ __all__ = ["VARIABLES", "Contact", "ContactPath", "load_path_table"]
 # Fields that are stored under the same names at one load and along the path to it.
 _FIELDS = "pressure", "gap"
 _NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
-_CURVE = "displacement", "mean_pressure", "contact_fraction", "stiffness"
 # Prefix of a variable along a load path. The variable of the final state has no prefix.
 _PATH = "path_"
 
@@ -92,11 +91,9 @@ class Contact(ContactState):
         cls, state: ContactState, interface: Interface, **settings: Any
     ) -> "Contact":
         """The contact in a state of the solver; `settings` are the other attributes."""
+        grid = interface.height.coords, ("y", "x")
         fields = {
-            name: xr.DataArray(
-                _finite(getattr(state, name)), interface.height.coords, ("y", "x")
-            )
-            for name in _FIELDS
+            name: xr.DataArray(_finite(getattr(state, name)), *grid) for name in _FIELDS
         }
         return cls(**vars(state) | fields, interface=interface, **settings)
 
@@ -104,16 +101,14 @@ class Contact(ContactState):
         """As it is stored, with units and long names."""
         face, surroundings = self.interface, self.interface.surroundings
         load_point_y, load_point_x = self.load.load_point or (math.nan, math.nan)
-        is_equilibrium = surroundings is not None
+        is_placed = surroundings is not None
         values = {
             "height": face.height.values,
             "counterface": face.counterface.values,
-            "surroundings": surroundings
-            if is_equilibrium
-            else np.zeros(face.height.shape),
+            "surroundings": surroundings if is_placed else np.zeros(face.height.shape),
             "slope_y": face.plane.slope_y,
             "slope_x": face.plane.slope_x,
-            "placed": is_equilibrium,
+            "placed": is_placed,
             "target_pressure": self.load.mean_pressure,
             "load_point_y": load_point_y,
             "load_point_x": load_point_x,
@@ -162,11 +157,9 @@ class ContactPath(LoadPath):
         along = {name: getattr(self, name) for name in (*_NUMBERS, "stiffness")}
         if self.interface_stiffness is not None:
             along["interface_stiffness"] = self.interface_stiffness
-        if self.states:
-            for name in _FIELDS:
-                along[name] = np.stack(
-                    [_finite(getattr(state, name)) for state in self.states]
-                )
+        for name in _FIELDS if self.states else ():
+            fields = [_finite(getattr(state, name)) for state in self.states]
+            along[name] = np.stack(fields)
         steps = np.arange(1, len(self.displacement) + 1)
         stored = self.final.to_dataset().assign_coords(step=steps)
         return stored.assign(_variables(along, _PATH))
@@ -174,7 +167,7 @@ class ContactPath(LoadPath):
 
 def load_path_table(path: xr.Dataset) -> pd.DataFrame:
     """Load path of a contact as stored (`ContactPath.to_dataset`), one row per step."""
-    table = curve_table(*(path[_PATH + name].values for name in _CURVE))
+    table = curve_table(path, _PATH)
     table.insert(0, "step", path.step.values)
     return table
 

@@ -124,18 +124,17 @@ def solve_patches(
             else:
                 interface = place_patch(height, pressed, composite, contact, patch)
             loaded = interface, Load(float(targets[_PRESSURES[variant]][patch]))
-            solved: dict[str, Any] = {
+            solving: dict[str, Any] = {
                 "modulus": settings.contact_modulus_MPa,
                 "tolerance": settings.tolerance,
                 "source": source,
             }
             if settings.steps is None or variant != variants[0]:
-                yield patch, variant, contact_at_pressure(*loaded, **solved)
+                yield patch, variant, contact_at_pressure(*loaded, **solving)
                 continue
-            most_um = settings.maximum_displacement_um
-            path = contact_path(
-                *loaded, steps=settings.steps, maximum_displacement_um=most_um, **solved
-            )
+            solving["steps"] = settings.steps
+            solving["maximum_displacement_um"] = settings.maximum_displacement_um
+            path = contact_path(*loaded, **solving)
             yield patch, variant, with_interface_stiffness(path)
 
 
@@ -195,18 +194,13 @@ def microscale_tables(
         steps = load_path_table(contact)
         alone = contact.path_interface_stiffness.values * 1e-3
         steps["interface_stiffness_MPa_per_um"] = alone
-        last, residual = steps.iloc[-1], float(contact.residual)
-        states.append(
-            {
-                "patch": patch,
-                "target_pressure_MPa": float(contact.target_pressure),
-                **last[["mean_pressure_MPa", "displacement_um", "contact_fraction"]],
-                **last[["stiffness_MPa_per_um", "interface_stiffness_MPa_per_um"]],
-                "residual": 10.0 ** math.ceil(math.log10(max(residual, _ROUNDING))),
-            }
-        )
         steps.insert(0, "patch", patch)
         paths.append(steps)
+        residual = max(float(contact.residual), _ROUNDING)
+        last = steps.iloc[[-1]].drop(columns="step")
+        last.insert(1, "target_pressure_MPa", float(contact.target_pressure))
+        last.insert(2, "mean_pressure_MPa", last.pop("mean_pressure_MPa"))
+        states.append(last.assign(residual=10.0 ** math.ceil(math.log10(residual))))
     if not paths:
         return pd.DataFrame(), pd.DataFrame()
-    return pd.DataFrame(states), pd.concat(paths, ignore_index=True)
+    return tuple(pd.concat(tables, ignore_index=True) for tables in (states, paths))

@@ -456,12 +456,13 @@ def wear_patch(
     list of ndarray, shape (ny, nx)
         The depth lost, mm, without a cap and, if there is one, with it.
     """
-    kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
-    lost, options = driven(contact, worn, worn.along(patch, ratio), kappa)
-    count = 1 if pressure_cap is None else 2
+    at, source = worn.along(patch, ratio), f"patch {patch}"
+    kappa = float(at.fitted) if kappa is None else kappa
+    lost, options = driven(contact, worn, at, kappa)
     if not lost > 0:
-        return count * [np.zeros(contact.pressure.shape)]
-    elastic = wear_contact(contact, f"patch {patch}", **options)
+        none = np.zeros(contact.pressure.shape)
+        return [none] if pressure_cap is None else [none, none]
+    elastic = wear_contact(contact, source, **options)
     if pressure_cap is None:
         return [elastic.depth]
     most = _BORNE * pressure_cap * contact.interface.covered
@@ -470,7 +471,7 @@ def wear_patch(
     is_borne = math.isclose(bounded["mean_loss"], lost, rel_tol=1e-12)
     if is_borne and elastic.highest_pressure < pressure_cap:
         return [elastic.depth, elastic.depth]
-    return [elastic.depth, wear_contact(contact, f"patch {patch}", **bounded).depth]
+    return [elastic.depth, wear_contact(contact, source, **bounded).depth]
 
 
 def driven(
