@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+import gstlib
+
 MODULUS = 12820.0
 
 
@@ -13,33 +15,20 @@ def dense_matrix(shape, spacing):
     By Love's closed form for a rectangle (Johnson, *Contact Mechanics* (1985), eq. 3.25).
     """
     dy, dx = np.broadcast_to(spacing, 2)
-    rows, columns = np.indices(shape)
-
-    def corner(y, x):
-        return y * np.arcsinh(x / np.abs(y)) + x * np.arcsinh(y / np.abs(x))
-
-    quadrant = np.zeros(shape)
-    for up, right in np.ndindex(2, 2):
-        sign = 1 if up == right else -1
-        quadrant += sign * corner((rows + up - 0.5) * dy, (columns + right - 0.5) * dx)
-    quadrant /= math.pi * MODULUS
-    rows_apart = abs(rows.reshape(-1, 1) - rows.ravel())
-    columns_apart = abs(columns.reshape(-1, 1) - columns.ravel())
-    return quadrant[rows_apart, columns_apart]
+    y = (np.arange(shape[0] + 1)[:, None] - 0.5) * dy
+    x = (np.arange(shape[1] + 1) - 0.5) * dx
+    corners = y * np.arcsinh(x / np.abs(y)) + x * np.arcsinh(y / np.abs(x))
+    quadrant = np.diff(np.diff(corners, axis=0)) / (math.pi * MODULUS)
+    rows, columns = np.indices(shape).reshape(2, -1)
+    apart = abs(np.subtract.outer(rows, rows)), abs(np.subtract.outer(columns, columns))
+    return quadrant[apart]
 
 
-def self_affine(n, seed=0, *, length=0.85, roll_off=0.2, cut_off=4, rms=0.005):
-    """Self-affine n × n surface (mm) with a Hurst exponent of 0.8; cut-off in elements."""
-    rng = np.random.default_rng(seed)
-    spacing = length / n
-    along_x = np.fft.rfftfreq(n, spacing)
-    along_y = np.fft.fftfreq(n, spacing)
-    frequency = np.hypot(along_y[:, None], along_x)
-    amplitude = np.maximum(frequency, 1 / roll_off) ** -1.8
-    amplitude[frequency > n / (cut_off * length)] = 0
-    amplitude[0, 0] = 0
-    noise = np.fft.rfft2(rng.standard_normal((n, n)))
-    heights = np.fft.irfft2(noise * amplitude, s=(n, n))
+def self_affine(n, seed=0, *, length=0.85, roll_off=0.2, rms=0.005):
+    """Self-affine n × n surface (mm) with a Hurst exponent of 0.8, from four elements on."""
+    spacing, rng = length / n, np.random.default_rng(seed)
+    waves = {"hurst_exponent": 0.8, "roll_off": roll_off, "shortest": 4 * spacing}
+    heights = gstlib.self_affine_field(rng, n, spacing, **waves).astype(float)
     return heights * (rms / heights.std())
 
 

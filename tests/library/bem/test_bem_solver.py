@@ -34,7 +34,7 @@ def test_contact_conditions_hold_by_an_independent_matrix(
 
 
 def test_convolutions_stay_few():
-    # Guards the preconditioner (its short range alone: 28) and the nested start.
+    # Guards the preconditioner (its short range alone: 29) and the nested start.
     heights = self_affine(512, seed=1)
     options = {"mean_pressure": 76.0, "tolerance": 1e-8}
     assert solve_contact(heights, 0.85 / 512, MODULUS, **options).convolutions <= 22

@@ -50,13 +50,7 @@ def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(ratio):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [
-        ("tangential_ratio", -0.1),
-        ("tangential_ratio", 1.1),
-        ("tangential_ratio", np.nan),
-        ("friction", 0.0),
-        ("poisson", 2.0),
-    ],
+    [("tangential_ratio", np.nan), ("friction", 0.0), ("poisson", 2.0)],
 )
 def test_a_grinding_force_beyond_its_range_is_refused(contact, name, value):
     with pytest.raises(ContactInputError, match=f"{name} must .* got {value}"):

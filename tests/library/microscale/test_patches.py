@@ -1,9 +1,8 @@
 """Patches are solved in order, and each as it was asked for."""
 
-import numpy as np
 import pandas as pd
 import pytest
-from contacts import pressed
+from contacts import pressed, rough
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gstlib.contact import ContactPath
@@ -15,7 +14,6 @@ from gstlib.microscale.patches import (
     solve_patches,
 )
 from gstlib.surfaces.filtering import s_filtered
-from gstlib.surfaces.grid import make_surface
 
 SETTINGS = Microscale(
     contact_modulus_MPa=1e4,
@@ -36,20 +34,19 @@ PRESSURES = pd.DataFrame(
 PATCH = 0.3
 
 
-def rough(seed, side=PATCH):
-    heights = 1e-3 * np.random.default_rng(seed).standard_normal((16, 16))
-    return make_surface(heights, side / 16).to_dataset(name="height")
+def scan(seed, side=PATCH):
+    return rough(seed, (16, 16), side / 16, 1e-3).to_dataset(name="height")
 
 
 @pytest.fixture
 def scans():
-    return {"c": rough(3), "a": rough(1)}
+    return {"c": scan(3), "a": scan(1)}
 
 
 @pytest.fixture(scope="module")
 def stone():
     """A composite with the places and planes of its patches, and its contact."""
-    square = rough(9, side=0.8)
+    square = scan(9, side=0.8)
     square = square.assign(counterface=0 * square.height, patch_mm=PATCH)
     place = {"y_mm": 0.4, "x_mm": 0.4, "rotation_deg": 0.0}
     plane = {"slope_y": 0.01, "slope_x": 0.0}
@@ -77,7 +74,7 @@ def test_patches_are_solved_in_order_at_the_pressures_of_their_variants(scans, s
 
 
 def test_the_scan_of_the_active_stone_is_turned_over_onto_every_patch(scans):
-    face, settings = rough(5).height, SETTINGS._replace(s_filter_um=120.0)
+    face, settings = scan(5).height, SETTINGS._replace(s_filter_um=120.0)
     contacts = solve_patches(
         scans, PRESSURES, settings, variants=[PAPER], counterface=face
     )

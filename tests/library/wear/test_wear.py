@@ -48,6 +48,12 @@ def worn(square, pressures):
     return wear_square(square, pressures, LOSSES, **OPTIONS)
 
 
+def registered(losses, **columns):
+    """The table ``registration`` of patches that lost height."""
+    table = pd.DataFrame({"patch": list("abcd"), "above_noise": True} | columns)
+    return table.assign(mean_wear_depth_um=losses)
+
+
 def of_all(worn):
     """The path of the square to which all losses lead, with the bare stone."""
     return worn.path.sel(ratio=0, reach=worn.path.reach_of_all)
@@ -98,8 +104,8 @@ def test_a_patch_is_pressed_as_the_wear_of_the_others_says(square, pressures):
     sinks = "abcd"[np.argmax(first - last)]
     before = rates(stated.along(sinks, 0))
     less = (before[0] + before[-1]) / 2  # of which the last step has too little
-    table = pressures.set_index("patch", drop=False)
-    table["leave_one_out_MPa"] = table.pressure_MPa.where(table.patch == sinks) - less
+    own = pressures.pressure_MPa.where(pressures.patch == sinks)
+    table = pressures.assign(leave_one_out_MPa=own - less)
     worn = wear_square(square, table, LOSSES, **options)
     after = rates(worn.along(sinks, 0))
     assert after[0] > 0 == after[-1]
@@ -113,11 +119,7 @@ def test_a_patch_is_pressed_as_the_wear_of_the_others_says(square, pressures):
 
 def test_the_coefficient_is_fitted_over_what_both_scans_cover(square, pressures):
     """T1 covers a quarter of each patch: κ is that of patches there, and the outlines wear."""
-    registration = pd.DataFrame(
-        {"patch": list("abcd"), "found": True, "above_noise": True}
-    )
-    registration["mean_wear_depth_um"] = 0.2
-    registration["rotation_deg"] = 0.0
+    registration = registered(0.2, found=True, rotation_deg=0.0)
     registration[["t1_x_um", "t1_y_um"]] = 250.0
     registration[["t1_size_x_um", "t1_size_y_um"]] = 500.0
     quarters = PLACES.assign(x_mm=PLACES.x_mm + 0.25, y_mm=PLACES.y_mm + 0.25)
@@ -169,18 +171,10 @@ def worn_by_both():
         depth = depth_of(unworn, guess, patch.patch, ratio=1.0, kappa=2e-5)
         contacts[patch.patch], changes[patch.patch] = unworn, changed(unworn, depth)
         losses.append(1e3 * float((-changes[patch.patch].change).clip(0).mean()))
-    registration = pd.DataFrame({"patch": list("abcd"), "above_noise": True})
-    registration["mean_wear_depth_um"] = losses
-    tables, maps = (
-        (table.assign(in_study=True), registration),
-        PatchMaps(contacts, changes),
-    )
+    tables = table.assign(in_study=True), registered(losses)
+    maps = PatchMaps(contacts, changes)
     layer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 200.0}
-    return (
-        fit_wear(contact, *tables, maps, **OPTIONS, interlayer=layer),
-        contacts,
-        changes,
-    )
+    return fit_wear(contact, *tables, maps, **OPTIONS, interlayer=layer), *maps
 
 
 def test_an_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both):
@@ -251,31 +245,20 @@ def test_an_interlayer_lies_among_the_pressures_that_are_under_it(worn_by_both):
 @pytest.mark.parametrize(
     "law", [Law(exponent=2.0), Law(threshold_MPa=18.8), Law(15.0, 0.5)]
 )
-def test_a_patch_loses_as_the_law_says_of_its_pressure(square, pressures, law):
-    """While pressures are as before use; so a threshold between them spares some patches."""
-    before = pressures.pressure_MPa.to_numpy()
-    losses = dict.fromkeys("abcd", 1e-5)
-    worn = wear_square(square, pressures, losses, patch_mm=1.0, steps=2, law=law)
-    kappa = float(worn.path.kappa_of_all)
-    expected = np.maximum(before - law.threshold_MPa, 0) ** law.exponent
-    measured = [
-        depth_of(patch_of(pressure), worn, name, kappa=kappa).mean()
-        for name, pressure in zip("abcd", before, strict=True)
-    ]
-    np.testing.assert_allclose(measured, 4e-8 * expected / expected.sum(), rtol=2e-3)
-
-
-def test_another_law_gives_the_sum_of_the_losses_at_pressures_from_others(
-    square, pressures
+def test_a_patch_loses_as_the_law_says_of_the_pressure_from_the_others(
+    square, pressures, law
 ):
-    table = pressures.set_index("patch", drop=False)
-    table["leave_one_out_MPa"] = table.pressure_MPa * [1.2, 0.8, 1.1, 0.9]
-    losses, law = dict.fromkeys("abcd", 1e-5), Law(exponent=2.0)
+    """While pressures are as before use; so a threshold between them spares some patches."""
+    before = pressures.pressure_MPa * [1.2, 0.8, 1.1, 0.9]
+    table, losses = (
+        pressures.assign(leave_one_out_MPa=before),
+        dict.fromkeys("abcd", 1e-5),
+    )
     worn = wear_square(square, table, losses, patch_mm=1.0, steps=2, law=law)
-    kappa = float(worn.path.kappa_of_all)
-    contact = patch_of(20.0)
-    depths = [depth_of(contact, worn, name, kappa=kappa).mean() for name in "abcd"]
-    assert sum(depths) == pytest.approx(4e-8, rel=2e-3)
+    kappa, contact = float(worn.path.kappa_of_all), patch_of(20.0)
+    expected = np.maximum(before - law.threshold_MPa, 0) ** law.exponent
+    measured = [depth_of(contact, worn, name, kappa=kappa).mean() for name in "abcd"]
+    np.testing.assert_allclose(measured, 4e-8 * expected / expected.sum(), rtol=2e-3)
 
 
 def test_summits_that_yield_spread_the_same_loss_wider(worn, pressures):
@@ -310,17 +293,14 @@ def test_summits_yield_in_the_last_of_the_models_alone(worn_by_both):
 
 
 def test_without_two_worn_patches_nothing_is_fitted(square, pressures, caplog):
-    registration = pd.DataFrame({"patch": list("abcd"), "above_noise": True})
     # the change of b is not known, and that of d is noise
-    registration["mean_wear_depth_um"] = [0.4, np.nan, 0.4, 0.1]
+    registration = registered([0.4, np.nan, 0.4, 0.1])
     registration.loc[3, "above_noise"] = False
     pressures, options = pressures.assign(in_study=True), {"patch_mm": 1.0, "steps": 2}
     worn = fit_wear(square, pressures, registration, **options)
     assert worn.fitted_to == ["a", "c"]
-    bare = pressures.assign(
-        pressure_MPa=pressures.pressure_MPa.where(pressures.patch != "c", 0)
-    )
-    assert fit_wear(square, bare, registration, **options) is None
+    pressures.loc[2, "pressure_MPa"] = 0
+    assert fit_wear(square, pressures, registration, **options) is None
     assert "fewer than two patches in the study lost" in caplog.text
 
 
@@ -332,15 +312,13 @@ def test_a_gesture_that_stays_in_place_wears_as_the_single_pose_does(square):
     square = pressed(symmetric, mean_pressure=20.0, **SETTINGS)
     table = patch_pressures(square.pressure, PLACES, size_mm=1.0)
     wide = around(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT, 1.0)
-    poses = stroke_poses(stroke_mm=1.0, poses=2, force_N=20.0 * SIDE**2).assign(
-        x_mm=0.0
-    )
+    poses = stroke_poses(stroke_mm=1.0, poses=2, force_N=20.0 * SIDE**2)
+    poses["x_mm"] = 0.0
     gesture = Gesture(symmetric, wide, SIDE, (SIDE / 2, SIDE / 2), poses)
-    losses = dict.fromkeys("abcd", 0.2)
     errors = []
     for steps in (4, 8):
         options = {"patch_mm": 1.0, "steps": steps}
-        one = wear_square(square, table, losses, **options)
-        many = wear_square(square, table, losses, gesture=gesture, **options)
+        one = wear_square(square, table, LOSSES, **options)
+        many = wear_square(square, table, LOSSES, gesture=gesture, **options)
         errors.append(float(abs(lost(many) - lost(one)).max() / lost(one).max()))
     assert errors[1] < 0.7 * errors[0] < 0.05
