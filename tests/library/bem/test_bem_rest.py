@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from bem_reference import MODULUS, self_affine
+from bem_reference import MODULUS, centred, self_affine
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,28 +13,18 @@ from gstlib.bem.rest import settle
 
 
 def places(shape, spacing):
-    """(y, x) of the elements' centres, from the grid's corner; each of the grid's shape."""
-    dy, dx = np.broadcast_to(spacing, 2)
-    y = (np.arange(shape[0]) + 0.5) * dy
-    x = (np.arange(shape[1]) + 0.5) * dx
-    return np.meshgrid(y, x, indexing="ij")
-
-
-def plane(shape, spacing, slopes, point):
-    y, x = places(shape, spacing)
-    return slopes[0] * (y - point[0]) + slopes[1] * (x - point[1])
+    """(y, x) of the elements' centres, from the grid's corner, shape (ny, nx, 2)."""
+    return (np.moveaxis(np.indices(shape), 0, -1) + 0.5) * spacing
 
 
 def centre_of(pressure, spacing):
-    y, x = places(pressure.shape, spacing)
-    moments = [(pressure * y).sum(), (pressure * x).sum()]
-    return np.array(moments) / pressure.sum()
+    return np.tensordot(pressure, places(pressure.shape, spacing)) / pressure.sum()
 
 
 def resting(heights, spacing, force, load_point, **options):
-    area = heights.size * np.prod(np.broadcast_to(spacing, 2))
-    options = {"mean_pressure": force / area, "tolerance": 1e-9} | options
-    return solve_contact(heights, spacing, MODULUS, load_point=load_point, **options)
+    mean_pressure = force / (heights.size * spacing**2)
+    load = {"mean_pressure": mean_pressure, "load_point": load_point}
+    return solve_contact(heights, spacing, MODULUS, tolerance=1e-9, **load, **options)
 
 
 # --- closed forms
@@ -47,8 +37,7 @@ def test_a_round_punch_tilts_as_johnson_says():
     errors = []
     for n in (32, 64):
         spacing = 2 * radius / n
-        y, x = places((n, n), spacing)
-        disc = np.hypot(y - radius, x - radius) <= radius
+        disc = np.hypot(*centred(n, spacing)) <= radius
         heights = np.where(disc, 0.0, -np.inf)
         state = resting(heights, spacing, force, (radius, radius + off))
         assert np.array_equal(state.contact, disc)
@@ -67,7 +56,7 @@ def test_gap_and_displacement_are_those_of_the_tilted_heights(layer):
     spacing, point = 0.01, (0.25, 0.34)
     heights = self_affine(60, seed=7, length=0.6)
     state = resting(heights, spacing, 3.0, point, layer=layer)
-    tilted = heights + plane(heights.shape, spacing, state.tilt, point)
+    tilted = heights + (places(heights.shape, spacing) - point) @ state.tilt
     options = {"mean_pressure": state.mean_pressure, "layer": layer, "tolerance": 1e-9}
     fixed = solve_contact(tilted, spacing, MODULUS, **options)
     assert fixed.displacement == pytest.approx(state.displacement, rel=1e-8)
@@ -91,7 +80,7 @@ def test_any_surface_comes_to_rest_under_a_force_within_it(seed, ny, nx, mean_pr
     heights, spacing = 1e-4 * rng.standard_normal(shape), rng.uniform(0.01, 0.1, 2)
     heights[rng.random(shape) < rng.uniform(0, 0.9)] = -np.inf
     heights[rng.integers(ny), rng.integers(nx)] = 0.0
-    heights += plane(shape, spacing, rng.uniform(-0.2, 0.2, 2), (0, 0))
+    heights += places(shape, spacing) @ rng.uniform(-0.2, 0.2, 2)
     surface = np.isfinite(heights)
     point = centre_of(surface * rng.exponential(size=shape) ** 4, spacing)
     options = {"mean_pressure": mean_pressure, "tolerance": 1e-8}

@@ -104,8 +104,6 @@ HOLED[1, 2] = np.nan
         ({"heights": HOLED}, "1 values that are NaN"),
         ({"heights": np.ma.masked_array(HOLED, np.eye(4))}, "masked"),
         ({"heights": np.eye(4), "spacing": 1e-200}, "are both in mm"),
-        ({"spacing": (0.1, -0.1)}, "spacing"),
-        ({"spacing": (0.1, 0.1, 0.1)}, "one number or two"),
         ({"layer": 20}, "gstlib.Layer, got 20"),
         ({"displacement": None}, "exactly one"),
         ({"initial_pressure": np.full((4, 4), -1.0)}, "initial_pressure"),
