@@ -38,9 +38,7 @@ def main(
     worn = fit_wear(pressed, *tables, maps, gesture=gesture, **wear)
     write_result(square, worn.path if worn else xr.Dataset(), "fit_wear")
     if fitted is not None:
-        write_result(
-            fitted, worn.fitted_interlayer if worn else xr.Dataset(), "fit_wear"
-        )
+        write_result(fitted, worn.interlayer if worn else xr.Dataset(), "fit_wear")
 
 
 run_in_snakemake(main)

@@ -298,4 +298,4 @@ def _shift(size, share):
 
 def _waves(size):
     """Waves in the grid's length, in the order of an FFT of even size."""
-    return np.concatenate((np.arange(size // 2), np.arange(-size // 2, 0)))
+    return np.fft.ifftshift(np.arange(size) - size // 2)

@@ -221,8 +221,7 @@ def _line_search(penetration, steps):
     weights = _energy_weights(steps, work)
     if weights[0] <= 0 or abs(weights[1:]).sum() > _LARGE_LEVEL:
         # The exact search along the change alone.
-        change, image = steps[0]
-        scale = dot(penetration, change) / dot(change, image)
+        (scale,) = _energy_weights(steps[:1], work)
         weights = np.zeros(len(steps))
         weights[0] = scale if scale > 0 else 1.0
     return weights, [

@@ -178,14 +178,10 @@ def solve_contact(  # noqa: PLR0913
             raise ContactInputError("initial_pressure must not be negative (MPa)")
         initial_pressure = np.where(problem.relief > -math.inf, initial_pressure, 0.0)
     if load_point is not None:
-        if periodic:
+        if periodic or load.force is None or pressure_cap < math.inf:
             raise ContactInputError(
-                "a periodic surface cannot tilt: leave out `load_point`"
-            )
-        if load.force is None or pressure_cap < math.inf:
-            raise ContactInputError(
-                "load_point needs mean_pressure (MPa) instead of displacement, and no "
-                "pressure_cap: solve in equilibrium without it, add the plane of `tilt` to the "
+                "load_point needs mean_pressure (MPa), and neither displacement, pressure_cap nor "
+                "periodic: solve in equilibrium without these, add the plane of `tilt` to the "
                 "heights, and press these on a fixed plane"
             )
         problem, load = problem.at_rest(load.force, checked_point(load_point))

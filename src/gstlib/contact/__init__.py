@@ -6,12 +6,11 @@ If the pressure is zero, the contact is empty: its pressure, displacement and st
 shares of the contact are NaN.
 """
 
-from .interface import LEVEL, Interface, Load, check_grid, turned_over
+from .interface import Interface, Load, check_grid, turned_over
 from .solve import contact_at_pressure, contact_path, solve_again
 from .state import VARIABLES, Contact, ContactPath, load_path_table
 
 __all__ = [
-    "LEVEL",
     "VARIABLES",
     "Contact",
     "ContactPath",

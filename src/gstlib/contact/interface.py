@@ -14,12 +14,12 @@ from gstlib.errors import InputError
 from gstlib.surfaces.grid import spacing_of, spacing_of_heights
 from gstlib.surfaces.leveling import Plane
 
-__all__ = ["LEVEL", "Interface", "Load", "check_grid", "turned_over"]
+__all__ = ["Interface", "Load", "check_grid", "turned_over"]
 
 # Spacings come from the instruments' files: up to this relative difference they are the same.
 _SAME_SPACING = 1e-6
 # The plane of a surface that is not tilted.
-LEVEL = Plane(0.0, 0.0, 0.0)
+_LEVEL = Plane(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Interface:
 
     height: xr.DataArray
     counterface: xr.DataArray
-    plane: Plane = LEVEL
+    plane: Plane = _LEVEL
     surroundings: np.ndarray | None = None
 
     def __post_init__(self) -> None:

@@ -141,19 +141,13 @@ class WornSquare(NamedTuple):
 
     @classmethod
     def from_datasets(cls, path: xr.Dataset, fitted: xr.Dataset | None) -> Self | None:
-        """From the stored `path` and `fitted_interlayer`; None if wear is not predicted."""
+        """From the stored `path` and `interlayer`; None if wear is not predicted."""
         return cls(path, fitted) if path.sizes else None
 
     @property
     def law(self) -> Law:
         """The law of wear."""
         return Law(*self.path.attrs.get("wear_law", ARCHARD))
-
-    @property
-    def fitted_interlayer(self) -> xr.Dataset | None:
-        """The interlayer with its coefficient, or None if there is none."""
-        is_fitted = self.interlayer is not None and "misfit" in self.interlayer
-        return self.interlayer if is_fitted else None
 
     @property
     def layer(self) -> Layer | None:

@@ -66,7 +66,7 @@ class Prediction(NamedTuple):
         """The depths, with their source from `fit_wear`."""
         if worn is None:
             return cls({})
-        return cls(depths, worn.fitted_to, worn.fitted_interlayer)
+        return cls(depths, worn.fitted_to, worn.interlayer)
 
 
 def fit_wear(
@@ -146,7 +146,7 @@ def fit_wear(
         _log.warning("wear is not predicted: %s", error.problem)
         return None
     if worn.interlayer is None or maps is None:
-        return worn
+        return worn._replace(interlayer=None)
     fitted = fit_interlayer(worn, maps.contacts, maps.changes)
     return worn._replace(interlayer=fitted.assign(worn.interlayer.data_vars))
 
@@ -209,7 +209,7 @@ def wear_map(
         ``interlayer``; and with a cap, by ``archard_capped``, the last of these under the cap.
     """
     depth, coefficients = {}, {}
-    if (fitted := worn.fitted_interlayer) is not None:
+    if (fitted := worn.interlayer) is not None:
         names = "ratio_of_all", "kappa_of_all"
         if patch in fitted.patch:
             fitted = fitted.sel(patch=patch)
