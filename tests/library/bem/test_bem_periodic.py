@@ -14,14 +14,6 @@ ROUGH = HEIGHTS, SPACING, MODULUS
 MEAN_DEPTH = HEIGHTS.max() - HEIGHTS.mean()
 
 
-def wave_numbers(shape, spacing):
-    """|q| (1/mm) of each wave of a field, shape (ny, nx)."""
-    dy, dx = np.broadcast_to(spacing, 2)
-    along_y = np.fft.fftfreq(shape[0], dy)
-    along_x = np.fft.fftfreq(shape[1], dx)
-    return 2 * np.pi * np.hypot(along_y[:, None], along_x)
-
-
 @pytest.mark.parametrize("share", [0.05, 0.8])
 def test_westergaards_wave(share):
     """Johnson, sect. 13.2. The displacement converges with the square of the element."""
@@ -58,7 +50,8 @@ def test_full_contact_is_linear(layer):
     options = {"mean_pressure": 60.0, "periodic": True, "tolerance": 1e-9}
     state = solve_contact(height, spacing, MODULUS, layer=layer, **options)
     assert state.contact_fraction == 1
-    wave_number = wave_numbers(height.shape, spacing)
+    along_y, along_x = map(np.fft.fftfreq, height.shape, spacing)
+    wave_number = 2 * np.pi * np.hypot(along_y[:, None], along_x)
     wave_number[0, 0] = 1.0  # the mean is set below
     compliance = 2 / (MODULUS * wave_number)
     if layer:

@@ -1,10 +1,11 @@
-"""The solver: conditions of contact, robustness, and the input that it refuses."""
+"""The solver: conditions of contact, a cap, robustness, and the input that it refuses."""
 
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
 
 from gstlib.bem import ContactInputError, ConvergenceError, solve_contact
 
@@ -92,6 +93,37 @@ def test_the_start_does_not_matter(seed, shape, case):
     ).pressure
     np.testing.assert_allclose(warm, cold, atol=1e-5 * cold.max())
     np.testing.assert_array_equal(start, before)
+
+
+SMALL = self_affine(14, seed=5, length=0.028, rms=0.002, roll_off=0.02)
+
+
+@pytest.mark.parametrize("limit", [200.0, 2000.0])
+def test_agrees_with_doubly_bounded_least_squares(limit):
+    # min ½ pᵀKp − pᵀw is the least-squares problem of Bemporad & Paggi (2015): with K = LLᵀ,
+    # min |Lᵀp − L⁻¹w|² over 0 ≤ p ≤ H.
+    factor = np.linalg.cholesky(dense_matrix(SMALL.shape, 0.002))
+    overlap = 0.004 - (SMALL.max() - SMALL.ravel())
+    right = np.linalg.solve(factor, overlap)
+    bounded = lsq_linear(factor.T, right, (0, limit), method="bvls", tol=1e-14)
+    expected = bounded.x.reshape(SMALL.shape)
+    peak = expected.max()
+    options = {"pressure_cap": limit, "tolerance": 1e-11}
+    state = solve_contact(SMALL, 0.002, MODULUS, displacement=0.004, **options)
+    np.testing.assert_allclose(state.pressure, expected, atol=1e-8 * peak)
+    assert state.pressure.max() <= limit
+
+
+@pytest.mark.parametrize("excess", np.logspace(-4, -2, 6))
+def test_converges_where_nearly_all_is_at_the_limit(excess):
+    y, x = np.mgrid[:12, :19]
+    heights = -0.01 * ((y - 6) ** 2 + (x - 9.5) ** 2)
+    for mean in (0.01, 0.1, 1.0):
+        load = {"mean_pressure": mean, "pressure_cap": mean * (1 + excess)}
+        state = solve_contact(heights, 0.1, 1e3, tolerance=1e-9, **load)
+        assert state.residual <= 1e-9
+        assert state.pressure.max() <= load["pressure_cap"]
+        assert state.mean_pressure == pytest.approx(mean, rel=1e-12)
 
 
 HOLED = np.zeros((4, 4))

@@ -74,6 +74,7 @@ def test_a_cap_bounds_what_a_step_takes_off_and_leaves_the_volume():
     ("wrong", "message"),
     [
         ({"mean_loss": 1.0}, "mean_loss"),
+        ({"steps": 0}, "steps"),
         ({"mean_pressure": 0.0}, "mean_pressure"),
         ({"mean_pressure": [1.0, 2.0]}, "mean_pressure"),
         ({"pressure_cap": 76.0}, "not below pressure_cap"),
