@@ -43,11 +43,6 @@ class Sphere:
         """p₀ = 3P/2πa² (MPa)."""
         return 1.5 * self.force / (math.pi * self.contact_radius**2)
 
-    @property
-    def displacement(self) -> float:
-        """δ = a²/R (mm)."""
-        return self.contact_radius**2 / self.radius
-
     def pressure(self, x, y):
         """Pressure (MPa) at (x, y) (mm), zero out of contact. Arguments broadcast."""
         inside = 1 - (x**2 + y**2) / self.contact_radius**2

@@ -74,10 +74,10 @@ class EvenConvolution:
         self._spectrum = np.concatenate((half, mirrored), axis=1, dtype=stored)
         # Memory is kept from call to call: fresh pages are slow to touch. The transform is
         # transposed, so transforms along y run along contiguous memory.
-        self._lines = _BLOCK // np.dtype(dtype).itemsize
+        lines = _BLOCK // np.dtype(dtype).itemsize
         self._transform = np.empty((mx // 2 + 1, shape[0]), wave)
-        rows = np.empty((self._lines, mx + _OFFSET), dtype)
-        columns = np.empty((self._lines, my + _OFFSET), wave)
+        rows = np.empty((lines, mx + _OFFSET), dtype)
+        columns = np.empty((lines, my + _OFFSET), wave)
         self._rows, self._columns = rows[:, :mx], columns[:, :my]
         self._result = np.empty(shape, dtype)
 
@@ -93,45 +93,41 @@ class EvenConvolution:
         my, mx = self._padded
         transform = self._transform
         half, extra = longest[0] // 2, longest[1]
-        for lines in self._blocks(0, ny):
-            block = self._rows[: lines.stop - lines.start]
+        for lines, block in self._blocks(self._rows, 0, ny):
             block[:, :nx] = field[lines]
             block[:, nx:] = 0
             to_waves(block, transform.T[lines])
 
         if respond is not None:
-            block, lines = np.empty((extra, my), transform.dtype), slice(extra)
-            waves = self._along_y(block, lines)
-            long_waves = np.concatenate((waves[:, :half], waves[:, -half:]), axis=1)
-            added = respond(long_waves)
-            waves *= self._spectrum[lines]
-            waves[:, :half] += added[:, :half]
-            waves[:, -half:] += added[:, half:]
-            self._back_along_y(waves, lines)
-        for lines in self._blocks(extra, mx // 2 + 1):
-            block = self._columns[: lines.stop - lines.start]
-            waves = self._along_y(block, lines)
-            waves *= self._spectrum[lines]
-            self._back_along_y(waves, lines)
+            block = np.empty((extra, my), transform.dtype)
+            self._convolve(slice(extra), block, half, respond)
+        for lines, block in self._blocks(self._columns, extra, mx // 2 + 1):
+            self._convolve(lines, block)
 
-        for lines in self._blocks(0, ny):
-            block = self._rows[: lines.stop - lines.start]
+        for lines, block in self._blocks(self._rows, 0, ny):
             from_waves(transform.T[lines], block)
             self._result[lines] = block[:, :nx]
         return self._result
 
-    def _along_y(self, block, lines):
+    def _convolve(self, lines, block, half=0, respond=None):
+        """Convolve lines of the transform along y, in the memory of a block."""
         ny = self._shape[0]
         block[:, :ny] = self._transform[lines]
         block[:, ny:] = 0
-        return to_waves_inplace(block)
+        waves, added = to_waves_inplace(block), None
+        if respond is not None:
+            added = respond(np.hstack((waves[:, :half], waves[:, -half:])))
+        waves *= self._spectrum[lines]
+        if added is not None:
+            waves[:, :half] += added[:, :half]
+            waves[:, -half:] += added[:, half:]
+        self._transform[lines] = from_waves_inplace(waves)[:, :ny]
 
-    def _back_along_y(self, waves, lines):
-        self._transform[lines] = from_waves_inplace(waves)[:, : self._shape[0]]
-
-    def _blocks(self, start, stop):
-        for first in range(start, stop, self._lines):
-            yield slice(first, min(first + self._lines, stop))
+    def _blocks(self, buffer, start, stop):
+        """Lines from start to stop, and the part of the buffer for them."""
+        for first in range(start, stop, len(buffer)):
+            block = buffer[: stop - first]
+            yield slice(first, first + len(block)), block
 
 
 class SplitConvolution:

@@ -275,16 +275,12 @@ class ContactProblem:
         window, it is a pressure near the initial one, and its displacement.
         """
         nothing = np.zeros_like(self.relief)
-        settings = {
-            "pressure_cap": load.pressure_cap,
-            "tilt": load.tilt(np.zeros(3)),
-            "periodic": self.half_space.periodic,
-        }
+        options = self._options(load, np.zeros(3))
         if load.displacement == 0 or load.force == 0:
-            return ContactState(nothing, -self.relief, 0.0, 0.0, 0.0, **settings)
+            return ContactState(nothing, -self.relief, 0.0, 0.0, 0.0, **options)
         if self.full_displacement == 0:
             mean = load.force / nothing.size
-            return ContactState(nothing + mean, nothing, 0.0, mean, 1.0, **settings)
+            return ContactState(nothing + mean, nothing, 0.0, mean, 1.0, **options)
         few = self._only_candidates(load)
         if few is not None:
             pressure, displacement = np.full(few.size, load.force), None
@@ -443,12 +439,18 @@ class ContactProblem:
             mean_pressure=force / pressure.size,
             contact_fraction=contact.size / pressure.size,
             residual=float(max(opened, -below) / displacement),
-            pressure_cap=load.pressure_cap,
-            tilt=load.tilt(freedoms),
             moment_residual=own.eccentricity(loaded),
-            periodic=self.half_space.periodic,
+            **self._options(load, freedoms),
         )
         return state, field
+
+    def _options(self, load, freedoms):
+        """What a state says of its problem."""
+        return {
+            "pressure_cap": load.pressure_cap,
+            "tilt": load.tilt(freedoms),
+            "periodic": self.half_space.periodic,
+        }
 
 
 def _carried(load, pressure):
