@@ -76,7 +76,7 @@ from gstlib.settings import Settings
 from gstlib.use.outcome import as_used, pressures_of_use, use_of_study
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
-from gstlib.wear.fit import PatchMaps, Prediction, fit_wear, predict_wear
+from gstlib.wear.fit import Prediction, fit_wear, predict_wear
 
 if TYPE_CHECKING:
     import trimesh
@@ -253,8 +253,8 @@ class Study:
     def worn_square(self) -> WornSquare | None:
         """The worn square, from `fit_wear`."""
         stages = self.contact, self.selected, self.registration
-        maps = PatchMaps(self.contacts, self.changes)
-        return fit_wear(*stages, maps, **self.settings["fit_wear"])
+        maps = self.contacts, self.changes
+        return fit_wear(*stages, *maps, **self.settings["fit_wear"])
 
     def prepare(self, patch: str, epoch: str) -> xr.Dataset:
         """A clean scan, from `prepare_patch`."""

@@ -10,7 +10,7 @@ from gst.run.stored import active_tool_of, changes_of, contact_of, contacts_of
 from gst.run.writing import write_result
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture
-from gstlib.wear.fit import PatchMaps, fit_wear
+from gstlib.wear.fit import fit_wear
 
 
 def main(
@@ -34,8 +34,8 @@ def main(
         tool = pressed.interface.counterface, active_tool_of(second), size_mm
         gesture = Gesture(*tool, pressed.load.load_point, pd.DataFrame(poses))
     tables = read_pressures(pressures), read_table(registration)
-    maps = PatchMaps(contacts_of(contacts, patches), changes_of(registered, patches))
-    worn = fit_wear(pressed, *tables, maps, gesture=gesture, **wear)
+    maps = contacts_of(contacts, patches), changes_of(registered, patches)
+    worn = fit_wear(pressed, *tables, *maps, gesture=gesture, **wear)
     write_result(square, worn.path if worn else xr.Dataset(), "fit_wear")
     if fitted is not None:
         write_result(fitted, worn.interlayer if worn else xr.Dataset(), "fit_wear")

@@ -24,22 +24,9 @@ from gstlib.wear.archard import (
 )
 from gstlib.wear.interlayer import fit_interlayer
 
-__all__ = ["PatchMaps", "Prediction", "fit_wear", "predict_wear", "wear_map"]
+__all__ = ["Prediction", "fit_wear", "predict_wear", "wear_map"]
 
 _log = logging.getLogger(__name__)
-
-
-class PatchMaps(NamedTuple):
-    """Maps of the patches: contact before use, and height change.
-
-    Attributes
-    ----------
-    contacts, changes : mapping
-        Mappings by patch.
-    """
-
-    contacts: Mapping[str, Contact]
-    changes: Mapping[str, xr.Dataset]
 
 
 class Prediction(NamedTuple):
@@ -73,7 +60,8 @@ def fit_wear(
     contact: Contact,
     pressures: pd.DataFrame,
     registration: pd.DataFrame,
-    maps: PatchMaps | None = None,
+    contacts: Mapping[str, Contact] | None = None,
+    changes: Mapping[str, xr.Dataset] | None = None,
     *,
     interlayer: Mapping[str, float] | None = None,
     wear_law: Mapping[str, float] | None = None,
@@ -88,8 +76,8 @@ def fit_wear(
     pressures, registration : pandas.DataFrame
         The tables ``patch_pressures`` and ``registration``. Losses above the noise of patches in
         the study count.
-    maps : PatchMaps, optional
-        Maps of the patches with a T1; required with an interlayer.
+    contacts, changes : mapping, optional
+        Contact before use and height change of the patches with a T1; required with an interlayer.
     interlayer : mapping, optional
         This section of the config. Its coefficient is fitted, too.
     wear_law : mapping, optional
@@ -145,9 +133,9 @@ def fit_wear(
     except InputError as error:
         _log.warning("wear is not predicted: %s", error.problem)
         return None
-    if worn.interlayer is None or maps is None:
+    if worn.interlayer is None or contacts is None or changes is None:
         return worn._replace(interlayer=None)
-    fitted = fit_interlayer(worn, maps.contacts, maps.changes)
+    fitted = fit_interlayer(worn, contacts, changes)
     return worn._replace(interlayer=fitted.assign(worn.interlayer.data_vars))
 
 

@@ -16,7 +16,7 @@ from gstlib.errors import InputError
 from gstlib.macroscale.gesture import Gesture, stroke_poses
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.wear.archard import _bounded, wear_patch, wear_square
-from gstlib.wear.fit import PatchMaps, fit_wear, predict_wear, wear_map
+from gstlib.wear.fit import fit_wear, predict_wear, wear_map
 from gstlib.wear.interlayer import fit_interlayer
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
@@ -171,10 +171,12 @@ def worn_by_both():
         depth = depth_of(unworn, guess, patch.patch, ratio=1.0, kappa=2e-5)
         contacts[patch.patch], changes[patch.patch] = unworn, changed(unworn, depth)
         losses.append(1e3 * float((-changes[patch.patch].change).clip(0).mean()))
-    tables = table.assign(in_study=True), registered(losses)
-    maps = PatchMaps(contacts, changes)
+    tables, maps = (
+        (table.assign(in_study=True), registered(losses)),
+        (contacts, changes),
+    )
     layer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 200.0}
-    return fit_wear(contact, *tables, maps, **OPTIONS, interlayer=layer), *maps
+    return fit_wear(contact, *tables, *maps, **OPTIONS, interlayer=layer), *maps
 
 
 def test_an_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both):
