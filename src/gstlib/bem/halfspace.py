@@ -198,7 +198,7 @@ class HalfSpace:
             spectrum[0, 0] = self.uniform_influence
         return EvenConvolution(self.shape, spectrum, dtype, padded)
 
-    def spectrum(self, grid, coarsening=1):
+    def spectrum(self, grid):
         """Displacement of waves of unit pressure on a grid that repeats itself (mm/MPa), > 0.
 
         It is at wave numbers from 0 on, shape (my // 2 + 1, mx // 2 + 1). The size must be even
@@ -206,29 +206,24 @@ class HalfSpace:
         number.
         """
         if not self.periodic:
-            return even_spectrum(self.kernel([m // 2 + 1 for m in grid], coarsening))
+            return even_spectrum(self.kernel([m // 2 + 1 for m in grid]))
         y, x = (
-            np.arange(m // 2 + 1) * (2 * math.pi / (m * coarsening * side))
+            np.arange(m // 2 + 1) * (2 * math.pi / (m * side))
             for m, side in zip(grid, self.spacing, strict=True)
         )
         wave_number = np.hypot(y[:, None], x)
-        lengths = np.multiply(grid, self.spacing) * coarsening
-        wave_number[0, 0] = math.pi / lengths.max()
+        wave_number[0, 0] = math.pi / np.multiply(grid, self.spacing).max()
         spectrum = self.springs + 2 / (self.contact_modulus * wave_number)
         if self.layer:
             spectrum += 1 / self.layer.stiffness(wave_number)
         return spectrum
 
-    def kernel(self, shape, coarsening=1):
-        """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
-
-        Elements are `coarsening` times as long as the half-space's own.
-        """
-        spacing = tuple(coarsening * side for side in self.spacing)
-        kernel = love_kernel(shape, spacing, self.contact_modulus)
+    def kernel(self, shape):
+        """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa)."""
+        kernel = love_kernel(shape, self.spacing, self.contact_modulus)
         kernel[0, 0] += self.springs
         if self.layer:
-            kernel += self.layer.kernel(shape, spacing)
+            kernel += self.layer.kernel(shape, self.spacing)
         return kernel
 
     def displacement(self, pressure) -> np.ndarray:

@@ -112,8 +112,8 @@ class Preconditioner:
         self._shape = -(-ny // _BLOCK), -(-nx // _BLOCK)
         first_cell = window.rows // _BLOCK * self._shape[1]
         self._cells = first_cell + window.columns // _BLOCK
-        padded = inverse_padding(self._shape)
-        self._spectrum = window.half_space.spectrum(padded, _BLOCK)
+        coarse = window.half_space.on(self._shape, coarsening=_BLOCK)
+        self._spectrum = coarse.spectrum(inverse_padding(self._shape))
         self._local = _LOCAL
         self._free = None
 
