@@ -65,7 +65,6 @@ __all__ = [
     "INTERLAYER",
     "WornSquare",
     "driven",
-    "layer_of",
     "seen_depth",
     "wear_contact",
     "wear_patch",
@@ -165,12 +164,6 @@ class WornSquare(NamedTuple):
     def fitted_to(self) -> list[str]:
         """The patches that κ is fitted to."""
         return self.path.patch.values[np.isfinite(self.path.measured.values)].tolist()
-
-
-def layer_of(interlayer: Mapping[str, float]) -> Layer:
-    """The layer of the section ``interlayer`` of the config."""
-    thickness_mm = interlayer["thickness_um"] * 1e-3
-    return Layer(interlayer["young_MPa"], interlayer["poisson"], thickness_mm)
 
 
 def wear_square(

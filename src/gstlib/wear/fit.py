@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gstlib.bem.layer import Layer
 from gstlib.conditions import Law
 from gstlib.contact import Contact
 from gstlib.coupling.pressures import unseen
@@ -18,7 +19,6 @@ from gstlib.wear.archard import (
     CAPPED,
     INTERLAYER,
     WornSquare,
-    layer_of,
     wear_patch,
     wear_square,
 )
@@ -121,12 +121,16 @@ def fit_wear(
             above,
         )
         return None
+    layer = None
+    if interlayer:
+        thickness_mm = interlayer["thickness_um"] * 1e-3
+        layer = Layer(interlayer["young_MPa"], interlayer["poisson"], thickness_mm)
     try:
         worn = wear_square(
             contact,
             with_t1(pressures, registration),
             losses.to_dict(),
-            interlayer=layer_of(interlayer) if interlayer else None,
+            interlayer=layer,
             law=law,
             **options,
         )
