@@ -137,9 +137,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
         )
         level = [(response.pressure, response.field)] if scalable else []
         pairs = level if last is None else [last, *level]
-        direction, lift = _direction(
-            window.preconditioner, load, penetration, free, pairs
-        )
+        direction, lift = _direction(window, load, penetration, free, pairs)
         trial = load.admissible(pressure + step * direction, lift)
         if progress.cautious or dot(penetration, trial - pressure) <= 0:
             gradient = penetration * free / window.half_space.self_influence
@@ -189,19 +187,19 @@ def _interpenetration(load, pressure, opening):
     return rigid, penetration, free
 
 
-def _direction(preconditioner, load, penetration, free, pairs):
+def _direction(window, load, penetration, free, pairs):
     """The direction of the next trial, and the lift that keeps its load (None without a force).
 
     It is conjugate to the `pairs` of a direction and its displacement.
     """
     residual, lift = penetration * free, None
-    preconditioner.fit(free)
-    direction = preconditioner(residual) * free
+    window.fit(free)
+    direction = window.precondition(residual) * free
     if dot(direction, residual) <= 0:
-        direction = preconditioner.short_range(residual) * free
+        direction = window.short_range(residual) * free
     if load.force is not None:
         # Pressure that a uniform lift adds: the direction along which the load is kept.
-        lift = preconditioner.uniform
+        lift = window.uniform
         # Positive except on grids of a few elements. It must be positive under load.
         lift = np.maximum(lift, _LEAST_LIFT * lift.max()) * free
         direction = load.balanced(direction, lift)

@@ -225,16 +225,15 @@ def _unit_response(window, start):
     Solves K p' = 1 on the window by preconditioned conjugate gradients, from `start` unless it is
     zero. The error of the stiffness d(mean pressure)/dδ is of second order in the error of p'.
     """
-    precondition = window.preconditioner
-    precondition.fit(np.ones(start.size, bool))
-    solution = start if start.any() else precondition.uniform
+    window.fit(np.ones(start.size, bool))
+    solution = start if start.any() else window.uniform
     image = window.displacement(solution)
     factor = solution.sum() / dot(solution, image)
     solution = factor * solution
     residual = 1 - factor * image
     direction, previous = 0.0, 1.0
     while np.abs(residual).max() > _RESPONSE_TOLERANCE:
-        preconditioned = precondition(residual)
+        preconditioned = window.precondition(residual)
         product = dot(residual, preconditioned)
         direction = preconditioned + direction * (product / previous)
         previous = product

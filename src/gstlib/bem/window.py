@@ -5,15 +5,13 @@ and the last bits of its sums depend on their number.
 """
 
 import math
-import weakref
-from functools import cached_property
 
 import numpy as np
 
 from .convolution import EvenConvolution
 from .halfspace import HalfSpace, inverse_padding
 
-__all__ = ["Preconditioner", "Window", "dot"]
+__all__ = ["Window", "dot"]
 
 # If the elements fill less than this share of their bounding box, the short-range inverse is kept
 # at the nearest offsets only (in elements, from the inverse on a separate grid). It takes an eighth
@@ -40,51 +38,8 @@ class Window:
 
     They work on the elements' bounding box, which costs less if contact is confined.
 
-    Parameters
-    ----------
-    half_space : HalfSpace
-        The half-space of the whole grid.
-    elements : ndarray of int, shape (n,)
-        Flat indices in ascending order, at least one.
-    """
-
-    def __init__(self, half_space, elements):
-        self.half_space, self.elements = half_space, elements
-        rows, columns = np.divmod(elements, half_space.shape[1])
-        self.rows = rows - rows.min()
-        self.columns = columns - columns.min()
-        # The half-space on the box, a field there that is zero elsewhere, and the elements'
-        # indices.
-        self._box = half_space.box((self.rows.max() + 1, self.columns.max() + 1))
-        self._field = np.zeros(self._box.shape)
-        self._places = self.rows * self._box.shape[1] + self.columns
-
-    @cached_property
-    def preconditioner(self):
-        """The approximate inverse, prepared for all elements or for the last requested set."""
-        return Preconditioner(self)
-
-    def exact_displacement(self, pressure):
-        """Displacement (mm) of a pressure (MPa), in double precision."""
-        return self._respond(HalfSpace.exact_displacement, pressure)
-
-    def displacement(self, pressure):
-        """The same within `APPROXIMATION_ERROR`."""
-        return self._respond(HalfSpace.approximate_displacement, pressure)
-
-    def pressure(self, displacement):
-        """Approximate pressure (MPa) that has the displacement (mm)."""
-        return self._respond(HalfSpace.approximate_inverse, displacement)
-
-    def _respond(self, operator, values):
-        self._field.reshape(-1)[self._places] = values
-        return operator(self._box, self._field).reshape(-1)[self._places].astype(float)
-
-
-class Preconditioner:
-    """Pressure on the free elements of a window that nearly has a given displacement there.
-
-    At short range it is the half-space's approximate inverse M, restricted to the free elements
+    The preconditioner takes a displacement to a pressure on the free elements that nearly has it
+    there. At short range it is the half-space's approximate inverse M, restricted to these elements
     (Vollebregt, J. Optim. Theory Appl. 162 (2014) 936). M accounts for each island of contact, but
     not for all of them sinking together: the pressure φ r, with φ = M·1, should displace its
     surroundings by a smooth r. It displaces them by about α r, and also by Kφ̄r from afar, with φ̄
@@ -95,36 +50,98 @@ class Preconditioner:
     It was measured on rough surfaces (contact of 3 %, residual 1e-8 and 3e-10). It saves a quarter
     to two fifths of the iterations with M alone at 512² and 1024², and none to a quarter at 256².
 
+    Parameters
+    ----------
+    half_space : HalfSpace
+        The half-space of the whole grid.
+    elements : ndarray of int, shape (n,)
+        Flat indices in ascending order, at least one.
+
     Attributes
     ----------
     uniform : ndarray, shape (n,)
-        Pressure for the displacement 1 on the free elements.
+        Pressure for the displacement 1 on the free elements of the last `fit`.
     """
 
-    def __init__(self, window):
-        # its window keeps it: a cycle would keep both until the next collection of garbage
-        self._window = weakref.proxy(window)
-        ny, nx = int(window.rows.max()) + 1, int(window.columns.max()) + 1
+    def __init__(self, half_space, elements):
+        self.half_space, self.elements = half_space, elements
+        rows, columns = np.divmod(elements, half_space.shape[1])
+        self._rows, self._columns = rows - rows.min(), columns - columns.min()
+        self._extent = int(self._rows.max()) + 1, int(self._columns.max()) + 1
+        # The half-space on the box, a field there that is zero elsewhere, and the elements'
+        # indices.
+        self._box = half_space.box(self._extent)
+        self._field = np.zeros(self._box.shape)
+        self._places = self._rows * self._box.shape[1] + self._columns
+        self._free = None
+
+    def exact_displacement(self, pressure):
+        """Displacement (mm) of a pressure (MPa), in double precision."""
+        return self._respond(HalfSpace.exact_displacement, pressure)
+
+    def displacement(self, pressure):
+        """The same within `APPROXIMATION_ERROR`."""
+        return self._respond(HalfSpace.approximate_displacement, pressure)
+
+    def _respond(self, operator, values):
+        self._field.reshape(-1)[self._places] = values
+        return operator(self._box, self._field).reshape(-1)[self._places].astype(float)
+
+    def fit(self, free):
+        """Prepare for a set of free elements (bool, shape (n,)), unless the last was similar."""
+        if self._free is None:
+            self._prepare()
+        elif np.count_nonzero(free != self._free) <= _STALE * np.count_nonzero(free):
+            return
+        self._free = free
+        profile = self._profile = self.short_range(free.astype(float)) * free
+        density = self._mean(profile)
+        density = _DENSITY * dot(density, density) * _BLOCK**2 / profile.sum()
+        while True:
+            spectrum = self._spectrum / (self._local + density * self._spectrum)
+            self._far = EvenConvolution(self._coarse, spectrum, np.float64)
+            self.uniform = profile - self._from_afar(free)
+            # NaN ends the search, too, and the solver's residual then shows it.
+            if not self.uniform.sum() < _KEPT * profile.sum():
+                return
+            self._local *= _LOCAL_GROWTH
+
+    def precondition(self, displacement):
+        """Pressure (MPa), shape (n,), from a displacement (mm) that is zero on fixed elements."""
+        return self.short_range(displacement) - self._from_afar(displacement)
+
+    def short_range(self, displacement):
+        """M alone: slower, but positive definite for certain."""
+        if self._stencil is None:
+            return self._respond(HalfSpace.approximate_inverse, displacement)
+        self._padded[self._inner + self._centre] = displacement
+        pressure = np.zeros(displacement.size)
+        for start, weight in self._stencil:
+            pressure += weight * self._padded[start:].take(self._inner)
+        return pressure
+
+    def _prepare(self):
+        """What does not depend on the free elements."""
+        ny, nx = self._extent
         self._stencil = None
-        if window.elements.size < _SPARSE * ny * nx:
+        if self.elements.size < _SPARSE * ny * nx:
             self._stencil = self._prepare_stencil(ny, nx)
         # T, on cells of several elements: Love's kernel grows in proportion to its elements.
-        self._shape = -(-ny // _BLOCK), -(-nx // _BLOCK)
-        first_cell = window.rows // _BLOCK * self._shape[1]
-        self._cells = first_cell + window.columns // _BLOCK
-        coarse = window.half_space.on(self._shape, coarsening=_BLOCK)
-        self._spectrum = coarse.spectrum(inverse_padding(self._shape))
+        self._coarse = -(-ny // _BLOCK), -(-nx // _BLOCK)
+        first_cell = self._rows // _BLOCK * self._coarse[1]
+        self._cells = first_cell + self._columns // _BLOCK
+        coarse = self.half_space.on(self._coarse, coarsening=_BLOCK)
+        self._spectrum = coarse.spectrum(inverse_padding(self._coarse))
         self._local = _LOCAL
-        self._free = None
 
     def _prepare_stencil(self, ny, nx):
         """Indices and weights of the inverse's nearest offsets, in a field with a margin."""
-        inverse = 1 / self._window.half_space.spectrum((_INVERSE_GRID, _INVERSE_GRID))
+        inverse = 1 / self.half_space.spectrum((_INVERSE_GRID, _INVERSE_GRID))
         inverse = np.fft.irfft2(np.concatenate((inverse, inverse[-2:0:-1])))
         # The margin provides each neighbour of an element.
         width = nx + 2 * _REACH
-        self._field = np.zeros((ny + 2 * _REACH) * width)
-        self._places = self._window.rows * width + self._window.columns
+        self._padded = np.zeros((ny + 2 * _REACH) * width)
+        self._inner = self._rows * width + self._columns
         self._centre = _REACH * width + _REACH
         offsets = range(-_REACH, _REACH + 1)
         return [
@@ -134,39 +151,6 @@ class Preconditioner:
             if i * i + j * j <= _REACH**2 + 1
         ]
 
-    def fit(self, free):
-        """Prepare for a set of free elements (bool, shape (n,)), unless the last was similar."""
-        if self._free is not None:
-            changed = np.count_nonzero(free != self._free)
-            if changed <= _STALE * np.count_nonzero(free):
-                return
-        self._free = free
-        profile = self._profile = self.short_range(free.astype(float)) * free
-        density = self._mean(profile)
-        density = _DENSITY * dot(density, density) * _BLOCK**2 / profile.sum()
-        while True:
-            spectrum = self._spectrum / (self._local + density * self._spectrum)
-            self._far = EvenConvolution(self._shape, spectrum, np.float64)
-            self.uniform = profile - self._from_afar(free)
-            # NaN ends the search, too, and the solver's residual then shows it.
-            if not self.uniform.sum() < _KEPT * profile.sum():
-                return
-            self._local *= _LOCAL_GROWTH
-
-    def __call__(self, displacement):
-        """Pressure (MPa), shape (n,), from a displacement (mm) that is zero on fixed elements."""
-        return self.short_range(displacement) - self._from_afar(displacement)
-
-    def short_range(self, displacement):
-        """M alone: slower, but positive definite for certain."""
-        if self._stencil is None:
-            return self._window.pressure(displacement)
-        self._field[self._places + self._centre] = displacement
-        pressure = np.zeros(displacement.size)
-        for start, weight in self._stencil:
-            pressure += weight * self._field[start:].take(self._places)
-        return pressure
-
     def _from_afar(self, displacement):
         """φ T φ r."""
         far = self._far(self._mean(self._profile * displacement))
@@ -174,5 +158,5 @@ class Preconditioner:
 
     def _mean(self, values):
         """Mean over the elements of each cell, with zero outside the window."""
-        sums = np.bincount(self._cells, values, minlength=math.prod(self._shape))
-        return sums.reshape(self._shape) / _BLOCK**2
+        sums = np.bincount(self._cells, values, minlength=math.prod(self._coarse))
+        return sums.reshape(self._coarse) / _BLOCK**2
