@@ -278,8 +278,8 @@ def _pressed(
     kappas: np.ndarray,
     ratio: float,
     interlayer: Layer | None,
-) -> np.ndarray:
-    """Mean depths (body, step, area) over the areas of `means` at each κ."""
+) -> list:
+    """Mean depths (step, area) by each body over the areas of `means`, after each step."""
     target = float(contact.pressure.mean())
     share = ratio / (1 + ratio)
     kappa, steps = kappas[-1], len(kappas) - 1
@@ -292,10 +292,10 @@ def _pressed(
         third_body=ThirdBody(interlayer, share, target) if interlayer else None,
         keep_states=True,
     )
-    pressed = np.zeros((len(_BODIES), steps + 1, means.shape[0]))
-    for body, states in enumerate(zip(*path.states, strict=True)):
+    pressed = []
+    for states in zip(*path.states, strict=True):
         in_steps = [means @ state.pressure.ravel() for state in states]
-        pressed[body, 1:] = kappa / steps * np.cumsum(in_steps, axis=0)
+        pressed.append(kappa / steps * np.cumsum(in_steps, axis=0))
     return pressed
 
 
@@ -306,7 +306,7 @@ def _pressed_in_poses(
     means: "scipy.sparse.csr_array",
     kappas: np.ndarray,
     patch_mm: float,
-) -> np.ndarray:
+) -> list:
     """Like `_pressed`, for all poses of a gesture in each of as many explicit steps.
 
     The exposure replaces the pressure, scaled so that its mean is the mean pressure.
@@ -314,8 +314,8 @@ def _pressed_in_poses(
     target = float(contact.pressure.mean())
     height = contact.interface.height
     kappa, steps = kappas[-1], len(kappas) - 1
-    pressed = np.zeros((len(_BODIES), steps + 1, means.shape[0]))
-    for step in range(steps):
+    in_steps = []
+    for _ in range(steps):
         batch = press_poses(
             height,
             gesture,
@@ -331,13 +331,13 @@ def _pressed_in_poses(
                 "gesture", "no pose presses the stone", "Correct its poses."
             )
         depth = kappa / steps * target / mean * exposed.values
-        pressed[0, step + 1] = pressed[0, step] + means @ depth.ravel()
+        in_steps.append(means @ depth.ravel())
         height = height.copy(data=height.values - depth)
-    return pressed
+    return [np.cumsum(in_steps, axis=0)]
 
 
-def _path(kappas: np.ndarray, pressed: np.ndarray, table: pd.DataFrame) -> xr.Dataset:
-    """The path from mean depths (body, step, area), over outlines and then over covered areas.
+def _path(kappas: np.ndarray, depths: list, table: pd.DataFrame) -> xr.Dataset:
+    """The path from mean depths (step, area) by body, over outlines, then over covered areas.
 
     Pressures are those under the load case inferred from the other patches.
     """
@@ -350,6 +350,8 @@ def _path(kappas: np.ndarray, pressed: np.ndarray, table: pd.DataFrame) -> xr.Da
     # ASSUME: Remaining influence of a patch's own loss. The loss of a patch may influence its tilt,
     # its surroundings, and the pressures of the patches that κ is fitted to. Reason: Otherwise each
     # patch would need a path of its own.
+    pressed = np.zeros((len(_BODIES), len(kappas), 2 * len(table)))
+    pressed[: len(depths), 1:] = depths
     other = (unseen(table) - covered(table)).to_numpy()
     if other.any():
         added = np.diff(kappas)[:, np.newaxis] * np.tile(other, 2)
