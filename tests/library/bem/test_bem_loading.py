@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine
 
-from gstlib.bem import load_path, solve_contact
+from gstlib.bem import ContactInputError, load_path, solve_contact
 
 HEIGHTS = self_affine(80, seed=2)
 SURFACE = HEIGHTS, 0.85 / 80, MODULUS
@@ -52,3 +52,9 @@ def test_states_that_are_not_kept_are_solved_as_tightly_as_their_curve_needs(pat
     assert curve.convolutions.sum() <= 85
     np.testing.assert_allclose(curve.mean_pressure, path.mean_pressure, rtol=1e-6)
     np.testing.assert_allclose(curve.stiffness, path.stiffness, rtol=1e-5)
+
+
+@pytest.mark.parametrize("change", [{"target_pressure": -3.0}, {"steps": 0}])
+def test_bad_input_is_refused(change):
+    with pytest.raises(ContactInputError):
+        load_path(*SURFACE, **({"target_pressure": 1.0} | change))
