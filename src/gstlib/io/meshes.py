@@ -2,23 +2,20 @@
 
 trimesh reads some damaged files without complaint and returns the part that it understood. A
 truncated file must never pass for a smaller stone, so its faces are compared with the count in the
-file. `gstlib.io.mesh_text` unifies the many dialects of text.
+file. `gstlib.io.plain_meshes` unifies the many dialects of a format.
 """
 
 import io
 import logging
 import warnings
-import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from gstlib.errors import NOTE, InputError
-from gstlib.io.containers import plain_zip
 from gstlib.io.files import check_input
-from gstlib.io.gltf import MOST_PARTS, checked_header, position_accessors
 from gstlib.io.mesh_sizes import (
     STATED_UNITS,
     UNITS,
@@ -26,17 +23,16 @@ from gstlib.io.mesh_sizes import (
     steps_of,
     units_of_size,
 )
-from gstlib.io.mesh_text import (
+from gstlib.io.plain_meshes import (
     EXPORT_AGAIN,
-    PlainText,
+    PLAIN,
+    PlainMesh,
     check_count,
-    plain_obj,
-    plain_off,
-    plain_ply,
-    plain_stl,
+    check_ply,
     unit_word,
 )
 from gstlib.io.rounding import coordinate_step
+from gstlib.io.scenes import plain_3mf, plain_glb
 
 if TYPE_CHECKING:
     import trimesh
@@ -45,43 +41,20 @@ __all__ = ["UNITS", "is_closed", "is_mesh", "read_mesh", "steps_of", "units_of_s
 
 _log = logging.getLogger(__name__)
 
-_READ = (".stl", ".ply", ".obj", ".off", ".glb", ".3mf")
+_READ = PLAIN | {".glb": plain_glb, ".3mf": plain_3mf}
 # Other formats of meshes: trimesh needs further packages for them, or reads them unchecked.
 _NOT_READ = (
-    ".gltf",
-    ".fbx",
-    ".dae",
-    ".wrl",
-    ".x3d",
-    ".usd",
-    ".usdz",
-    ".nxs",
-    ".nxz",
-    ".ctm",
+    *(".gltf", ".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", ".nxz", ".ctm"),
 )
 # A mesh whose area vectors cancel to this share is closed, except for pin-holes from the scanner.
 _CLOSED = 0.01
 # Faces and vertices that are zeros, as in a lost block of the file: so many, and ten times as many
 # as at any other point. Rounding shrinks triangles to points, too, but everywhere.
 _FEWEST_EMPTY, _ZEROS_TIMES = 3, 10
-_RECORD = np.dtype(
-    [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
-)
-_TEXT_READERS = {".obj": plain_obj, ".off": plain_off, ".ply": plain_ply}
-_STL_HEADER = 84
-# Counts in the header of an STL that was written before its program knew how many triangles follow.
-_STREAMED = 0, 0xFFFFFFFF
-_GLB_HEADER = 20
-# Types of whole numbers in a GLB.
-_WHOLE_NUMBERS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2"}
 
 
-class _Part(NamedTuple):
-    """A part of a scene at its position, in the unit of the file."""
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    step: float  # of its coordinates
+# A part of a scene at its position, in the unit of the file: its vertices, faces and step.
+_Part: TypeAlias = tuple[np.ndarray, np.ndarray, float]
 
 
 def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh":
@@ -129,15 +102,12 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
         raise InputError(
             path, f"unknown mesh unit {unit!r}", f"Use one of {list(UNITS)}."
         )
-    content = _read_content(path)
-    parts, stated, is_ended = _load(path, content)
-    vertices = np.concatenate([part.vertices for part in parts])
-    before = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    shifted = [part.faces + n for part, n in zip(parts, before, strict=False)]
-    faces = np.concatenate(shifted)
+    parts, stated, is_ended = _load(path)
+    all_vertices, all_faces, steps = zip(*parts, strict=True)
+    vertices, faces = trimesh.util.append_faces(all_vertices, all_faces)
     _mind_cut_end(path, vertices, faces, is_ended=is_ended)
     unit = _unit_to_read_in(path, unit, stated)
-    step_mm = max(part.step for part in parts) * UNITS[unit]
+    step_mm = max(steps) * UNITS[unit]
     check_step_and_extent(path, vertices[faces], step_mm, unit)
     metadata = {
         "file_unit": unit,
@@ -155,31 +125,87 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
 
 def is_mesh(path: str | Path) -> bool:
     """Whether a file has the ending of a mesh, of one that `read_mesh` reads or of another."""
-    return Path(path).suffix.lower() in _READ + _NOT_READ
+    return Path(path).suffix.lower() in (*_READ, *_NOT_READ)
 
 
-def _read_content(path: Path) -> bytes:
-    """All bytes of a mesh's file, unless it would fill the memory."""
+def _load(path: Path) -> tuple[list[_Part], str | None, bool]:
+    """The parts of a mesh, the unit in the file, and whether its last line has an end."""
     check_input(path, "Correct the path of the mesh in the config.")
-    if path.suffix.lower() not in _READ:
+    ending = path.suffix.lower()
+    if ending not in _READ:
         problem = f"'{path.suffix}' is not a mesh format that is read here"
-        raise InputError(
-            path, problem, f"Export the mesh as one of {', '.join(_READ)}."
+        remedy = f"Export the mesh as one of {', '.join(_READ)}."
+        raise InputError(path, problem, remedy)
+    try:
+        content = path.read_bytes()
+        plain = _READ[ending](path, content)
+        scene = _scene(plain.content, ending)
+        parts = [*_parts(path, scene, plain)]
+    except InputError:
+        raise
+    except Exception as error:  # trimesh raises whatever its parsers raise
+        kind = ending[1:].upper()
+        problem = f"cannot be read as {kind} ({type(error).__name__}: {error})"
+        raise InputError(path, problem, EXPORT_AGAIN) from error
+    word = str(scene.units or "").lower() or unit_word(content)
+    unit = STATED_UNITS.get(word.removesuffix("s"))
+    if ending == ".3mf" and unit is None:
+        problem = f"states a unit that 3MF does not have, {word!r}"
+        raise InputError(path, problem, "Export it again, in millimeter.")
+    if plain.faces is not None:
+        count = sum(len(faces) for _, faces, _ in parts)
+        check_count(path, count, plain.faces, "triangles")
+    if not parts:
+        problem = "the mesh has no faces"
+        raise InputError(path, problem, "Export it again, with its triangles.")
+    return parts, unit, plain.is_ended
+
+
+def _scene(content: bytes, ending: str) -> Any:
+    """The result of trimesh's reader."""
+    import trimesh
+
+    # from memory, so that trimesh cannot look for other files beside this one
+    file = io.BytesIO(content)
+    with warnings.catch_warnings():
+        # NumPy stops at a word that is not a number, and only warns
+        warnings.filterwarnings("error", message="string or file could not be read")
+        return trimesh.load_scene(
+            file,
+            file_type=ending[1:],
+            process=False,
+            # textures and materials would open other files and split vertices
+            skip_materials=True,
+            fix_texture=False,
+            maintain_order=True,
         )
-    if zipfile.is_zipfile(path):
-        return _check_parts(path, plain_zip(path))
-    return path.read_bytes()
 
 
-def _check_parts(path: Path, content: io.BytesIO) -> bytes:
-    """The content of a 3MF with no more parts than a stone can have."""
-    with zipfile.ZipFile(content) as archive:
-        models = [name for name in archive.namelist() if name.endswith(".model")]
-        count = sum(archive.read(model).count(b"<item") for model in models)
-    if count > MOST_PARTS:
-        problem = f"has {count} parts, but a stone has only one"
-        raise InputError(path, problem, EXPORT_AGAIN)
-    return content.getvalue()
+def _parts(path: Path, scene: Any, plain: PlainMesh) -> Iterator[_Part]:
+    """The parts of a scene that have faces, each at its position."""
+    left = len(plain.content)
+    largest = dict(zip(scene.geometry, plain.largest, strict=bool(plain.largest)))
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        part = scene.geometry[name]
+        check_ply(path, part.metadata.pop("_ply_raw", {}))
+        faces = np.asarray(getattr(part, "faces", ()), np.int64)
+        left -= len(faces)
+        if left < 0:
+            raise ValueError("it repeats its parts until it has more faces than bytes")
+        if not len(faces):
+            continue
+        vertices = np.asarray(part.vertices, float)
+        one = largest.get(name, 0)
+        if one > 1:
+            vertices = np.maximum(vertices / one, -1.0)
+        _check_faces(path, vertices, faces)
+        turn, shift = matrix[:3, :3], matrix[:3, 3]
+        scale = np.linalg.norm(turn, axis=0).max()
+        step = 1 / one if one else coordinate_step(vertices, faces)
+        if np.linalg.det(turn) < 0:  # a mirror
+            faces = faces[:, ::-1]
+        yield vertices @ turn.T + shift, faces, float(scale * step)
 
 
 def _check_faces(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
@@ -237,189 +263,29 @@ def _drop_copies(mesh: "trimesh.Trimesh") -> None:
         mesh.update_faces(is_first)
 
 
-def _used(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _is_used(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Whether each vertex belongs to a face."""
-    used = np.zeros(len(vertices), dtype=bool)
-    used[faces] = True
-    return used
+    return np.bincount(faces.ravel(), minlength=len(vertices)) > 0
 
 
 def _mind_cut_end(
     path: Path, vertices: np.ndarray, faces: np.ndarray, *, is_ended: bool
 ) -> None:
     """Refuse text that ends within a line, if its last face or its vertices show that it is cut."""
-    unused = int(np.count_nonzero(~_used(vertices, faces)))
-    sign = (
-        f"{unused} of its vertices belong to no face"
-        if unused
-        else "its last face is odd"
-    )
-    if is_ended:
-        # an OBJ does not contain its number of faces
-        if unused and path.suffix.lower() == ".obj":
-            _log.warning("%s: %s. If it was cut, copy it again", path, sign)
+    # an OBJ does not contain its number of faces
+    if is_ended and path.suffix.lower() != ".obj":
         return
-    outlines = vertices[faces[:, [0, 1, 2, 0]]]
-    edges = np.diff(outlines, axis=1)
+    unused = np.count_nonzero(~_is_used(vertices, faces))
+    sign = f"{unused} of its vertices belong to no face"
+    edges = np.diff(vertices[faces[:, [0, 1, 2, 0]]], axis=1)
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
-    is_last_odd = longest[-1] > longest[:-1].max(initial=0)
-    if unused or is_last_odd:
+    if unused and is_ended:
+        _log.warning("%s: %s. If it was cut, copy it again", path, sign)
+    elif not is_ended and (unused or longest[-1] > longest[:-1].max(initial=0)):
+        sign = sign if unused else "its last face is odd"
         problem = f"ends within a line, and {sign}: it is cut"
-        raise InputError(
-            path, problem, f"{EXPORT_AGAIN} If it is whole, end its last line."
-        )
-
-
-def _plain(path: Path, content: bytes) -> PlainText:
-    """A file's content as trimesh reads it, and the values in its header."""
-    kind = path.suffix.lower()
-    if kind == ".stl":
-        text = content.rstrip(b"\0")
-        is_text = bool(text) and b"\0" not in text
-        return plain_stl(path, content) if is_text else _binary_stl(path, content)
-    if read := _TEXT_READERS.get(kind):
-        return read(path, content)
-    if kind == ".glb":  # its length is that of its header; more may follow
-        length = int.from_bytes(content[8:12], "little")
-        content = content[: max(length, _GLB_HEADER)]
-    return PlainText(content, None, is_ended=True)
-
-
-def _binary_stl(path: Path, content: bytes) -> PlainText:
-    """The triangles of a binary STL, without content that some programs write behind them.
-
-    A program that writes while it reads does not have the count yet, and leaves 0 or −1.
-    """
-    stated = int.from_bytes(content[80:84], "little")
-    count, left = divmod(len(content) - _STL_HEADER, _RECORD.itemsize)
-    if stated in _STREAMED and count > 0 and not left:
-        stated = count
-    elif stated > count:
-        needed = _STL_HEADER + stated * _RECORD.itemsize
-        check_count(path, len(content), needed, "bytes")
-    end = _STL_HEADER + stated * _RECORD.itemsize
-    corners = np.frombuffer(content, _RECORD, count, _STL_HEADER)["corners"]
-    own, more = corners[:stated], corners[stated:]
-    if stated and len(more):
-        lowest, highest = own.min(axis=(0, 1)), own.max(axis=(0, 1))
-        is_inside = (lowest <= more) & (more <= highest)
-        is_padding = ~more.any(axis=(1, 2))
-        if (is_inside.all(axis=(1, 2)) & ~is_padding).any():
-            problem = f"states {stated} triangles, but more follow: it is damaged"
-            raise InputError(path, problem, EXPORT_AGAIN)
-    header = content[:80] + stated.to_bytes(4, "little")
-    return PlainText(header + content[_STL_HEADER:end], stated, is_ended=True)
-
-
-def _load(path: Path, content: bytes) -> tuple[list[_Part], str | None, bool]:
-    """The parts of a mesh, the unit in the file, and whether its last line has an end."""
-    kind = path.suffix.lower()[1:]
-    try:
-        plain = _plain(path, content)
-        with warnings.catch_warnings():
-            # NumPy stops at a word that is not a number, and only warns.
-            warnings.filterwarnings("error", message="string or file could not be read")
-            stored = (
-                position_accessors(checked_header(path, content))
-                if kind == "glb"
-                else []
-            )
-            scene = _scene(plain.content, kind)
-            if kind == "ply":
-                _check_ply_lists(path, scene)
-            parts = [*_parts(path, scene, stored)]
-        units = str(scene.units or "").lower()
-        word = units.removesuffix("s") or unit_word(content)
-    except InputError:
-        raise
-    except Exception as error:  # trimesh raises whatever its parsers raise
-        problem = f"cannot be read as {kind.upper()} ({type(error).__name__}: {error})"
-        raise InputError(path, problem, EXPORT_AGAIN) from error
-    if kind == "3mf" and word not in STATED_UNITS:
-        problem = f"states a unit that 3MF does not have, {word!r}"
-        raise InputError(path, problem, "Export it again, in millimeter.")
-    count = sum(len(part.faces) for part in parts)
-    check_count(path, count, plain.faces, "triangles")
-    if count == 0:
-        raise InputError(
-            path, "the mesh has no faces", "Export it again, with its triangles."
-        )
-    return parts, STATED_UNITS.get(word), plain.is_ended
-
-
-def _scene(content: bytes, kind: str) -> "trimesh.Scene":
-    """The result of trimesh's reader."""
-    import trimesh
-
-    # Textures and materials would open other files and split vertices.
-    options: Any = {
-        "skip_materials": True,
-        "fix_texture": False,
-        "maintain_order": True,
-    }
-    # From memory, so that trimesh cannot look for other files beside this one.
-    file = io.BytesIO(content)
-    scene: Any = trimesh.load_scene(file, file_type=kind, process=False, **options)
-    names = [scene.graph[node][1] for node in scene.graph.nodes_geometry]
-    counts = [len(getattr(scene.geometry[name], "faces", ())) for name in names]
-    if sum(counts) > len(content):
-        raise ValueError("it repeats its parts until there are more faces than bytes")
-    return scene
-
-
-def _parts(
-    path: Path, scene: "trimesh.Scene", stored: Sequence[Mapping[str, Any]]
-) -> Iterator[_Part]:
-    """The parts of a scene that have faces, each at its position.
-
-    `stored` describes how a GLB stores the positions of each part.
-    """
-    accessors = dict(zip(scene.geometry, stored, strict=bool(stored)))
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        part: Any = scene.geometry[name]
-        faces = np.asarray(getattr(part, "faces", ()), np.int64)
-        if not len(faces):
-            continue
-        numbers = np.asarray(part.vertices, float)
-        accessor = accessors.get(name, {})
-        vertices, step = _numbers(numbers, accessor)
-        _check_faces(path, vertices, faces)
-        turn, shift = matrix[:3, :3], matrix[:3, 3]
-        scale = np.linalg.norm(turn, axis=0).max()
-        step = float(scale * (step or coordinate_step(vertices, faces)))
-        if np.linalg.det(turn) < 0:  # a mirror
-            faces = faces[:, ::-1]
-        yield _Part(vertices @ turn.T + shift, faces, step)
-
-
-def _numbers(
-    stored: np.ndarray, accessor: Mapping[str, Any]
-) -> tuple[np.ndarray, float]:
-    """Coordinates of a part, and their step if they are whole numbers, as in quantised GLB."""
-    if (kind := accessor.get("componentType")) not in _WHOLE_NUMBERS:
-        return stored, 0.0
-    if not accessor.get("normalized"):
-        return stored, 1.0
-    largest = np.iinfo(_WHOLE_NUMBERS[kind]).max
-    return np.maximum(stored / largest, -1.0), 1.0 / largest
-
-
-def _check_ply_lists(path: Path, scene: "trimesh.Scene") -> None:
-    """Refuse a binary PLY with lists that are not as long as the first of their property."""
-    for part in scene.geometry.values():
-        for element in part.metadata.pop("_ply_raw", {}).values():
-            rows = element.get("data")
-            columns = getattr(getattr(rows, "dtype", None), "names", None) or ()
-            for column in columns:
-                if not rows.dtype[column].names:  # no lists
-                    continue
-                lengths = rows[column]["f0"]
-                if (lengths != lengths[:1]).any():
-                    problem = (
-                        "is damaged, or its faces have different numbers of corners"
-                    )
-                    raise InputError(path, problem, EXPORT_AGAIN)
+        remedy = f"{EXPORT_AGAIN} If it is whole, end its last line."
+        raise InputError(path, problem, remedy)
 
 
 def _refuse_zeros(
@@ -427,24 +293,18 @@ def _refuse_zeros(
 ) -> None:
     """Refuse zeros where vertices or faces were: triangles, or several vertices, at one point."""
     is_point = (merged.faces == merged.faces[:, :1]).all(axis=1)
-    is_zero = (faces == 0).all(axis=1)
-    is_zero |= ~merged.triangles.any(axis=(1, 2))
+    is_zero = ~faces.any(axis=1) | ~merged.triangles.any(axis=(1, 2))
     lost = is_point & is_zero
-    other_points = merged.faces[is_point & ~lost, 0]
-    elsewhere = int(np.bincount(other_points).max(initial=0))
-    count = int(lost.sum())
-    if count >= _FEWEST_EMPTY and count > _ZEROS_TIMES * elsewhere:
-        _refuse_lost(path, count, "faces")
-    corners = vertices[_used(vertices, faces)]
+    elsewhere = np.bincount(merged.faces[is_point & ~lost, 0])
+    _refuse_lost(path, lost.sum(), elsewhere.max(initial=0), "faces")
+    corners = vertices[_is_used(vertices, faces)]
     lost = ~corners.any(axis=1)
-    count = int(lost.sum())
-    if count >= _FEWEST_EMPTY:
+    if lost.sum() >= _FEWEST_EMPTY:
         _, copies = np.unique(corners[~lost], axis=0, return_counts=True)
-        most_elsewhere = copies.max(initial=1)
-        if count - 1 > _ZEROS_TIMES * (most_elsewhere - 1):
-            _refuse_lost(path, count, "vertices")
+        _refuse_lost(path, lost.sum(), copies.max(initial=1) - 1, "vertices")
 
 
-def _refuse_lost(path: Path, count: int, what: str) -> None:
-    problem = f"{count} of its {what} are only zeros: a part of the file is lost"
-    raise InputError(path, problem, "Copy it, or export it, again.")
+def _refuse_lost(path: Path, count: int, elsewhere: int, what: str) -> None:
+    if count >= _FEWEST_EMPTY and count > _ZEROS_TIMES * elsewhere:
+        problem = f"{count} of its {what} are only zeros: a part of the file is lost"
+        raise InputError(path, problem, "Copy it, or export it, again.")

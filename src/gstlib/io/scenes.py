@@ -1,0 +1,161 @@
+"""Conditions under which a GLB or a 3MF contains the stone.
+
+trimesh reads positions and nodes. Of a GLB, it ignores compressed, sparse and normalised numbers,
+and features that move vertices in other ways. The stone would have another shape or size. Such a
+file is refused, and the message names the feature.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gstlib.errors import InputError
+from gstlib.io.containers import plain_zip
+from gstlib.io.files import megabytes
+from gstlib.io.plain_meshes import PlainMesh
+
+__all__ = ["plain_3mf", "plain_glb"]
+
+# A stone is one part. trimesh takes a quarter of a millisecond for each part.
+_MOST_PARTS = 10_000
+# Bytes of a header, and lists and objects in it. The header of a stone has some thousands, and ten
+# times as many with pictures.
+_LONGEST_HEADER, _MOST_LISTS = 1 << 24, 200_000
+# Bytes before the header of a GLB.
+_START = 20
+# Extensions that a file may require and that change no position, by how their names begin.
+_HARMLESS = (
+    *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"),
+    *("KHR_xmp", "KHR_mesh_quantization"),
+)
+# Keys of features that are not applied here.
+_NOT_APPLIED = {
+    "skin": "a skin that bends the mesh",
+    "sparse": "sparse numbers",
+    **{
+        name: f"the extension {name}"
+        for name in (
+            "EXT_mesh_gpu_instancing",
+            "EXT_meshopt_compression",
+            "KHR_meshopt_compression",
+        )
+    },
+}
+# Modes of a primitive. Lower modes are points and lines, without faces; the higher one is fans.
+_TRIANGLES, _STRIP = 4, 5
+_PLAIN = "Export it again without compression and extensions, or as binary PLY."
+# Types of whole numbers in a GLB.
+_WHOLE_NUMBERS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2"}
+
+_Header = Mapping[str, Any]
+
+
+def plain_glb(path: Path, content: bytes) -> PlainMesh:
+    """A GLB without content behind it, and the units of whole numbers in it.
+
+    Raises
+    ------
+    InputError
+        It uses a feature that is not read here: an extension, compressed or sparse positions, fans
+        of triangles, or another way to move vertices.
+    ValueError
+        It has very many parts, or more vertices and faces than the file has bytes.
+    """
+    length = int.from_bytes(content[8:12], "little")
+    content = content[: max(length, _START)]
+    header = _checked_header(path, content)
+    positions = [part["attributes"]["POSITION"] for part in _primitives(header)]
+    largest = [_largest(header["accessors"][number]) for number in positions]
+    return PlainMesh(content, largest=largest)
+
+
+def _largest(accessor: _Header) -> int:
+    """The whole number that stands for 1, as in a quantised GLB; 0 for other numbers."""
+    if (kind := accessor["componentType"]) not in _WHOLE_NUMBERS:
+        return 0
+    return np.iinfo(_WHOLE_NUMBERS[kind]).max if accessor.get("normalized") else 1
+
+
+def plain_3mf(path: Path, content: bytes) -> PlainMesh:
+    """A 3MF without compression.
+
+    Raises
+    ------
+    InputError
+        It is no whole zip file.
+    ValueError
+        It has very many parts.
+    """
+    content = plain_zip(path).getvalue()
+    _check_parts(content.count(b"<item"))
+    return PlainMesh(content)
+
+
+def _check_parts(count: int) -> None:
+    if count > _MOST_PARTS:
+        raise ValueError(f"it has {count} parts, and a stone is one")
+
+
+def _checked_header(path: Path, content: bytes) -> _Header:
+    """The header of a GLB whose features are all read."""
+    if content[:4] != b"glTF":
+        raise ValueError("it does not begin with glTF")
+    text = content[_START : _START + int.from_bytes(content[12:16], "little")]
+    lists = text.count(b"[") + text.count(b"{")
+    if len(text) > _LONGEST_HEADER or lists > _MOST_LISTS:
+        raise ValueError(f"its header has {megabytes(len(text))} MB")
+    header: _Header = json.loads(text)
+    _check_parts(len(header.get("nodes", ())))
+    # by the specification, numbers that are not in the file are zeros
+    if sum(part["count"] for part in header.get("accessors", ())) > len(content):
+        raise ValueError("it declares more numbers than it contains")
+    for feature in _not_read(header):
+        raise InputError(path, f"uses {feature}: its changes are not read", _PLAIN)
+    return header
+
+
+def _primitives(header: _Header) -> Iterator[_Header]:
+    for mesh in header.get("meshes", ()):
+        yield from mesh["primitives"]
+
+
+def _not_read(header: _Header) -> Iterator[str]:
+    """The features of a file that would be read wrongly."""
+    for name in header.get("extensionsRequired", ()):
+        if not name.startswith(_HARMLESS):
+            yield f"the extension {name}"
+    for buffer in header.get("buffers", ()):
+        if not buffer.get("uri", "data:").startswith("data:"):
+            yield f"data in another file ({buffer['uri']})"
+    for key, value in _entries(header):
+        if key in _NOT_APPLIED:
+            yield _NOT_APPLIED[key]
+        if key == "weights" and any(value):
+            yield "morph targets that move the vertices"
+    for part in _primitives(header):
+        yield from _numbers_not_read(header["accessors"], part)
+
+
+def _entries(node: Any) -> Iterator[tuple[str, Any]]:
+    """Each key in a header, at any depth, with its value."""
+    if isinstance(node, dict):
+        yield from node.items()
+        node = [*node.values()]
+    if isinstance(node, list):
+        for each in node:
+            yield from _entries(each)
+
+
+def _numbers_not_read(accessors: Sequence[_Header], part: _Header) -> Iterator[str]:
+    """The features of a part's positions and corners that trimesh would read wrongly."""
+    mode = part.get("mode", _TRIANGLES)
+    if mode > _STRIP:
+        yield "fans of triangles"
+    used = part["attributes"]["POSITION"], part.get("indices")
+    for number in used if mode >= _TRIANGLES else ():
+        if number is not None and "bufferView" not in accessors[number]:
+            compressed = " and ".join(part.get("extensions", ())) or "an extension"
+            yield f"positions or triangles that only {compressed} holds"
