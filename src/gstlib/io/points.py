@@ -19,7 +19,7 @@ from gstlib.io.text import (
     refuse_two_units,
     step_in_units,
 )
-from gstlib.io.text_rows import Table, numbers_in, read_table, refuse_odd_decimals
+from gstlib.io.text_rows import Table, read_table, refuse_odd_decimals
 
 __all__ = ["read_points"]
 
@@ -49,7 +49,7 @@ def read_points(
         remedy = "Export or copy it again. If it is whole, end its last line."
         raise InputError(path, "ends within a line: it is cut", remedy)
     order, units = _columns_of_points(path, table, unit)
-    points = numbers_in(path, table)[:, order]
+    points = table.numbers[:, order]
     for n in order:
         cells = (row.split(table.mark)[n] for row in table.rows)
         refuse_odd_decimals(path, cells, table.mark)

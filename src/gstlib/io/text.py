@@ -14,13 +14,7 @@ import numpy as np
 
 from gstlib.errors import InputError
 from gstlib.io.stage import RawMap
-from gstlib.io.text_rows import (
-    UNMEASURED_CELLS,
-    Table,
-    numbers_in,
-    read_table,
-    refuse_odd_decimals,
-)
+from gstlib.io.text_rows import UNMEASURED_CELLS, Table, read_table, refuse_odd_decimals
 
 __all__ = [
     "GRID_TOLERANCE",
@@ -103,7 +97,7 @@ def read_matrix(
             "blank lines or comments divide its rows into blocks, like several maps"
         )
         raise InputError(path, problem, "Keep one map in each file.")
-    numbers = numbers_in(path, table)
+    numbers = table.numbers
     header = "\n".join(table.header)
     raw = _esri_grid(path, header, numbers) or _gwyddion_map(header, numbers)
     if raw is not None:  # and nothing but heights follows the header
@@ -120,7 +114,7 @@ def read_matrix(
         )
     refuse_statements(path, [*table.header, table.corner], unit)
     step = step_in_units(unit, spacing_um)
-    return *_without_coordinates(path, table, numbers, step), None, {}
+    return *_without_coordinates(path, table, step), None, {}
 
 
 def refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> None:
@@ -150,29 +144,36 @@ def step_in_units(unit: str | None, spacing_um: float | None) -> float | None:
 
 
 def _without_coordinates(
-    path: Path, table: Table, numbers: np.ndarray, config_step: float | None
+    path: Path, table: Table, config_step: float | None
 ) -> tuple[np.ndarray, tuple[float, float] | None]:
     """Heights without coordinates in their first row and column, and the steps (y, x) of both.
 
     Rows and columns are then in the order of increasing coordinates, as for points. The steps are
     None unless both are known. Numbers of rows and columns have no steps.
     """
+    numbers = table.numbers
     ticks = _ticks(path, numbers.T), _ticks(path, numbers)
     has_y, has_x = (each is not None for each in ticks)
     if not (has_x and has_y):
         refuse_corner(path, table)
-    steps = _steps_between(path, ticks, numbers[0, 0], config_step)
+        # it belongs to the only coordinates
+        ticks = numbers[:, 0] if has_y else None, numbers[0] if has_x else None
     heights = numbers[int(has_x) :, int(has_y) :]
-    rest = (heights, heights.T) if has_x or has_y else ()
-    if any(_ticks(path, lines) is not None for lines in rest):
-        problem = "has two rows or columns of coordinates in one direction"
-        raise InputError(path, problem, "Keep one of them, or none.")
     rows = table.rows[int(has_x) :]
     if has_y:
         rows = [row.split(table.mark, 1)[1] for row in rows]
     refuse_odd_decimals(path, rows, table.mark)
+    steps = []
     for axis, each in enumerate(ticks):
-        if each is not None and each[-1] < each[0]:
+        if each is None:
+            continue
+        step, is_length = _step_of(path, each, config_step)
+        if is_length:
+            steps.append(abs(step))
+        if any(_ticks(path, lines) is not None for lines in (heights, heights.T)):
+            problem = "has two rows or columns of coordinates in one direction"
+            raise InputError(path, problem, "Keep one of them, or none.")
+        if step < 0:
             heights = np.flip(heights, axis)
     if len(steps) < 2:
         return heights, None
@@ -180,40 +181,34 @@ def _without_coordinates(
     return heights, (steps[0], steps[1])
 
 
+def _step_of(
+    path: Path, ticks: np.ndarray, config_step: float | None
+) -> tuple[float, bool]:
+    """The step of coordinates, and whether it is a length: numbers of rows or columns are not."""
+    if not _unevenness(ticks[None]) <= _ROUNDED:
+        problem = (
+            f"has coordinates in one direction only, and {ticks[0]:g} in their corner"
+        )
+        remedy = "Delete them, or give them in both directions."
+        raise InputError(path, problem, remedy)
+    step = float(ticks[-1] - ticks[0]) / (len(ticks) - 1)
+    is_length = abs(step) != 1 or ticks.min() not in (0, 1)
+    apart = np.inf if config_step is None else abs(abs(step) / config_step - 1)
+    if is_length and SPACING_TOLERANCE < apart < np.inf:
+        raise InputError(
+            path,
+            f"its coordinates are {abs(step):g} apart, but scans.spacing_um is "
+            f"{config_step:g}, in scans.unit",
+            "Correct scans.unit or scans.spacing_um, or delete the coordinates.",
+        )
+    return step, is_length
+
+
 def refuse_corner(path: Path, table: Table) -> None:
     """Refuse a word in the first cell, unless coordinates are on both sides of it."""
     if table.corner:
         problem = f"its first cell is {table.corner!r:.20}, beside heights"
         raise InputError(path, problem, UNMEASURED_CELLS)
-
-
-def _steps_between(
-    path: Path,
-    ticks: Sequence[np.ndarray | None],
-    corner: float,
-    config_step: float | None,
-) -> list[float]:
-    """The steps of the coordinates (y, x), if any. Numbers of rows and columns have none."""
-    steps = []
-    for each, across in zip(ticks, reversed(ticks), strict=True):
-        if each is None:
-            continue
-        step = float(each[-1] - each[0]) / (len(each) - 1)
-        start = (
-            each[0] if across is not None else each[0] - step
-        )  # which the corner continues
-        if across is None and not abs(corner - start) <= _ROUNDED * abs(step):
-            problem = (
-                f"has coordinates in one direction only, and {corner:g} in their corner"
-            )
-            raise InputError(
-                path, problem, "Delete them, or give them in both directions."
-            )
-        are_numbers = abs(step) == 1 and min(start, each[-1]) in (0, 1)
-        if not are_numbers:
-            _refuse_other_spacing(path, abs(step), config_step)
-            steps.append(abs(step))
-    return steps
 
 
 def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
@@ -259,31 +254,18 @@ def _unevenness(lines: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(departures), departures, np.inf)
 
 
-def _refuse_other_spacing(path: Path, step: float, config_step: float | None) -> None:
-    if (
-        config_step is not None
-        and abs(step - config_step) > SPACING_TOLERANCE * config_step
-    ):
-        apart = f"its coordinates are {step:g} apart"
-        problem = f"{apart}, but scans.spacing_um is {config_step:g}, in scans.unit"
-        remedy = "Correct scans.unit or scans.spacing_um, or delete the coordinates."
-        raise InputError(path, problem, remedy)
-
-
 def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) -> None:
     """Refuse heights so steep that their unit must differ from the unit of the coordinates."""
-    is_finite = np.isfinite(heights)
-    finite = np.where(is_finite, heights, np.nan)
     medians = []
     for axis, step in enumerate(steps):
-        slopes = np.abs(np.diff(finite, axis=axis)) / step
-        if np.isfinite(slopes).any():
-            medians.append(float(np.nanmedian(slopes)))
-    steepness = min(medians, default=0.0)
-    if steepness > _STEEPEST:
+        with np.errstate(invalid="ignore"):  # of two infinite heights
+            slopes = np.abs(np.diff(heights, axis=axis)) / step
+        finite = slopes[np.isfinite(slopes)]
+        medians.append(np.median(finite) if finite.size else np.inf)
+    if _STEEPEST < min(medians) < np.inf:
         raise InputError(
             path,
-            f"half of its heights differ from the next by more than {steepness:.3g} times the "
+            f"half of its heights differ from the next by more than {min(medians):.3g} times the "
             "distance of the points: coordinates and heights have different units",
             "Export all in one unit; for points, a first line such as x[mm] y[mm] z[um] states "
             "each.",

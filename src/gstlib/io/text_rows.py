@@ -16,14 +16,7 @@ import numpy as np
 
 from gstlib.errors import InputError
 
-__all__ = [
-    "FORMULA_ERROR",
-    "Table",
-    "decoded",
-    "numbers_in",
-    "read_table",
-    "refuse_odd_decimals",
-]
+__all__ = ["FORMULA_ERROR", "Table", "read_table", "refuse_odd_decimals"]
 __all__ += ["UNMEASURED_CELLS", "separator_of"]
 
 _log = logging.getLogger(__name__)
@@ -58,14 +51,14 @@ _EXPORT = (
 
 
 class Table(NamedTuple):
-    """The lines of a text, before their cells are read."""
+    """The lines of a text, and the numbers in its rows."""
 
     header: list[str]
     names: list[str]  # of the columns, if a row has them
     corner: str  # a word in the first cell, beside numbers
     rows: list[str]
     mark: str | None  # between the cells; None for blanks
-    first: int  # number of the first row's line
+    numbers: np.ndarray  # (rows, columns), NaN where unmeasured
     is_split: bool  # into blocks
     is_ended: bool  # in its last line
 
@@ -79,17 +72,12 @@ def separator_of(line: str) -> str | None:
     return next((mark for mark in ";\t," if mark in line), None)
 
 
-def decoded(content: bytes) -> str:
-    """Text in UTF-16, if it begins with its byte order mark, else in UTF-8."""
-    is_utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-    return content.decode("utf-16" if is_utf_16 else "utf-8-sig")
-
-
 def _text_of(path: Path) -> str:
     """The text of a file, in which each unmeasured cell is nan and each number is plain."""
     content = path.read_bytes()
+    is_utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     try:
-        text = decoded(content)
+        text = content.decode("utf-16" if is_utf_16 else "utf-8-sig")
     except UnicodeError:
         text = content.decode("latin-1")
     if "\0" in text:
@@ -140,7 +128,7 @@ def read_table(path: Path) -> Table:
         corner=corner,
         rows=rows,
         mark=mark,
-        first=first + 1,
+        numbers=_numbers(path, rows, mark, first + 1),
         is_split=len({*np.diff(numbers)}) > 1,
         is_ended=text.endswith(("\n", "\r")),
     )
@@ -199,31 +187,28 @@ def _refuse_numbers_above(path: Path, lines: Iterable[str], count: int) -> None:
 def _refuse_split_numbers(path: Path, rows: Sequence[str]) -> None:
     """Refuse numbers with decimal commas between commas, where each is two whole numbers.
 
-    The second ones have no sign, but many of the first do, or they have as many digits each. Whole
-    heights that look so, too, do so in all columns.
+    The second ones have no sign, but many of the first do. Or they begin with zeros, or have as
+    many digits each. Whole heights that look so, too, do so in all columns.
     """
     cells = [row.split(",") for row in rows[:_SAMPLED]]
-    whole = [cell for row in cells for cell in row[::2]]
+    whole = [cell.strip() for row in cells for cell in row[::2]]
     parts = [cell for row in cells for cell in row[1::2]]
-    is_pair = (
-        len(parts) >= _FEWEST_SPLIT
-        and len(parts) == len(whole)
-        and all(re.fullmatch(r"\d+", part, re.ASCII) for part in parts)
-        and all(re.fullmatch(r"\s*[-+]?\d+", cell) for cell in whole)
-    )
-    if not is_pair:
+    if not _FEWEST_SPLIT <= len(parts) == len(whole):
         return
-    digits = re.compile(rf"\d{{{len(parts[0])}}}", re.ASCII)
-    alike = len([*filter(digits.fullmatch, whole)]) > _ALIKE * len(whole)
-    is_padded = any(re.match("0.", part) for part in parts)
-    is_padded &= not any(re.match("0.", cell) for cell in whole)
-    are_decimals = all(map(digits.fullmatch, parts)) and (is_padded or not alike)
-    is_signed = sum("-" in cell for cell in whole) > _SIGNED * len(whole)
-    if are_decimals or is_signed:
-        problem = (
-            f"has commas between its cells and in its numbers, as in {rows[0]!r:.40}"
+    unsigned = [cell.lstrip("+-") for cell in whole]
+    if not all(map(str.isdecimal, parts + unsigned)):
+        return
+    lengths = {*map(len, parts)}
+    alike = sum(len(cell) in lengths for cell in whole) / len(whole)
+    padded = [any(re.match("0.", cell) for cell in each) for each in (whole, parts)]
+    signs = ["-" in cell for cell in whole]
+    are_decimals = padded == [False, True] or (len(lengths) == 1 and alike <= _ALIKE)
+    if are_decimals or sum(signs) > _SIGNED * len(signs):
+        raise InputError(
+            path,
+            f"has commas between its cells and in its numbers, as in {rows[0]!r:.40}",
+            _EXPORT,
         )
-        raise InputError(path, problem, _EXPORT)
 
 
 def refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> None:
@@ -241,37 +226,44 @@ def refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> N
         )
 
 
-def numbers_in(path: Path, table: Table) -> np.ndarray:
-    """The cells of all rows, NaN where unmeasured."""
-    mark, text = table.mark, "\n".join(table.rows)
-    if mark != "," and "," in text:  # beside other separators, it is a decimal sign
-        _mind_decimal_commas(path, table, text)
+def _numbers(
+    path: Path, rows: Sequence[str], mark: str | None, first: int
+) -> np.ndarray:
+    """The cells of all rows, NaN where unmeasured. `first` is the number of the first line."""
+    text = "\n".join(rows)
+    if mark != ",":  # beside other separators, a comma is a decimal sign
+        _mind_thousands(path, rows, mark, text)
         text = text.replace(",", ".")
-    elif mark != ",":
-        _has_thousands(path, table, text, ".")
     if mark:  # empty cells
         text = re.sub(f"(?<![^{mark}\n]) *(?=[{mark}\n]|\\Z)", "nan", text)
     try:
         return np.loadtxt(text.splitlines(), delimiter=mark, ndmin=2, comments=None)
     except ValueError as error:
         reason = str(error).split(";")[0]
-        problem = f"from line {table.first} on, is not a table of numbers: {reason}"
-        remedy = f"Export or copy the file again. {UNMEASURED_CELLS}"
-        raise InputError(path, problem, remedy) from error
+        raise InputError(
+            path,
+            f"from line {first} on, is not a table of numbers: {reason}",
+            f"Export or copy the file again. {UNMEASURED_CELLS}",
+        ) from error
 
 
-def _has_thousands(path: Path, table: Table, text: str, sign: str) -> bool:
-    """Whether each number with this sign has three digits behind it, like thousands.
+def _mind_thousands(
+    path: Path, rows: Sequence[str], mark: str | None, text: str
+) -> None:
+    """Refuse marks between thousands, and warn of decimal commas that may be such marks.
 
-    Refuse them if their columns also have numbers without the sign, which are below a thousand.
+    Each number with such a mark has three digits behind it. Numbers of the same column without it
+    are below a thousand.
     """
-    if sign not in text:
-        return False
-    digits = re.compile(rf"[1-9]\d{{0,2}}(?:\{sign}\d{{3}})+", re.ASCII)
-    numbers = (match.group() for match in re.finditer(rf"\d[\d{sign}eE]*", text))
-    if not all(digits.fullmatch(each) for each in numbers if not each.isdecimal()):
-        return False
-    for column in zip(*(row.split(table.mark) for row in table.rows), strict=False):
+    sign = "," if "," in text else "."
+    if sign == "," and "." in text:
+        problem = "has numbers with commas and with points: one separates thousands"
+        raise InputError(path, problem, _EXPORT)
+    digits = re.compile(rf"[1-9]\d{{0,2}}(?:\{sign}\d{{3}})+|\d+", re.ASCII)
+    numbers = re.finditer(rf"\d[\d{sign}eE]*", text)
+    if sign not in text or not all(digits.fullmatch(each[0]) for each in numbers):
+        return
+    for column in zip(*(row.split(mark) for row in rows), strict=False):
         has_sign = {sign in cell for cell in column if any(map(str.isdecimal, cell))}
         if len(has_sign) > 1:
             problem = (
@@ -279,17 +271,7 @@ def _has_thousands(path: Path, table: Table, text: str, sign: str) -> bool:
                 "digits behind it, and others have none"
             )
             raise InputError(path, problem, "Export it again without such marks.")
-    return True
-
-
-def _mind_decimal_commas(path: Path, table: Table, text: str) -> None:
-    """Refuse points beside decimal commas, and warn if all commas may separate thousands."""
-    if "." in text:
-        problem = (
-            "has numbers with commas and with points: one of them separates thousands"
-        )
-        raise InputError(path, problem, _EXPORT)
-    if _has_thousands(path, table, text, ","):
+    if sign == ",":
         message = (
             "%s: its commas are read as decimal signs. If they separate thousands, the heights are "
             "wrong. Then export them without"
