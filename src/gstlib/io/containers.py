@@ -9,7 +9,6 @@ import io
 import math
 import os
 import zipfile
-from functools import partial
 from pathlib import Path
 
 import h5py
@@ -17,7 +16,7 @@ import h5py
 from gstlib.errors import InputError
 from gstlib.io.files import check_regular, megabytes
 
-__all__ = ["check_hdf5", "check_unpacked_size", "plain_zip", "read_member"]
+__all__ = ["check_hdf5", "check_unpacked_size", "plain_zip"]
 
 # Bytes that are unpacked of one file: a map of 8000² points.
 _LARGEST = 1 << 29
@@ -70,18 +69,17 @@ def plain_zip(path: str | Path) -> io.BytesIO:
     plain = io.BytesIO()
     try:
         with zipfile.ZipFile(path) as archive, open(path, "rb") as file:
-            files = [one for one in archive.infolist() if not one.is_dir()]
-            members = {one.filename: one for one in files}
-            if len(archive.filelist) > _MOST_MEMBERS:
-                raise ValueError(f"it has {len(archive.filelist)} members")
-            unpacked = sum(one.file_size for one in members.values())
-            check_unpacked_size(path, unpacked)
+            members = archive.infolist()
+            if len(members) > _MOST_MEMBERS:
+                raise ValueError(f"it has {len(members)} members")
+            files = {one.filename: one for one in members if not one.is_dir()}
+            check_unpacked_size(path, sum(one.file_size for one in files.values()))
             # some formats begin with a header of their own
-            starts = [one.header_offset for one in archive.filelist]
+            starts = [one.header_offset for one in members]
             plain.write(file.read(max(0, min(starts, default=0))))
             with zipfile.ZipFile(plain, "a") as copy:
-                for name in members:
-                    copy.writestr(name, read_member(path, archive, name))
+                for name, member in files.items():
+                    copy.writestr(name, _content(path, archive, member))
     except (InputError, MemoryError):
         raise
     except Exception as error:  # damaged archives fail in many ways
@@ -92,24 +90,21 @@ def plain_zip(path: str | Path) -> io.BytesIO:
     return plain
 
 
-def read_member(path: str | Path, archive: zipfile.ZipFile, name: str) -> bytes:
-    """The content of a member of a zip file, unpacked no further than its header states.
-
-    Raises
-    ------
-    InputError
-        It is too large or packed otherwise, or it is XML that would fill the memory.
-    """
-    member = archive.getinfo(name)
-    check_unpacked_size(path, member.file_size)
+def _content(
+    path: str | Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo
+) -> bytes:
+    """The content of a member of a zip file, unpacked no further than its header states."""
     if member.compress_type not in _METHODS:
-        problem = f"{name!r:.60} in it is packed by method {member.compress_type}, not by deflate"
+        problem = (
+            f"{member.filename!r:.60} in it is packed by method {member.compress_type}, not by "
+            "deflate"
+        )
         raise InputError(path, problem, "Export it, or zip it, again.")
     with archive.open(member) as packed:
-        content = b"".join(iter(partial(packed.read, _BLOCK), b""))
+        content = packed.read(member.file_size)
     start = content[:_BLOCK].replace(b"\0", b"")
     if start.lstrip(b"\xef\xbb\xbf\xfe\xff \r\n\t").startswith(b"<"):
-        _check_xml(path, name, content)
+        _check_xml(path, member.filename, content)
     return content
 
 
@@ -158,7 +153,7 @@ def check_hdf5(path: str | Path, file: h5py.File) -> None:
 
 def _nodes(path: str | Path, file: h5py.File) -> list[h5py.Group | h5py.Dataset]:
     """A file and everything in it, each once."""
-    names = []
+    names: list[str] = []
 
     def problem(name: str, link: object) -> str | None:
         names.append(name)
@@ -169,8 +164,7 @@ def _nodes(path: str | Path, file: h5py.File) -> list[h5py.Group | h5py.Dataset]
         return None
 
     # a result ends the visit, and an exception would be lost in HDF5
-    content = file.visititems_links(problem)
-    if content is not None:
+    if (content := file.visititems_links(problem)) is not None:
         raise _refused(path, content)
     nodes = [file]
     file.visititems(lambda name, node: nodes.append(node))
@@ -179,32 +173,23 @@ def _nodes(path: str | Path, file: h5py.File) -> list[h5py.Group | h5py.Dataset]
 
 def _texts_of(node: h5py.Group | h5py.Dataset) -> int:
     """Number of texts and lists of any length in attributes, or in the cells of a table."""
-    count = 0
-    for number in range(h5py.h5a.get_num_attrs(node.id)):
-        attr = h5py.h5a.open(node.id, index=number)
-        if attr.dtype.hasobject:
-            count += math.prod(attr.shape)
-    if isinstance(node, h5py.Dataset) and node.dtype.hasobject:
-        is_text = h5py.check_string_dtype(node.dtype)  # counted where it is read
-        count += 0 if is_text else node.size or 0
-    return count
+    fields = [node.attrs.get_id(name) for name in node.attrs]
+    if isinstance(node, h5py.Dataset) and not h5py.check_string_dtype(node.dtype):
+        fields.append(node.id)  # texts are counted where they are read
+    return sum(math.prod(each.shape or ()) for each in fields if each.dtype.hasobject)
 
 
 def _check_storage(path: str | Path, field: h5py.Dataset) -> None:
     """Refuse an array that is not stored in the file itself, or by other filters."""
     stored = field.id.get_create_plist()
-    numbers = range(stored.get_nfilters())
-    filters = [stored.get_filter(number)[0] for number in numbers]
-    compressions = [one for one in filters if one in _COMPRESSIONS]
+    filters = [stored.get_filter(n)[0] for n in range(stored.get_nfilters())]
+    problem = None
     if stored.get_layout() not in _LAYOUTS or stored.get_external_count():
-        raise _refused(
-            path, f"an array ({field.name!r:.60}) that is stored in other files"
-        )
-    if not _FILTERS.issuperset(filters) or len(compressions) > 1:
-        raise _refused(
-            path,
-            f"an array ({field.name!r:.60}) that is packed by the filters {filters}",
-        )
+        problem = "stored in other files"
+    elif not _FILTERS.issuperset(filters) or sum(map(filters.count, _COMPRESSIONS)) > 1:
+        problem = f"packed by the filters {filters}"
+    if problem:
+        raise _refused(path, f"an array ({field.name!r:.60}) that is {problem}")
 
 
 def _refused(path: str | Path, content: str) -> InputError:

@@ -1,7 +1,7 @@
 """Files that are not too large to read, and result files that are whole or absent.
 
 A file is written next to its final path under a hidden name (``.NAME.PID.part``). It is renamed
-once it is completely on the disk. Links to files, modes and owners are kept.
+once it is completely on the disk. Links to files and modes are kept.
 """
 
 import contextlib
@@ -9,6 +9,7 @@ import errno
 import glob
 import hashlib
 import os
+import shutil
 import stat
 import tempfile
 from pathlib import Path
@@ -154,8 +155,7 @@ def write_whole(path: str | Path, content: bytes | memoryview) -> None:
     """Write `content` to `path`, and replace an old file once the new file is complete.
 
     If `path` is a link, the file that it leads to is replaced. The new file has the mode of the old
-    one, and its owner and group if the system allows it. The file's folder is made if it does not
-    exist, and remains of a killed attempt are removed.
+    one. The file's folder is made if it does not exist, and remains of a killed attempt go.
 
     Raises
     ------
@@ -170,7 +170,9 @@ def write_whole(path: str | Path, content: bytes | memoryview) -> None:
             left.unlink(missing_ok=True)
         try:
             with temporary.open("wb") as file:
-                _take_mode(file.fileno(), target)
+                # there may be no old file, or a disk without modes
+                with contextlib.suppress(OSError):
+                    shutil.copymode(target, temporary)
                 file.write(content)
                 file.flush()
                 # otherwise a power cut could leave the name with no content
@@ -181,15 +183,3 @@ def write_whole(path: str | Path, content: bytes | memoryview) -> None:
             raise
     except OSError as error:
         raise cannot_write(path, error) from error
-
-
-def _take_mode(file: int, old: Path) -> None:
-    """Give an open file the owner, group and mode of an old one, as far as the system allows."""
-    with contextlib.suppress(FileNotFoundError):
-        status = old.stat()
-        for owner in ((-1, status.st_gid), (status.st_uid, -1)):
-            with contextlib.suppress(OSError):
-                os.fchown(file, *owner)
-        # after the owner, whose change takes bits from the mode
-        with contextlib.suppress(OSError):
-            os.fchmod(file, stat.S_IMODE(status.st_mode))

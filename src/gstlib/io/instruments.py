@@ -108,23 +108,17 @@ def instrument_endings() -> dict[str, str]:
     }
 
 
-def _format_of(path: Path) -> str:
-    """SurfaceTopography's name of the format of files of this ending."""
+def _first_map(path: Path) -> RawMap:
+    """The first height map of a file in a format of SurfaceTopography."""
     formats = instrument_endings()
     if not formats:
         problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
         raise InputError(path, problem, "Install it: pip install 'gstlib[formats]'")
-    if path.suffix.lower() not in formats:
+    if (known_as := formats.get(path.suffix.lower())) is None:
         problem = (
             f"cannot be read as a height map: the ending '{path.suffix}' is unknown"
         )
         raise InputError(path, problem, _OWN_FORMAT)
-    return formats[path.suffix.lower()]
-
-
-def _first_map(path: Path) -> RawMap:
-    """The first height map of a file in a format of SurfaceTopography."""
-    known_as = _format_of(path)
     from SurfaceTopography.IO import open_topography
     from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
 

@@ -7,7 +7,6 @@ reads the first revision of the standard only, and takes seconds to import.
 
 import contextlib
 import datetime
-import itertools
 import re
 import zipfile
 from collections.abc import Callable
@@ -17,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from gstlib.errors import InputError
-from gstlib.io.containers import read_member
+from gstlib.io.containers import plain_zip
 from gstlib.io.stage import RawMap, stage_attrs
 
 __all__ = ["read_x3p"]
@@ -38,15 +37,21 @@ def read_x3p(path: Path) -> RawMap:
     Raises
     ------
     InputError
-        It has no index or two, or it does not contain a surface, or an axis has no scale.
+        It is no whole zip file, or has no index or two. It does not contain a surface, or an axis
+        has no scale.
     ValueError, KeyError
         The index lacks an entry, or a member that it names is missing or of another size.
     """
-    with zipfile.ZipFile(path) as archive:
-        members = _members(path, archive)
+    with zipfile.ZipFile(plain_zip(path)) as archive:
+        names = {_plain_name(name): name for name in archive.namelist()}
+        indices = [name for name in names if name.rpartition("/")[2] == "main.xml"]
+        if len(indices) != 1:
+            problem = f"holds {len(indices)} files main.xml, but an .x3p has one"
+            raise InputError(path, problem, _EXPORT_AGAIN)
+        folder = indices[0].removesuffix("main.xml")
 
         def read(name: str) -> bytes:
-            return read_member(path, archive, members.get(_plain_name(name), name))
+            return archive.read(names[folder + _plain_name(name)])
 
         root = _index(read("main.xml"))
         kind = _text(root, "Record1/FeatureType").upper()
@@ -65,22 +70,8 @@ def read_x3p(path: Path) -> RawMap:
     return heights, (dy, dx), 1e3, _instrument(root) | stage_attrs(x, y, 1e3)
 
 
-def _members(path: Path, archive: zipfile.ZipFile) -> dict[str, str]:
-    """Names of the files beside the index, whatever their case, slashes and the folder around."""
-    files = [one.filename for one in archive.infolist() if not one.is_dir()]
-    names = {_plain_name(name): name for name in files}
-    indices = [name for name in names if name.rpartition("/")[2] == "main.xml"]
-    outermost = min((name.count("/") for name in indices), default=0)
-    indices = [name for name in indices if name.count("/") == outermost]
-    if len(indices) != 1:
-        problem = f"holds {len(indices)} files main.xml, but an .x3p has one"
-        raise InputError(path, problem, _EXPORT_AGAIN)
-    folder = indices[0].removesuffix("main.xml")
-    inside = [name for name in names if name.startswith(folder)]
-    return {name.removeprefix(folder): names[name] for name in inside}
-
-
 def _plain_name(name: str) -> str:
+    """The name of a file in a zip file, whatever its case and slashes."""
     with_slashes = name.replace("\\", "/")
     return re.sub(r"^(\./|/)+", "", with_slashes).lower()
 
@@ -114,11 +105,9 @@ def _scale(path: Path, root: ElementTree.Element, axis: str) -> tuple[float, flo
 
 def _refuse_rotation(path: Path, root: ElementTree.Element) -> None:
     """Refuse a rotation or reflection of the axes, which no instrument is known to write."""
-    cells = root.findall("Record1/Axes/Rotation/*")
-    stated = {each.tag: float(each.text or 0) for each in cells}
-    for row, column in itertools.product("123", repeat=2):
-        expected = float(row == column)
-        if abs(stated.get(f"r{row}{column}", expected) - expected) > _UNTURNED:
+    for cell in root.findall("Record1/Axes/Rotation/*"):
+        expected = float(cell.tag in ("r11", "r22", "r33"))
+        if abs(float(cell.text or 0) - expected) > _UNTURNED:
             problem = "rotates or mirrors its axes (Rotation in its main.xml)"
             raise InputError(path, problem, "Export it again without a rotation.")
 
