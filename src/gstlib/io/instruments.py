@@ -8,6 +8,7 @@ heights, they are checked here.
 import functools
 import io
 import logging
+import math
 import re
 import warnings
 import zipfile
@@ -50,10 +51,9 @@ _SUR_HEADER = 512
 _SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
 # Unmeasured heights are 2 below the lowest. Saturated heights are 1 below it or above the highest.
 _SUR_BELOW, _SUR_ABOVE = 2, 1
-# Six units begin at byte 180, 16 bytes each, in Latin-1. Some programs write µ, or the Greek
-# letter, in UTF-8.
-_SUR_UNITS, _SUR_UNIT = range(180, 276, 16), 16
-_MICRO, _OTHER_MICRO = b"\xb5", ("µ".encode(), "μ".encode())
+# Units of a `.sur`, in Latin-1. Some programs write µ, or the Greek letter, in UTF-8.
+_SUR_UNITS = slice(180, 276)
+_MICRO, _OTHER_MICRO = b"\xb5m\0", ("µm".encode(), "μm".encode())
 # The mark and the size of the header of a binary .sdf, and the bytes of a height of each type.
 _SDF_MARK, _SDF_HEADER, _SDF_SIZES = b"bISO-1.0", 81, (1, 2, 4, 4, 1, 2, 4, 8)
 # Content behind its heights: lines `name = value`, or tags.
@@ -120,7 +120,6 @@ def _first_map(path: Path) -> RawMap:
         )
         raise InputError(path, problem, _OWN_FORMAT)
     from SurfaceTopography.IO import open_topography
-    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
 
     reader = open_topography(_checked(path), format=known_as)
     maps = [c for c in reader.channels if c.dim == 2 and c.is_height_channel]
@@ -133,56 +132,57 @@ def _first_map(path: Path) -> RawMap:
         )
         raise InputError(path, problem, "Save the heights alone in a file.")
     channel = maps[0]
-    nx, ny = channel.nb_grid_pts
+    count = math.prod(channel.nb_grid_pts)
     most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
-    if nx * ny > min(_MOST_POINTS, most):
-        raise ValueError(f"it announces {nx} × {ny} points, more than it can contain")
+    if count > min(_MOST_POINTS, most):
+        raise ValueError(f"it announces {count} points, more than it can contain")
     stated = channel.physical_sizes is not None
     sizes = {} if stated else {"physical_sizes": (1.0, 1.0)}
     topography = channel.topography(**sizes)
     masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
-    heights: np.ndarray = masked.filled(np.nan).T
-    if known_as in _ARRAYS:
-        heights, nx, ny = heights.T, ny, nx
-    if heights.shape != (ny, nx):
-        raise ValueError(f"{heights.shape} points instead of the {ny, nx} announced")
-    size_x, size_y = topography.physical_sizes
+    heights: np.ndarray = masked.filled(np.nan)
+    if heights.shape != tuple(channel.nb_grid_pts):
+        raise ValueError(f"{heights.size} points instead of the {count} announced")
+    if known_as not in _ARRAYS:
+        heights = heights.T
+    (ny, nx), (size_x, size_y) = heights.shape, topography.physical_sizes
     spacing = (float(size_y) / ny, float(size_x) / nx) if stated else None
     unit = topography.unit
-    length = None if unit is None else get_unit_conversion_factor(unit, "mm")
+    length = None if unit is None else _millimetres(unit)
     if known_as == "mnt":
         _log.log(NOTE, _AS_MEASURED, path)
-    attrs = _attributes(topography.info) | _stage(known_as, topography.info)
+    attrs = _attributes(known_as, topography.info)
     if maps[1:]:
         attrs["layer"] = f"{channel.name}, the first of {len(maps)} height maps"
     return heights, spacing, length, attrs
 
 
-def _attributes(info: Any) -> dict[str, str]:
-    """The instrument and the time, from the file."""
+def _attributes(known_as: str, info: Any) -> dict[str, str]:
+    """The instrument, the time and the position of the stage, as far as the file has them."""
     instrument = info.get("instrument") or {}
     attrs = {
         "instrument": instrument.get("name"),
         "vendor": instrument.get("vendor"),
         "acquired": info.get("acquisition_time"),
     }
-    return {name: str(value) for name, value in attrs.items() if value is not None}
-
-
-def _stage(known_as: str, info: Any) -> dict[str, str]:
-    """The origin of the map's axes, in formats whose header contains it."""
-    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
-
+    stated = {name: str(value) for name, value in attrs.items() if value is not None}
     header = info.get("raw_metadata")
     if known_as == "os3d":
-        return stage_attrs(header["origin_x"], header["origin_y"], 1e-3)
+        return stated | stage_attrs(header["origin_x"], header["origin_y"], 1e-3)
     if known_as == "sur":
         units = header["x_unit"], header["y_unit"]
         # steps in another unit: the unit of the offsets is not in the header
         if units == (header["delta_x_unit"], header["delta_y_unit"]):
-            x, y = (get_unit_conversion_factor(unit, "mm") for unit in units)
-            return stage_attrs(x * header["x_offset"], y * header["y_offset"], 1.0)
-    return {}
+            x, y = map(_millimetres, units)
+            place = stage_attrs(x * header["x_offset"], y * header["y_offset"], 1.0)
+            return stated | place
+    return stated
+
+
+def _millimetres(unit: str) -> float:
+    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
+
+    return get_unit_conversion_factor(unit, "mm")
 
 
 def _checked(path: Path) -> str | io.BytesIO:
@@ -213,11 +213,8 @@ def _plain_sur(path: Path, content: bytes) -> bytes:
         header[:12] = b"DIGITAL SURF"
         rest = _unpacked_sur(path, rest)
     _check_sur(path, header, rest)
-    for at in _SUR_UNITS:
-        unit = bytes(header[at : at + _SUR_UNIT]).strip(b" \0")
-        for other in _OTHER_MICRO:
-            unit = unit.replace(other, _MICRO)
-        header[at : at + _SUR_UNIT] = unit.ljust(_SUR_UNIT, b"\0")
+    for other in _OTHER_MICRO:
+        header[_SUR_UNITS] = header[_SUR_UNITS].replace(other, _MICRO)
     return bytes(header) + rest
 
 
@@ -258,8 +255,7 @@ def _check_sur(path: Path, header: bytearray, rest: bytes) -> None:
 def _check_sdf(path: Path, content: bytes) -> None:
     """Refuse a binary `.sdf` with anything but text behind its heights."""
     nx, ny = unpack_from("<2H", content, 42)
-    (kind,) = unpack_from("<B", content, 79)
-    end = _SDF_HEADER + nx * ny * _SDF_SIZES[kind]
+    end = _SDF_HEADER + nx * ny * _SDF_SIZES[content[79]]
     _check_end(path, content[end:], _SDF_END)
 
 

@@ -14,7 +14,13 @@ import numpy as np
 
 from gstlib.errors import InputError
 from gstlib.io.stage import RawMap
-from gstlib.io.text_rows import UNMEASURED_CELLS, Table, read_table, refuse_odd_decimals
+from gstlib.io.text_rows import (
+    NUMBER,
+    UNMEASURED_CELLS,
+    Table,
+    read_table,
+    refuse_odd_decimals,
+)
 
 __all__ = [
     "GRID_TOLERANCE",
@@ -36,7 +42,7 @@ UNIT_PATTERN = "|".join(sorted(HEADER_UNITS, key=len, reverse=True))
 
 # Lines above an ESRI grid. Others contain its corner. A number marks its unmeasured cells.
 _ESRI = re.compile(
-    r"^\s*(ncols|nrows|cellsize|dx|dy|nodata_value)\s+(\S+)\s*$",
+    rf"^\s*(ncols|nrows|cellsize|dx|dy|nodata_value)\s+({NUMBER}|nan)\s*$",
     re.IGNORECASE | re.MULTILINE,
 )
 _ESRI_UNMEASURED = -9999.0
@@ -220,11 +226,7 @@ def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
     sample = others[:: max(1, len(others) // _SAMPLED)]
     (own,) = _unevenness(first[None])
     uneven = np.median(_unevenness(sample))
-    # lines with unmeasured points are not even, and a comparison with NaN is false
-    near, next_ = (
-        np.nanmedian(np.abs(pair)) if np.isfinite(pair).any() else np.nan
-        for pair in (first - others[0], others[0] - others[1])
-    )
+    near, next_ = _median(first - others[0]), _median(others[0] - others[1])
     is_long = len(first) >= _MORE_TICKS
     is_outstanding = is_long and own < _FAR_MORE_EVEN * uneven and uneven > _EVEN
     if uneven <= _ROUNDED and not is_outstanding:  # a plane, or heights in few steps
@@ -244,6 +246,12 @@ def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
     return None
 
 
+def _median(values: np.ndarray) -> float:
+    """The median size of finite values; infinite if there are none."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(np.abs(finite))) if finite.size else np.inf
+
+
 def _unevenness(lines: np.ndarray) -> np.ndarray:
     """How far each line departs from even steps between its ends, in such steps."""
     count = lines.shape[1] - 1
@@ -256,16 +264,15 @@ def _unevenness(lines: np.ndarray) -> np.ndarray:
 
 def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) -> None:
     """Refuse heights so steep that their unit must differ from the unit of the coordinates."""
-    medians = []
-    for axis, step in enumerate(steps):
-        with np.errstate(invalid="ignore"):  # of two infinite heights
-            slopes = np.abs(np.diff(heights, axis=axis)) / step
-        finite = slopes[np.isfinite(slopes)]
-        medians.append(np.median(finite) if finite.size else np.inf)
-    if _STEEPEST < min(medians) < np.inf:
+    with np.errstate(invalid="ignore"):  # of two infinite heights
+        steepness = min(
+            _median(np.diff(heights, axis=axis)) / step
+            for axis, step in enumerate(steps)
+        )
+    if _STEEPEST < steepness < np.inf:
         raise InputError(
             path,
-            f"half of its heights differ from the next by more than {min(medians):.3g} times the "
+            f"half of its heights differ from the next by more than {steepness:.3g} times the "
             "distance of the points: coordinates and heights have different units",
             "Export all in one unit; for points, a first line such as x[mm] y[mm] z[um] states "
             "each.",
@@ -274,10 +281,10 @@ def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) ->
 
 def _gwyddion_map(header: str, heights: np.ndarray) -> RawMap | None:
     """Heights, spacing and unit, if the header is that of Gwyddion."""
-    stated = {}
-    for name, number, symbol in _GWYDDION.findall(header):
-        count = float(number.replace(",", ".") or 1)
-        stated[name] = count * HEADER_UNITS[symbol]
+    stated = {
+        name: float(number.replace(",", ".") or 1) * HEADER_UNITS[symbol]
+        for name, number, symbol in _GWYDDION.findall(header)
+    }
     if len(stated) < 3:
         return None
     ny, nx = heights.shape
@@ -288,24 +295,22 @@ def _gwyddion_map(header: str, heights: np.ndarray) -> RawMap | None:
 
 def _esri_grid(path: Path, header: str, heights: np.ndarray) -> RawMap | None:
     """Heights and spacing of an ESRI ASCII grid, whose first row has the highest y."""
-    cells = {name.lower(): cell for name, cell in _ESRI.findall(header)}
-    if not {"ncols", "nrows"} <= cells.keys():
+    stated = {
+        name.lower(): float(number.replace(",", "."))
+        for name, number in _ESRI.findall(header)
+    }
+    if not {"ncols", "nrows"} <= stated.keys():
         return None
-    try:
-        stated = {name: float(cell.replace(",", ".")) for name, cell in cells.items()}
-        shape = stated["nrows"], stated["ncols"]
-        dy, dx = (
-            stated[name if name in stated else "cellsize"] for name in ("dy", "dx")
-        )
-    except (KeyError, ValueError) as error:
-        problem = f"the header of an ESRI grid does not contain a number for {error}"
-        raise InputError(path, problem, "Export the grid again.") from error
-    if heights.shape != shape:
+    dy, dx = (stated.get(name, stated.get("cellsize")) for name in ("dy", "dx"))
+    if dy is None or dx is None:
+        problem = "the header of an ESRI grid does not contain a number for 'cellsize'"
+        raise InputError(path, problem, "Export the grid again.")
+    if heights.shape != (stated["nrows"], stated["ncols"]):
         ny, nx = heights.shape
         raise InputError(
             path,
-            f"contains {ny} rows of {nx} heights, but its header states {shape[0]:g} of "
-            f"{shape[1]:g}",
+            f"contains {ny} rows of {nx} heights, but its header states {stated['nrows']:g} of "
+            f"{stated['ncols']:g}",
             "Export it again, with one row of the grid a line.",
         )
     heights[heights == stated.get("nodata_value", _ESRI_UNMEASURED)] = np.nan

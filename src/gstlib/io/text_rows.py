@@ -31,8 +31,8 @@ _UNMEASURED = re.compile(
     rf"|{FORMULA_ERROR.pattern})(?![^\s,;])"
 )
 _SPECIAL = re.compile(r"[^0-9\s.,;eE+-]|--")
-_NUMBER = r"[-+]?(?:\d++[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?"
-_CELL = re.compile(rf"\s*(?:{_NUMBER}|nan|[-+]?inf|)\s*", re.ASCII | re.IGNORECASE)
+NUMBER = r"[-+]?(?:\d++[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?"
+_CELL = re.compile(rf"\s*(?:{NUMBER}|nan|[-+]?inf|)\s*", re.ASCII | re.IGNORECASE)
 # Lines that are inspected to find the layout of a file.
 _SAMPLED = 200
 # Numbers of a column of points, or of a matrix, are written with equally many decimals, or with

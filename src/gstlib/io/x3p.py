@@ -135,17 +135,11 @@ def _mask(
 
 def _instrument(root: ElementTree.Element) -> dict[str, str]:
     """The instrument and the time. The month of dates that do not follow ISO 8601 is a guess."""
-    record = "Record2/Instrument"
-    model, maker, version = (
-        root.findtext(f"{record}/{tag}", "").replace("unknown", "")
-        for tag in ("Model", "Manufacturer", "Version")
+    model, maker = (
+        root.findtext(f"Record2/Instrument/{tag}", "").replace("unknown", "")
+        for tag in ("Model", "Manufacturer")
     )
-    details = [maker if model else "", f"version {version}" if version else ""]
-    in_brackets = ", ".join(filter(None, details))
-    attrs = {
-        "instrument": (model or maker) + (f" ({in_brackets})" if in_brackets else ""),
-        "vendor": maker,
-    }
+    attrs = {"instrument": model or maker, "vendor": maker}
     with contextlib.suppress(ValueError):
         date = datetime.datetime.fromisoformat(root.findtext("Record2/Date", ""))
         attrs["acquired"] = str(date)
