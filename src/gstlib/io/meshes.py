@@ -37,7 +37,7 @@ from gstlib.io.scenes import plain_3mf, plain_glb
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["UNITS", "is_closed", "is_mesh", "read_mesh", "steps_of", "units_of_size"]
+__all__ = ["UNITS", "is_mesh", "read_mesh", "steps_of", "units_of_size"]
 
 _log = logging.getLogger(__name__)
 
@@ -234,24 +234,18 @@ def _unit_to_read_in(path: Path, wanted: str | None, stated: str | None) -> str:
 
 
 def _turn_outwards(mesh: "trimesh.Trimesh") -> None:
-    """Turn the faces of a closed mesh that is inside out."""
+    """Turn the faces of a mesh that is inside out, if it has an underside, too."""
+    areas = mesh.triangles_cross
+    open_area = np.abs(areas.sum(axis=0)).max()
+    is_closed = open_area < _CLOSED * np.linalg.norm(areas, axis=1).sum()
     # measured from its middle, so pin-holes far from the origin matter little
     from_middle = mesh.triangles_center - mesh.bounds.mean(axis=0)
-    outwards = from_middle * mesh.triangles_cross
-    if is_closed(mesh) and outwards.sum() < 0:
-        _log.log(
-            NOTE,
-            "the mesh is inside out (its volume is negative), so its faces were turned",
+    if is_closed and (from_middle * areas).sum() < 0:
+        message = (
+            "the mesh is inside out (its volume is negative), so its faces were turned"
         )
+        _log.log(NOTE, message)
         mesh.invert()
-
-
-def is_closed(mesh: "trimesh.Trimesh") -> bool:
-    """Whether a mesh has an underside, too, apart from pin-holes."""
-    areas = mesh.triangles_cross
-    whole_area = np.linalg.norm(areas, axis=1).sum()
-    open_area = np.abs(areas.sum(axis=0)).max()
-    return bool(open_area < _CLOSED * whole_area)
 
 
 def _drop_copies(mesh: "trimesh.Trimesh") -> None:

@@ -93,9 +93,7 @@ def _obj(path: Path, content: bytes) -> PlainMesh:
     first_face = (b"\n" + text).find(b"\nf ")
     is_mixed = first_face < text.rfind(b"\nv ")
     if is_mixed and re.search(rb"^f .*-", text, re.MULTILINE):
-        problem = (
-            "counts the vertices of faces backwards, but vertices follow the faces"
-        )
+        problem = "counts vertices backwards, but vertices follow the faces"
         raise InputError(path, problem, EXPORT_AGAIN)
     return PlainMesh(text + b"\n", is_ended=is_ended)
 

@@ -5,8 +5,9 @@ and features that move vertices in other ways. The stone would have another shap
 file is refused, and the message names the feature.
 """
 
+import itertools
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +45,8 @@ _NOT_APPLIED = {
         )
     },
 }
-# Modes of a primitive. Lower modes are points and lines, without faces; the higher one is fans.
-_TRIANGLES, _STRIP = 4, 5
+# Mode of strips of triangles. Lower modes are points, lines and triangles; the higher one is fans.
+_STRIP = 5
 _PLAIN = "Export it again without compression and extensions, or as binary PLY."
 # Types of whole numbers in a GLB.
 _WHOLE_NUMBERS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2"}
@@ -62,12 +63,15 @@ def plain_glb(path: Path, content: bytes) -> PlainMesh:
         It uses a feature that is not read here: an extension, compressed or sparse positions, fans
         of triangles, or another way to move vertices.
     ValueError
-        It has very many parts, or more vertices and faces than the file has bytes.
+        It has very many parts.
     """
     length = int.from_bytes(content[8:12], "little")
     content = content[: max(length, _START)]
     header = _checked_header(path, content)
-    positions = [part["attributes"]["POSITION"] for part in _primitives(header)]
+    parts = itertools.chain.from_iterable(
+        mesh["primitives"] for mesh in header.get("meshes", ())
+    )
+    positions = [part["attributes"]["POSITION"] for part in parts]
     largest = [_largest(header["accessors"][number]) for number in positions]
     return PlainMesh(content, largest=largest)
 
@@ -109,34 +113,30 @@ def _checked_header(path: Path, content: bytes) -> _Header:
         raise ValueError(f"its header has {megabytes(len(text))} MB")
     header: _Header = json.loads(text)
     _check_parts(len(header.get("nodes", ())))
-    # by the specification, numbers that are not in the file are zeros
-    if sum(part["count"] for part in header.get("accessors", ())) > len(content):
-        raise ValueError("it declares more numbers than it contains")
     for feature in _not_read(header):
         raise InputError(path, f"uses {feature}: its changes are not read", _PLAIN)
     return header
 
 
-def _primitives(header: _Header) -> Iterator[_Header]:
-    for mesh in header.get("meshes", ()):
-        yield from mesh["primitives"]
-
-
 def _not_read(header: _Header) -> Iterator[str]:
     """The features of a file that would be read wrongly."""
-    for name in header.get("extensionsRequired", ()):
-        if not name.startswith(_HARMLESS):
-            yield f"the extension {name}"
+    required = header.get("extensionsRequired", ())
+    yield from (
+        f"the extension {name}" for name in required if not name.startswith(_HARMLESS)
+    )
     for buffer in header.get("buffers", ()):
         if not buffer.get("uri", "data:").startswith("data:"):
             yield f"data in another file ({buffer['uri']})"
+    # by the specification, they are zeros
+    if any("bufferView" not in each for each in header.get("accessors", ())):
+        yield "numbers that only an extension holds"
     for key, value in _entries(header):
         if key in _NOT_APPLIED:
             yield _NOT_APPLIED[key]
         if key == "weights" and any(value):
             yield "morph targets that move the vertices"
-    for part in _primitives(header):
-        yield from _numbers_not_read(header["accessors"], part)
+        if key == "mode" and value > _STRIP:
+            yield "fans of triangles"
 
 
 def _entries(node: Any) -> Iterator[tuple[str, Any]]:
@@ -147,15 +147,3 @@ def _entries(node: Any) -> Iterator[tuple[str, Any]]:
     if isinstance(node, list):
         for each in node:
             yield from _entries(each)
-
-
-def _numbers_not_read(accessors: Sequence[_Header], part: _Header) -> Iterator[str]:
-    """The features of a part's positions and corners that trimesh would read wrongly."""
-    mode = part.get("mode", _TRIANGLES)
-    if mode > _STRIP:
-        yield "fans of triangles"
-    used = part["attributes"]["POSITION"], part.get("indices")
-    for number in used if mode >= _TRIANGLES else ():
-        if number is not None and "bufferView" not in accessors[number]:
-            compressed = " and ".join(part.get("extensions", ())) or "an extension"
-            yield f"positions or triangles that only {compressed} holds"
