@@ -66,6 +66,7 @@ DIALECTS = {
     "separators and blank lines": PLAIN.replace("\n", ",\n\n"),
     "names of columns": ",".join(f"c{n}" for n in range(NX)) + f"\n{PLAIN}",
     "the config's unit": f"# heights in um\n{PLAIN}",
+    "a time of day": f"# Measured 3:20:11 pm\n{PLAIN}",
     "coordinates": lines_of(with_coordinates()),
     "tabs, decimal commas": lines_of(with_coordinates(), "\t").translate(COMMA),
     "a word as corner": first_as("DATA\nX\\Y", lines_of(with_coordinates())),
@@ -79,14 +80,27 @@ def test_a_matrix_in_a_dialect(tmp_path, dialect):
     same(read(tmp_path, DIALECTS[dialect], **CONFIG))
 
 
-def test_coordinates_of_a_smooth_tilted_map_are_no_heights(tmp_path):
-    heights = (PLANE * 9 + HEIGHTS / 100).round(4)
-    numbers = np.vstack([np.r_[0.0, X], np.c_[Y, heights]])
-    same(read(tmp_path, lines_of(numbers), **CONFIG), heights)
+PLANE = np.add.outer(np.arange(NY) * 0.1, np.arange(NX) * 0.2)
+TILTED = (PLANE * 9 + HEIGHTS / 100).round(4)
+WITH_COORDINATES = np.vstack([np.r_[0.0, X], np.c_[Y, TILTED]])
+FEW_STEPS = HEIGHTS.round(2) / 100 + PLANE * 10
+WHOLE = (HEIGHTS * 1e3).round()
+OTHERS = {
+    "coordinates of a smooth map": (TILTED, lines_of(WITH_COORDINATES)),
+    "heights in even steps": (PLANE, lines_of(PLANE)),
+    "heights in few steps": (FEW_STEPS, lines_of(FEW_STEPS)),
+    "whole numbers": (WHOLE, lines_of(WHOLE, cell="{:.0f}")),
+    "whole numbers above 0": (WHOLE + 2e4, lines_of(WHOLE + 2e4, cell="{:.0f}")),
+}
 
 
-def test_a_time_of_day_and_an_invisible_line_state_nothing(tmp_path):
-    same(read(tmp_path, f"# Measured 3:20:11 pm\n{PLAIN}", **CONFIG))
+@pytest.mark.parametrize("kind", OTHERS)
+def test_heights_are_told_from_coordinates_and_from_split_numbers(tmp_path, kind):
+    heights, text = OTHERS[kind]
+    same(read(tmp_path, text, unit="um", spacing_um=STEP), heights)
+
+
+def test_an_invisible_line_is_no_row(tmp_path):
     text = lines_of(points(), " ") + "\t\n\xa0\n"
     same(read(tmp_path, text, ".xyz", unit="um"))
 
@@ -98,20 +112,6 @@ def test_coordinates_give_the_order_and_the_spacing(tmp_path):
     numbers = with_coordinates(np.arange(NX), np.arange(NY))
     (tmp_path / "b.csv").write_text(lines_of(numbers))
     refused(tmp_path / "b.csv", "spacing of its points", unit="um")
-
-
-@pytest.mark.parametrize("heights", [HEIGHTS * 1e3, HEIGHTS * 1e3 + 2e4])
-def test_whole_numbers_are_not_taken_for_split_ones(tmp_path, heights):
-    text = lines_of(heights.round(), cell="{:.0f}")
-    same(read(tmp_path, text, unit="nm", spacing_um=STEP), heights.round() / 1e3)
-
-
-PLANE = np.add.outer(np.arange(NY) * 0.1, np.arange(NX) * 0.2)
-
-
-@pytest.mark.parametrize("heights", [PLANE, HEIGHTS.round(2) / 100 + PLANE * 10])
-def test_heights_in_even_steps_are_not_coordinates(tmp_path, heights):
-    same(read(tmp_path, lines_of(heights), **CONFIG), heights)
 
 
 MARKS = [
