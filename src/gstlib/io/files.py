@@ -12,19 +12,21 @@ import os
 import shutil
 import stat
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from gstlib.errors import InputError, OutputError
 
 __all__ = [
     "LARGEST_TABLE",
+    "UnreadableError",
     "cannot_read",
     "cannot_write",
     "check_input",
     "check_regular",
     "check_size",
 ]
-__all__ += ["check_writable", "megabytes", "sha256", "write_whole"]
+__all__ += ["check_writable", "megabytes", "naming", "sha256", "write_whole"]
 
 # Bytes that are read of one file: a stone of twenty million triangles. Tables and configs are far
 # smaller. A larger file is damaged, or made to fill the memory.
@@ -40,6 +42,27 @@ _IN_WORDS = {
     ),
     errno.EACCES: ("permission denied", "Ask for it, or set `results` in the config"),
 }
+
+
+class UnreadableError(InputError):
+    """A problem of a file, from a function that is not told its name (see `naming`)."""
+
+    def __init__(self, problem: str, remedy: str):
+        super().__init__("the file", problem, remedy)
+
+
+@contextlib.contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Add the name of a file to what makes it unreadable.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        yield
+    except UnreadableError as error:
+        raise InputError(path, error.problem, error.remedy) from error
 
 
 def check_regular(path: str | Path) -> int:

@@ -22,6 +22,7 @@ import numpy as np
 
 from gstlib.errors import NOTE, InputError
 from gstlib.io.containers import check_hdf5, check_unpacked_size, plain_zip
+from gstlib.io.files import UnreadableError
 from gstlib.io.stage import RawMap, stage_attrs
 from gstlib.io.x3p import read_x3p
 
@@ -83,7 +84,7 @@ def read_instrument_file(path: Path) -> RawMap:
     except Exception as error:
         reason = plain_text(f"{type(error).__name__}: {error} {error.__cause__ or ''}")
         problem = f"cannot be read as a height map ({reason}): it is damaged or in another format"
-        raise InputError(path, problem, _OWN_FORMAT) from error
+        raise UnreadableError(problem, _OWN_FORMAT) from error
 
 
 def plain_text(value: str) -> str:
@@ -113,12 +114,12 @@ def _first_map(path: Path) -> RawMap:
     formats = instrument_endings()
     if not formats:
         problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
-        raise InputError(path, problem, "Install it: pip install 'gstlib[formats]'")
+        raise UnreadableError(problem, "Install it: pip install 'gstlib[formats]'")
     if (known_as := formats.get(path.suffix.lower())) is None:
         problem = (
             f"cannot be read as a height map: the ending '{path.suffix}' is unknown"
         )
-        raise InputError(path, problem, _OWN_FORMAT)
+        raise UnreadableError(problem, _OWN_FORMAT)
     from SurfaceTopography.IO import open_topography
 
     reader = open_topography(_checked(path), format=known_as)
@@ -130,7 +131,7 @@ def _first_map(path: Path) -> RawMap:
         problem = (
             f"has {len(maps)} arrays ({names:.80}), any of which may be the heights"
         )
-        raise InputError(path, problem, "Save the heights alone in a file.")
+        raise UnreadableError(problem, "Save the heights alone in a file.")
     channel = maps[0]
     count = math.prod(channel.nb_grid_pts)
     most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
@@ -192,7 +193,7 @@ def _checked(path: Path) -> str | io.BytesIO:
     if mark in _SUR_MARKS:
         return io.BytesIO(_plain_sur(path, path.read_bytes()))
     if mark.startswith(_SDF_MARK):
-        _check_sdf(path, path.read_bytes())
+        _check_sdf(path.read_bytes())
     if zipfile.is_zipfile(path):
         return plain_zip(path)
     if h5py.is_hdf5(path):
@@ -212,7 +213,7 @@ def _plain_sur(path: Path, content: bytes) -> bytes:
     if content.startswith(b"DSCOMPRESSED"):
         header[:12] = b"DIGITAL SURF"
         rest = _unpacked_sur(path, rest)
-    _check_sur(path, header, rest)
+    _check_sur(header, rest)
     for other in _OTHER_MICRO:
         header[_SUR_UNITS] = header[_SUR_UNITS].replace(other, _MICRO)
     return bytes(header) + rest
@@ -231,17 +232,17 @@ def _unpacked_sur(path: Path, packed: bytes) -> bytes:
         part = stream.decompress(packed[at : at + length], size + 1)
         if len(part) != size or not stream.eof:
             problem = f"its heights do not unpack to {size} bytes"
-            raise InputError(path, problem, _COPY_AGAIN)
+            raise UnreadableError(problem, _COPY_AGAIN)
         heights += part
         at += length
     return heights + packed[at:]
 
 
-def _check_sur(path: Path, header: bytearray, rest: bytes) -> None:
+def _check_sur(header: bytearray, rest: bytes) -> None:
     """Refuse heights beyond the stated range, or followed by odd bytes."""
     bits, lowest, highest, nx, ny = unpack_from("<H4i", header, 98)
     heights = np.frombuffer(rest, f"<i{bits // 8}", nx * ny)
-    _check_end(path, rest[heights.nbytes :], _SUR_END)
+    _check_end(rest[heights.nbytes :], _SUR_END)
     low, high = int(heights.min(initial=highest)), int(heights.max(initial=lowest))
     is_within = lowest - _SUR_BELOW <= low and high <= highest + _SUR_ABOVE
     if lowest < highest and not is_within:  # some programs may state neither
@@ -249,17 +250,17 @@ def _check_sur(path: Path, header: bytearray, rest: bytes) -> None:
             f"holds heights from {low} to {high}, but states {lowest} to {highest} "
             "(steps of the file): it is damaged"
         )
-        raise InputError(path, problem, _COPY_AGAIN)
+        raise UnreadableError(problem, _COPY_AGAIN)
 
 
-def _check_sdf(path: Path, content: bytes) -> None:
+def _check_sdf(content: bytes) -> None:
     """Refuse a binary `.sdf` with anything but text behind its heights."""
     nx, ny = unpack_from("<2H", content, 42)
     end = _SDF_HEADER + nx * ny * _SDF_SIZES[content[79]]
-    _check_end(path, content[end:], _SDF_END)
+    _check_end(content[end:], _SDF_END)
 
 
-def _check_end(path: Path, behind: bytes, pattern: re.Pattern[bytes]) -> None:
+def _check_end(behind: bytes, pattern: re.Pattern[bytes]) -> None:
     """Refuse bytes behind the heights that the format does not define."""
     if not pattern.match(behind):
         problem = (
@@ -267,4 +268,4 @@ def _check_end(path: Path, behind: bytes, pattern: re.Pattern[bytes]) -> None:
             "begin elsewhere"
         )
         remedy = f"{_COPY_AGAIN} If that does not help, export it as .x3p or .plux."
-        raise InputError(path, problem, remedy)
+        raise UnreadableError(problem, remedy)

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from gstlib.errors import NOTE, InputError
-from gstlib.io.files import check_input
+from gstlib.io.containers import plain_zip
+from gstlib.io.files import UnreadableError, check_input, naming
 from gstlib.io.mesh_sizes import (
     STATED_UNITS,
     UNITS,
@@ -98,29 +99,29 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     import trimesh
 
     path = Path(path)
-    if unit not in (None, *UNITS):
-        raise InputError(
-            path, f"unknown mesh unit {unit!r}", f"Use one of {list(UNITS)}."
-        )
-    parts, stated, is_ended = _load(path)
-    all_vertices, all_faces, steps = zip(*parts, strict=True)
-    vertices, faces = trimesh.util.append_faces(all_vertices, all_faces)
-    _mind_cut_end(path, vertices, faces, is_ended=is_ended)
-    unit = _unit_to_read_in(path, unit, stated)
-    step_mm = max(steps) * UNITS[unit]
-    check_step_and_extent(path, vertices[faces], step_mm, unit)
-    metadata = {
-        "file_unit": unit,
-        "states_unit": stated is not None,
-        "step_mm": step_mm,
-    }
-    vertices_mm = vertices * UNITS[unit]
-    mesh = trimesh.Trimesh(vertices_mm, faces, process=False, metadata=metadata)
-    mesh.merge_vertices()
-    _refuse_zeros(path, vertices, faces, mesh)
-    _drop_copies(mesh)
-    _turn_outwards(mesh)
-    return mesh
+    with naming(path):
+        if unit not in (None, *UNITS):
+            problem = f"unknown mesh unit {unit!r}"
+            raise UnreadableError(problem, f"Use one of {list(UNITS)}.")
+        parts, stated, is_ended = _load(path)
+        all_vertices, all_faces, steps = zip(*parts, strict=True)
+        vertices, faces = trimesh.util.append_faces(all_vertices, all_faces)
+        _mind_cut_end(path, vertices, faces, is_ended=is_ended)
+        unit = _unit_to_read_in(path, unit, stated)
+        step_mm = max(steps) * UNITS[unit]
+        check_step_and_extent(path, vertices[faces], step_mm, unit)
+        metadata = {
+            "file_unit": unit,
+            "states_unit": stated is not None,
+            "step_mm": step_mm,
+        }
+        vertices_mm = vertices * UNITS[unit]
+        mesh = trimesh.Trimesh(vertices_mm, faces, process=False, metadata=metadata)
+        mesh.merge_vertices()
+        _refuse_zeros(vertices, faces, mesh)
+        _drop_copies(mesh)
+        _turn_outwards(mesh)
+        return mesh
 
 
 def is_mesh(path: str | Path) -> bool:
@@ -135,29 +136,31 @@ def _load(path: Path) -> tuple[list[_Part], str | None, bool]:
     if ending not in _READ:
         problem = f"'{path.suffix}' is not a mesh format that is read here"
         remedy = f"Export the mesh as one of {', '.join(_READ)}."
-        raise InputError(path, problem, remedy)
+        raise UnreadableError(problem, remedy)
     try:
-        content = path.read_bytes()
-        plain = _READ[ending](path, content)
+        # a zip file is unpacked with care
+        is_zip = ending == ".3mf"
+        content = plain_zip(path).getvalue() if is_zip else path.read_bytes()
+        plain = _READ[ending](content)
         scene = _scene(plain.content, ending)
-        parts = [*_parts(path, scene, plain)]
+        parts = [*_parts(scene, plain)]
     except InputError:
         raise
     except Exception as error:  # trimesh raises whatever its parsers raise
         kind = ending[1:].upper()
         problem = f"cannot be read as {kind} ({type(error).__name__}: {error})"
-        raise InputError(path, problem, EXPORT_AGAIN) from error
+        raise UnreadableError(problem, EXPORT_AGAIN) from error
     word = str(scene.units or "").lower() or unit_word(content)
     unit = STATED_UNITS.get(word.removesuffix("s"))
     if ending == ".3mf" and unit is None:
         problem = f"states a unit that 3MF does not have, {word!r}"
-        raise InputError(path, problem, "Export it again, in millimeter.")
+        raise UnreadableError(problem, "Export it again, in millimeter.")
     if plain.faces is not None:
         count = sum(len(faces) for _, faces, _ in parts)
-        check_count(path, count, plain.faces, "triangles")
+        check_count(count, plain.faces, "triangles")
     if not parts:
         problem = "the mesh has no faces"
-        raise InputError(path, problem, "Export it again, with its triangles.")
+        raise UnreadableError(problem, "Export it again, with its triangles.")
     return parts, unit, plain.is_ended
 
 
@@ -181,14 +184,14 @@ def _scene(content: bytes, ending: str) -> Any:
         )
 
 
-def _parts(path: Path, scene: Any, plain: PlainMesh) -> Iterator[_Part]:
+def _parts(scene: Any, plain: PlainMesh) -> Iterator[_Part]:
     """The parts of a scene that have faces, each at its position."""
     left = len(plain.content)
     largest = dict(zip(scene.geometry, plain.largest, strict=bool(plain.largest)))
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
         part = scene.geometry[name]
-        check_ply(path, part.metadata.pop("_ply_raw", {}))
+        check_ply(part.metadata.pop("_ply_raw", {}))
         faces = np.asarray(getattr(part, "faces", ()), np.int64)
         left -= len(faces)
         if left < 0:
@@ -199,7 +202,7 @@ def _parts(path: Path, scene: Any, plain: PlainMesh) -> Iterator[_Part]:
         one = largest.get(name, 0)
         if one > 1:
             vertices = np.maximum(vertices / one, -1.0)
-        _check_faces(path, vertices, faces)
+        _check_faces(vertices, faces)
         turn, shift = matrix[:3, :3], matrix[:3, 3]
         scale = np.linalg.norm(turn, axis=0).max()
         step = 1 / one if one else coordinate_step(vertices, faces)
@@ -208,16 +211,16 @@ def _parts(path: Path, scene: Any, plain: PlainMesh) -> Iterator[_Part]:
         yield vertices @ turn.T + shift, faces, float(scale * step)
 
 
-def _check_faces(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+def _check_faces(vertices: np.ndarray, faces: np.ndarray) -> None:
     """Refuse faces with vertices that are missing or not finite."""
     are_there = faces.min() >= 0 and faces.max() < len(vertices)
     if not are_there:
         problem = f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged"
-        raise InputError(path, problem, EXPORT_AGAIN)
+        raise UnreadableError(problem, EXPORT_AGAIN)
     bad = np.count_nonzero(~np.isfinite(vertices).all(axis=1))
     if bad:
         problem = f"{bad} of {len(vertices)} vertices are not numbers"
-        raise InputError(path, problem, "Repair it.")
+        raise UnreadableError(problem, "Repair it.")
 
 
 def _unit_to_read_in(path: Path, wanted: str | None, stated: str | None) -> str:
@@ -226,7 +229,7 @@ def _unit_to_read_in(path: Path, wanted: str | None, stated: str | None) -> str:
     if stated not in (None, unit):
         if path.suffix.lower() == ".3mf":
             problem = f"states its unit, {stated}, but is to be read in {unit}"
-            raise InputError(path, problem, f"Set mesh_unit: {stated}.")
+            raise UnreadableError(problem, f"Set mesh_unit: {stated}.")
         source = "specification" if path.suffix.lower() == ".glb" else "own comment"
         message = "%s: is in %s by its %s, but is read in %s, the requested unit"
         _log.warning(message, path, stated, source, unit)
@@ -279,26 +282,26 @@ def _mind_cut_end(
         sign = sign if unused else "its last face is odd"
         problem = f"ends within a line, and {sign}: it is cut"
         remedy = f"{EXPORT_AGAIN} If it is whole, end its last line."
-        raise InputError(path, problem, remedy)
+        raise UnreadableError(problem, remedy)
 
 
 def _refuse_zeros(
-    path: Path, vertices: np.ndarray, faces: np.ndarray, merged: "trimesh.Trimesh"
+    vertices: np.ndarray, faces: np.ndarray, merged: "trimesh.Trimesh"
 ) -> None:
     """Refuse zeros where vertices or faces were: triangles, or several vertices, at one point."""
     is_point = (merged.faces == merged.faces[:, :1]).all(axis=1)
     is_zero = ~faces.any(axis=1) | ~merged.triangles.any(axis=(1, 2))
     lost = is_point & is_zero
     elsewhere = np.bincount(merged.faces[is_point & ~lost, 0])
-    _refuse_lost(path, lost.sum(), elsewhere.max(initial=0), "faces")
+    _refuse_lost(lost.sum(), elsewhere.max(initial=0), "faces")
     corners = vertices[_is_used(vertices, faces)]
     lost = ~corners.any(axis=1)
     if lost.sum() >= _FEWEST_EMPTY:
         _, copies = np.unique(corners[~lost], axis=0, return_counts=True)
-        _refuse_lost(path, lost.sum(), copies.max(initial=1) - 1, "vertices")
+        _refuse_lost(lost.sum(), copies.max(initial=1) - 1, "vertices")
 
 
-def _refuse_lost(path: Path, count: int, elsewhere: int, what: str) -> None:
+def _refuse_lost(count: int, elsewhere: int, what: str) -> None:
     if count >= _FEWEST_EMPTY and count > _ZEROS_TIMES * elsewhere:
         problem = f"{count} of its {what} are only zeros: a part of the file is lost"
-        raise InputError(path, problem, "Copy it, or export it, again.")
+        raise UnreadableError(problem, "Copy it, or export it, again.")

@@ -6,12 +6,11 @@ therefore compared with the header of the file, before or after trimesh reads th
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gstlib.errors import InputError
+from gstlib.io.files import UnreadableError
 
 __all__ = ["EXPORT_AGAIN", "PLAIN", "PlainMesh", "check_count", "check_ply"]
 __all__ += ["unit_word"]
@@ -81,60 +80,60 @@ def unit_word(content: bytes) -> str:
     return word.decode("latin-1").lower().removesuffix("s")
 
 
-def _obj(path: Path, content: bytes) -> PlainMesh:
+def _obj(content: bytes) -> PlainMesh:
     """The vertices and faces of an OBJ, without texture, normals, groups and materials."""
-    text, is_ended = _tidied(path, content, continued=True)
+    text, is_ended = _tidied(content, continued=True)
     lines = re.findall(rb"^(?:[vf]\b|[-+.\d]).*", text, re.MULTILINE)
     text = re.sub(rb"/[^ \n]*", b"", b"\n".join(lines))
     for odd, problem in _ODD_IN_OBJ:
         if re.search(odd, text, re.MULTILINE):
-            raise InputError(path, problem, EXPORT_AGAIN)
+            raise UnreadableError(problem, EXPORT_AGAIN)
     # trimesh counts them from the last vertex of the file
     first_face = (b"\n" + text).find(b"\nf ")
     is_mixed = first_face < text.rfind(b"\nv ")
     if is_mixed and re.search(rb"^f .*-", text, re.MULTILINE):
         problem = "counts vertices backwards, but vertices follow the faces"
-        raise InputError(path, problem, EXPORT_AGAIN)
+        raise UnreadableError(problem, EXPORT_AGAIN)
     return PlainMesh(text + b"\n", is_ended=is_ended)
 
 
-def _off(path: Path, content: bytes) -> PlainMesh:
+def _off(content: bytes) -> PlainMesh:
     """An OFF. trimesh ignores numbers of its vertices that are not coordinates."""
-    text, is_ended = _tidied(path, content)
+    text, is_ended = _tidied(content)
     header = re.match(rb"(?:ST)?C?N?OFF\s(\d+) (\d+)(?: \d+)?\n", text)
     if header is None:
-        raise _no_header(path)
+        raise _no_header()
     vertices, faces = map(int, header.groups())
     rows = text[header.end() :].splitlines()
-    check_count(path, len(rows), vertices + faces, "rows")
+    check_count(len(rows), vertices + faces, "rows")
     # a face begins with the count of its corners
     counts = [row.partition(b" ")[0] for row in rows[vertices:]]
     triangles = sum(int(count) - 2 for count in counts if count.isdigit())
     return PlainMesh(text, triangles, is_ended=is_ended)
 
 
-def _ply(path: Path, content: bytes) -> PlainMesh:
+def _ply(content: bytes) -> PlainMesh:
     """A PLY without comments. trimesh counts the faces of a binary file."""
     header = _PLY_HEADER.match(content)
     head = _PASSED_OVER.sub(b"", header[0].translate(_BLANKS)) if header else b""
     if not re.search(rb"^ *element\s+face\s", head, re.MULTILINE):
-        raise _no_header(path)
+        raise _no_header()
     body = content[len(header[0]) :]
     if not re.search(rb"^ *format +ascii", head, re.MULTILINE):
         return PlainMesh(head + body)
-    body, is_ended = _tidied(path, body)
+    body, is_ended = _tidied(body)
     rows = body.splitlines()
     elements = head.split(b"element ")[1:]
     counts = [int(element.split()[1]) for element in elements]
-    check_count(path, len(rows), sum(counts), "rows")
+    check_count(len(rows), sum(counts), "rows")
     for element, count in zip(elements, counts, strict=True):
         kinds = re.findall(rb"^ *property +(\S+)", element, re.MULTILINE)
-        _check_rows(path, rows[:count], kinds)
+        _check_rows(rows[:count], kinds)
         rows = rows[count:]
     return PlainMesh(head + body, is_ended=is_ended)
 
 
-def _check_rows(path: Path, rows: Sequence[bytes], kinds: Sequence[bytes]) -> None:
+def _check_rows(rows: Sequence[bytes], kinds: Sequence[bytes]) -> None:
     """Refuse rows of a PLY in text that have not a number for each property, and those of a list.
 
     trimesh takes all lists to be as long as the first, and drops the rest.
@@ -145,10 +144,10 @@ def _check_rows(path: Path, rows: Sequence[bytes], kinds: Sequence[bytes]) -> No
         lengths = [int(cells[at]) for at in lists if at < len(cells)]
         if len(lists) > 1 or len(cells) != len(kinds) + sum(lengths):
             problem = f"has a row that its header does not describe: {cells[:9]}"
-            raise InputError(path, problem, EXPORT_AGAIN)
+            raise UnreadableError(problem, EXPORT_AGAIN)
 
 
-def check_ply(path: Path, elements: Mapping[str, Any]) -> None:
+def check_ply(elements: Mapping[str, Any]) -> None:
     """Refuse a binary PLY with lists that are not as long as the first of their property."""
     for element in elements.values():
         rows = element.get("data")
@@ -157,28 +156,28 @@ def check_ply(path: Path, elements: Mapping[str, Any]) -> None:
             values = rows[name]
             if values.dtype.names and (values["f0"] != values["f0"][:1]).any():
                 problem = "is damaged, or its faces have different numbers of corners"
-                raise InputError(path, problem, EXPORT_AGAIN)
+                raise UnreadableError(problem, EXPORT_AGAIN)
 
 
-def _stl(path: Path, content: bytes) -> PlainMesh:
+def _stl(content: bytes) -> PlainMesh:
     text = content.rstrip(b"\0")
     is_text = bool(text) and b"\0" not in text
-    return _text_stl(path, content) if is_text else _binary_stl(path, content)
+    return _text_stl(content) if is_text else _binary_stl(content)
 
 
-def _text_stl(path: Path, content: bytes) -> PlainMesh:
+def _text_stl(content: bytes) -> PlainMesh:
     """An ASCII STL, without the names of its solids, which trimesh takes for its keywords."""
-    text, _ = _tidied(path, content)
+    text, _ = _tidied(content)
     last = text.rsplit(b"\n", 2)[-2]
     if not last.lower().startswith(b"endsolid"):
         problem = "ends without 'endsolid': it is cut, or no STL"
-        raise InputError(path, problem, EXPORT_AGAIN)
+        raise UnreadableError(problem, EXPORT_AGAIN)
     any_case = re.MULTILINE | re.IGNORECASE
     text = re.sub(rb"^(end)?solid\b.*", rb"\1solid", text, flags=any_case)
     return PlainMesh(text, text.lower().count(b"endfacet"))
 
 
-def _binary_stl(path: Path, content: bytes) -> PlainMesh:
+def _binary_stl(content: bytes) -> PlainMesh:
     """The triangles of a binary STL, without content that some programs write behind them.
 
     A program that writes while it reads does not have the count yet, and leaves 0 or −1.
@@ -189,7 +188,7 @@ def _binary_stl(path: Path, content: bytes) -> PlainMesh:
         stated = count
     end = _STL_HEADER + stated * _STL_RECORD.itemsize
     if len(content) < end:
-        check_count(path, len(content), end, "bytes")
+        check_count(len(content), end, "bytes")
     corners = np.frombuffer(content, _STL_RECORD, count, _STL_HEADER)["corners"]
     own, more = corners[:stated], corners[stated:]
     if stated and more.any():
@@ -197,14 +196,12 @@ def _binary_stl(path: Path, content: bytes) -> PlainMesh:
         are_inside = ((lowest <= more) & (more <= highest)).all(axis=(1, 2))
         if more[are_inside].any():  # not only zeros
             problem = f"states {stated} triangles, but more follow: it is damaged"
-            raise InputError(path, problem, EXPORT_AGAIN)
+            raise UnreadableError(problem, EXPORT_AGAIN)
     header = content[:80] + stated.to_bytes(4, "little")
     return PlainMesh(header + content[_STL_HEADER:end], stated)
 
 
-def _tidied(
-    path: Path, content: bytes, *, continued: bool = False
-) -> tuple[bytes, bool]:
+def _tidied(content: bytes, *, continued: bool = False) -> tuple[bytes, bool]:
     """Text with one kind of line ends and blanks, without comments and empty lines.
 
     Lines that end in a backslash go on if `continued`. The second result is whether the text had an
@@ -215,7 +212,7 @@ def _tidied(
     text = content.removeprefix(b"\xef\xbb\xbf").rstrip(b"\0\x1a").translate(_BLANKS)
     if b"\0" in text:
         problem = "is text with zero bytes in it: it is damaged"
-        raise InputError(path, problem, EXPORT_AGAIN)
+        raise UnreadableError(problem, EXPORT_AGAIN)
     is_ended = text.rstrip(b" ").endswith(b"\n")
     if continued:
         text = text.replace(b"\\\n", b" ")
@@ -224,25 +221,25 @@ def _tidied(
     text = text.strip(b" \n") + b"\n"
     text = re.sub(rb"\n\n+", b"\n", text)
     if re.search(rb"^(?:v |vertex )? ?[-+]?\d+,\d", text, re.MULTILINE | re.IGNORECASE):
-        raise InputError(
-            path, "has decimal commas", "Export it again, with decimal points."
+        raise UnreadableError(
+            "has decimal commas", "Export it again, with decimal points."
         )
     return text, is_ended
 
 
-def check_count(path: Path, count: int, stated: int | None, what: str) -> None:
+def check_count(count: int, stated: int | None, what: str) -> None:
     """Refuse a file that contains another number of something than it states."""
     if stated not in (None, count):
         problem = f"has {count} {what}, but states {stated}: it is cut or damaged"
-        raise InputError(path, problem, EXPORT_AGAIN)
+        raise UnreadableError(problem, EXPORT_AGAIN)
 
 
-def _no_header(path: Path) -> InputError:
-    problem = f"does not begin with a header of {path.suffix[1:].upper()} that describes faces"
-    return InputError(path, problem, "Correct its ending, or export it again.")
+def _no_header() -> UnreadableError:
+    problem = "does not begin with a header of its format that describes faces"
+    return UnreadableError(problem, "Correct its ending, or export it again.")
 
 
-PLAIN: dict[str, Callable[[Path, bytes], PlainMesh]] = {
+PLAIN: dict[str, Callable[[bytes], PlainMesh]] = {
     ".stl": _stl,
     ".ply": _ply,
     ".obj": _obj,

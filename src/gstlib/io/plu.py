@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gstlib.errors import FaultError, InputError, refuse
-from gstlib.io.files import write_whole
+from gstlib.errors import FaultError, refuse
+from gstlib.io.files import UnreadableError, write_whole
 from gstlib.io.stage import RawMap, stage_attrs
 
 __all__ = ["read_plu", "write_plu"]
@@ -55,19 +55,18 @@ def read_plu(path: Path) -> RawMap:
         highest height differs from the stated one.
     """
     content = path.read_bytes()
-    _check_size(path, content, _HEADER)
+    _check_size(content, _HEADER)
     (kind,) = struct.unpack_from("<I", content, 428)
     ny, nx = struct.unpack_from("<2I", content, 500)
     is_map = min(ny, nx) > 0 and max(ny, nx) < _LARGEST_SIDE
     if kind != _TYPE_TOPOGRAPHY or not is_map:
-        raise InputError(
-            path,
+        raise UnreadableError(
             f"contains a measurement of type {kind} with {ny} × {nx} points: not a .plu "
             f"topography (type {_TYPE_TOPOGRAPHY})",
             "Export the whole topography, or correct the file's ending.",
         )
     end = _HEADER + 4 * ny * nx
-    _check_size(path, content, end + _ENDS.size)
+    _check_size(content, end + _ENDS.size)
     stored = np.frombuffer(content, "<f4", ny * nx, _HEADER).reshape(ny, nx)
     with np.errstate(invalid="ignore"):  # some bytes are no numbers
         heights = stored.astype(float)
@@ -95,10 +94,10 @@ def read_plu(path: Path) -> RawMap:
     return heights, (dy, dx), 1e-3, attrs
 
 
-def _check_size(path: Path, content: bytes, needed: int) -> None:
+def _check_size(content: bytes, needed: int) -> None:
     if len(content) < needed:
         problem = f"takes {needed} bytes, but has {len(content)}: it is truncated"
-        raise InputError(path, problem, "Export or copy the scan again.")
+        raise UnreadableError(problem, "Export or copy the scan again.")
 
 
 def _check_ends(path: Path, heights: np.ndarray, stated: tuple[float, float]) -> None:

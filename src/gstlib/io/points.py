@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gstlib.errors import InputError
+from gstlib.io.files import UnreadableError
 from gstlib.io.stage import RawMap
 from gstlib.io.text import (
     GRID_TOLERANCE,
@@ -44,15 +45,15 @@ def read_points(
     `unit` and `spacing_um` are from the config, and numbers of points must agree with them.
     """
     table = read_table(path)
-    refuse_corner(path, table)
+    refuse_corner(table)
     if not table.is_ended:
         remedy = "Export or copy it again. If it is whole, end its last line."
-        raise InputError(path, "ends within a line: it is cut", remedy)
-    order, units = _columns_of_points(path, table, unit)
+        raise UnreadableError("ends within a line: it is cut", remedy)
+    order, units = _columns_of_points(table, unit)
     points = table.numbers[:, order]
     for n in order:
         cells = (row.split(table.mark)[n] for row in table.rows)
-        refuse_odd_decimals(path, cells, table.mark)
+        refuse_odd_decimals(cells, table.mark)
     length = None
     if units:
         length = units["z"]
@@ -61,26 +62,26 @@ def read_points(
     # A point without x or y has no position. A point without z is unmeasured.
     has_place = np.isfinite(points[:, :2]).all(axis=1)
     points = points[has_place]
-    columns, dx = _grid_lines(path, points[:, 0])
-    rows, dy = _grid_lines(path, points[:, 1])
+    columns, dx = _grid_lines(points[:, 0])
+    rows, dy = _grid_lines(points[:, 1])
     ny, nx = int(rows.max()) + 1, int(columns.max()) + 1
     places = rows * nx + columns
     are_distinct = len(np.unique(places)) == len(points)
     if not are_distinct or len(points) < _LEAST_FILLED * ny * nx:
-        raise _scattered(path, len(points))
-    _refuse_cut_grid(path, rows, columns)
+        raise _scattered(len(points))
+    _refuse_cut_grid(rows, columns)
     if length is None:
         _mind_point_numbers(
             path, points[:, :2], (dx, dy), step_in_units(unit, spacing_um)
         )
     heights = np.full((ny, nx), np.nan)
     heights[rows, columns] = points[:, 2]
-    refuse_two_units(path, heights, (dy, dx))
+    refuse_two_units(heights, (dy, dx))
     return heights, (dy, dx), length, {}
 
 
 def _columns_of_points(
-    path: Path, table: Table, unit: str | None
+    table: Table, unit: str | None
 ) -> tuple[list[int], dict[str, float] | None]:
     """The columns of x, y and z, and their units (mm), if the header contains them."""
     header = [line for line in table.header if line]
@@ -92,12 +93,12 @@ def _columns_of_points(
     letters = [name.strip("# ")[:1].lower() for name in names]
     count = len(table.rows[0].split(table.mark))
     if len(units) < 3:
-        refuse_statements(path, header, unit)
+        refuse_statements(header, unit)
     if len(letters) == count and {*"xyz"} <= {*letters}:
         order = [letters.index(letter) for letter in "xyz"]
     elif table.names:
         problem = f"names its columns {', '.join(names):.60}, in which x, y and z are not clear"
-        raise InputError(path, problem, "Name them x, y and z, or delete the line.")
+        raise UnreadableError(problem, "Name them x, y and z, or delete the line.")
     elif len(units) == 3:
         order = [[*units].index(letter) for letter in "xyz"]
     else:
@@ -120,12 +121,12 @@ def _mind_point_numbers(
     elif abs(config_step - 1) > SPACING_TOLERANCE:
         problem = f"{numbered}, but scans.spacing_um is {config_step:g} in scans.unit"
         remedy = "Multiply them by the spacing, or save the heights as a matrix (.csv)."
-        raise InputError(
-            path, problem, f"{remedy} If they are lengths, correct scans.spacing_um."
+        raise UnreadableError(
+            problem, f"{remedy} If they are lengths, correct scans.spacing_um."
         )
 
 
-def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:
+def _grid_lines(values: np.ndarray) -> tuple[np.ndarray, float]:
     """Number of the grid line of each coordinate, and the distance of the lines."""
     levels = np.unique(values)
     gaps = np.diff(levels)
@@ -141,10 +142,10 @@ def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:
             errors = np.abs(places - index * step)
             if errors.max() <= GRID_TOLERANCE * step:
                 return index, step
-    raise _scattered(path, len(values))
+    raise _scattered(len(values))
 
 
-def _refuse_cut_grid(path: Path, rows: np.ndarray, columns: np.ndarray) -> None:
+def _refuse_cut_grid(rows: np.ndarray, columns: np.ndarray) -> None:
     """Refuse points in the order of a grid that lack the rest of its last line.
 
     Points that were not measured may be left out there, too, but then others are elsewhere.
@@ -159,17 +160,15 @@ def _refuse_cut_grid(path: Path, rows: np.ndarray, columns: np.ndarray) -> None:
         most_elsewhere = steps.max() - 1
         missing = -(order[-1] + 1) % length
         if (steps > 0).all() and missing > _CUT_TIMES * most_elsewhere:
-            raise InputError(
-                path,
+            raise UnreadableError(
                 f"the last line of its grid lacks {missing} of {length} points, and elsewhere at "
                 f"most {most_elsewhere} are missing in a row: it is cut",
                 "Export or copy the file again. Write unmeasured points as NaN, if it is whole.",
             )
 
 
-def _scattered(path: Path, count: int) -> InputError:
-    return InputError(
-        path,
+def _scattered(count: int) -> InputError:
+    return UnreadableError(
         f"its {count} points are scattered, or on one line, not on a grid",
         "Grid them in the instrument's software or in Gwyddion, and export the map.",
     )

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from gstlib.errors import NOTE, FaultError, InputError, refuse
-from gstlib.io.files import check_input
+from gstlib.io.files import UnreadableError, check_input, naming
 from gstlib.io.instruments import instrument_endings, plain_text, read_instrument_file
 from gstlib.io.plu import read_plu
 from gstlib.io.points import read_points
@@ -108,38 +108,42 @@ def read_scan(
     (0.00166, 0.00166)
     """
     path = Path(path)
-    if unit is not None and unit not in SCAN_UNITS:
-        raise InputError(
-            path, f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}."
+    with naming(path):
+        if unit not in (None, *SCAN_UNITS):
+            problem = f"unknown scan unit {unit!r}"
+            raise UnreadableError(problem, f"Use one of {list(SCAN_UNITS)}.")
+        check_input(path, "Correct the name in the patch table, or the folder.")
+        ending = path.suffix.lower()
+        if read_text := _TEXT_READERS.get(ending):
+            raw, steps, length, attrs = read_text(path, unit, spacing_um)
+        else:
+            raw, steps, length, attrs = _READERS.get(ending, read_instrument_file)(path)
+        attrs["unit_stated"] = "no" if length is None else "yes"
+        if length is None:
+            length = SCAN_UNITS.get(unit or "")
+        steps_mm = (
+            None if spacing_um is None else (spacing_um * 1e-3, spacing_um * 1e-3)
         )
-    check_input(path, "Correct the name in the patch table, or the folder.")
-    ending = path.suffix.lower()
-    if read_text := _TEXT_READERS.get(ending):
-        raw, steps, length, attrs = read_text(path, unit, spacing_um)
-    else:
-        raw, steps, length, attrs = _READERS.get(ending, read_instrument_file)(path)
-    attrs["unit_stated"] = "no" if length is None else "yes"
-    if length is None:
-        length = SCAN_UNITS.get(unit or "")
-    steps_mm = None if spacing_um is None else (spacing_um * 1e-3, spacing_um * 1e-3)
-    if steps is not None and length is not None:
-        steps_mm = steps[0] * length, steps[1] * length
-    if length is None or steps_mm is None:
-        raise _not_stated(path, unit=length is None, spacing=not (steps or spacing_um))
-    spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in steps_mm)
-    with np.errstate(all="ignore"):  # overflows are refused below
-        heights = raw * length
-    # Some exports mark unmeasured points with infinity, or the largest number there is.
-    heights[np.abs(heights) > _LARGEST_NUMBER] = np.nan
-    _mind_held(path, heights)
-    _check_plausible(path, heights, spacing, states_unit=attrs["unit_stated"] == "yes")
-    _refuse_lost_block(path, heights)
-    attrs = {name: plain_text(value) for name, value in attrs.items()}
-    if "layer" in attrs:
-        _log.log(NOTE, "%s: only %s, is read", path, attrs["layer"])
-    return make_surface(heights, spacing, long_name="height as measured").assign_attrs(
-        file=path.name, **attrs
-    )
+        if steps is not None and length is not None:
+            steps_mm = steps[0] * length, steps[1] * length
+        if length is None or steps_mm is None:
+            raise _not_stated(unit=length is None, spacing=not (steps or spacing_um))
+        spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in steps_mm)
+        with np.errstate(all="ignore"):  # overflows are refused below
+            heights = raw * length
+        # Some exports mark unmeasured points with infinity, or the largest number there is.
+        heights[np.abs(heights) > _LARGEST_NUMBER] = np.nan
+        _mind_held(path, heights)
+        _check_plausible(
+            path, heights, spacing, states_unit=attrs["unit_stated"] == "yes"
+        )
+        _refuse_lost_block(path, heights)
+        attrs = {name: plain_text(value) for name, value in attrs.items()}
+        if "layer" in attrs:
+            _log.log(NOTE, "%s: only %s, is read", path, attrs["layer"])
+        return make_surface(
+            heights, spacing, long_name="height as measured"
+        ).assign_attrs(file=path.name, **attrs)
 
 
 def is_scan(path: str | Path) -> bool:
@@ -151,7 +155,7 @@ def is_scan(path: str | Path) -> bool:
     )
 
 
-def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:
+def _not_stated(*, unit: bool, spacing: bool) -> UnreadableError:
     """The file does not contain its unit nor, perhaps, the spacing of its points."""
     keys = {}
     if unit:
@@ -162,8 +166,7 @@ def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:
         keys["the spacing of its points"] = (
             "scans.spacing_um in the config to its value in µm"
         )
-    return InputError(
-        path,
+    return UnreadableError(
         f"the file does not state {' or '.join(keys)}",
         f"Set {', and '.join(keys.values())}, or export the scan in a format that states them "
         "(.plu, .plux, .sur, .x3p, .al3d, ...).",
@@ -321,11 +324,11 @@ def _check_plausible(
     """Refuse a map that no profilometer can have measured."""
     (ny, nx), (dy, dx) = heights.shape, spacing
     if min(ny, nx) < 2:
-        raise InputError(
-            path, f"contains {ny} × {nx} points, not a map", "Export the whole map."
+        raise UnreadableError(
+            f"contains {ny} × {nx} points, not a map", "Export the whole map."
         )
     if not np.isfinite(heights).any():
-        raise InputError(path, "no point is measured", "Measure the patch again.")
+        raise UnreadableError("no point is measured", "Measure the patch again.")
     extent = float(np.nanmax(heights) - np.nanmin(heights))
     if (
         not all(_SMALLEST_SPACING <= step <= _LARGEST_SPACING for step in spacing)

@@ -8,14 +8,11 @@ file is refused, and the message names the feature.
 import itertools
 import json
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gstlib.errors import InputError
-from gstlib.io.containers import plain_zip
-from gstlib.io.files import megabytes
+from gstlib.io.files import UnreadableError, megabytes
 from gstlib.io.plain_meshes import PlainMesh
 
 __all__ = ["plain_3mf", "plain_glb"]
@@ -54,7 +51,7 @@ _WHOLE_NUMBERS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2"}
 _Header = Mapping[str, Any]
 
 
-def plain_glb(path: Path, content: bytes) -> PlainMesh:
+def plain_glb(content: bytes) -> PlainMesh:
     """A GLB without content behind it, and the units of whole numbers in it.
 
     Raises
@@ -67,7 +64,7 @@ def plain_glb(path: Path, content: bytes) -> PlainMesh:
     """
     length = int.from_bytes(content[8:12], "little")
     content = content[: max(length, _START)]
-    header = _checked_header(path, content)
+    header = _checked_header(content)
     parts = itertools.chain.from_iterable(
         mesh["primitives"] for mesh in header.get("meshes", ())
     )
@@ -83,17 +80,14 @@ def _largest(accessor: _Header) -> int:
     return np.iinfo(_WHOLE_NUMBERS[kind]).max if accessor.get("normalized") else 1
 
 
-def plain_3mf(path: Path, content: bytes) -> PlainMesh:
-    """A 3MF without compression.
+def plain_3mf(content: bytes) -> PlainMesh:
+    """A 3MF, of the content of `gstlib.io.containers.plain_zip`.
 
     Raises
     ------
-    InputError
-        It is no whole zip file.
     ValueError
         It has very many parts.
     """
-    content = plain_zip(path).getvalue()
     _check_parts(content.count(b"<item"))
     return PlainMesh(content)
 
@@ -103,7 +97,7 @@ def _check_parts(count: int) -> None:
         raise ValueError(f"it has {count} parts, and a stone is one")
 
 
-def _checked_header(path: Path, content: bytes) -> _Header:
+def _checked_header(content: bytes) -> _Header:
     """The header of a GLB whose features are all read."""
     if content[:4] != b"glTF":
         raise ValueError("it does not begin with glTF")
@@ -114,7 +108,7 @@ def _checked_header(path: Path, content: bytes) -> _Header:
     header: _Header = json.loads(text)
     _check_parts(len(header.get("nodes", ())))
     for feature in _not_read(header):
-        raise InputError(path, f"uses {feature}: its changes are not read", _PLAIN)
+        raise UnreadableError(f"uses {feature}: its changes are not read", _PLAIN)
     return header
 
 

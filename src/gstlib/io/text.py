@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gstlib.errors import InputError
+from gstlib.io.files import UnreadableError
 from gstlib.io.stage import RawMap
 from gstlib.io.text_rows import (
     NUMBER,
@@ -102,28 +102,27 @@ def read_matrix(
         problem = (
             "blank lines or comments divide its rows into blocks, like several maps"
         )
-        raise InputError(path, problem, "Keep one map in each file.")
+        raise UnreadableError(problem, "Keep one map in each file.")
     numbers = table.numbers
     header = "\n".join(table.header)
-    raw = _esri_grid(path, header, numbers) or _gwyddion_map(header, numbers)
+    raw = _esri_grid(header, numbers) or _gwyddion_map(header, numbers)
     if raw is not None:  # and nothing but heights follows the header
-        refuse_odd_decimals(path, table.rows, table.mark)
-        refuse_corner(path, table)
+        refuse_odd_decimals(table.rows, table.mark)
+        refuse_corner(table)
         return raw
     ny, nx = numbers.shape
     is_long = nx <= _MOST_COLUMNS and ny > _LONG * nx
     if nx < 3 or nx == 3 < ny or is_long:
-        raise InputError(
-            path,
+        raise UnreadableError(
             f"has {nx} columns and {ny} rows, as profiles and points have, not a map",
             "If it holds points x, y, z, change its ending to .xyz; else export the whole map.",
         )
-    refuse_statements(path, [*table.header, table.corner], unit)
+    refuse_statements([*table.header, table.corner], unit)
     step = step_in_units(unit, spacing_um)
-    return *_without_coordinates(path, table, step), None, {}
+    return *_without_coordinates(table, step), None, {}
 
 
-def refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> None:
+def refuse_statements(lines: Iterable[str], unit: str | None) -> None:
     """Refuse lines with a unit or a size in words that are not understood.
 
     A line without numbers that only repeats the `unit` of the config is accepted.
@@ -136,8 +135,7 @@ def refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> Non
         if agrees and not re.search(r"\d", line):
             continue
         if symbols or _SIZE_STATED.search(line):
-            raise InputError(
-                path,
+            raise UnreadableError(
                 f"its line {line.strip()!r:.80} states a unit or a size that is not understood",
                 "Export the scan with an English header, or in a format that states its unit and "
                 "spacing. If the line only repeats scans.unit and scans.spacing_um, delete it.",
@@ -150,7 +148,7 @@ def step_in_units(unit: str | None, spacing_um: float | None) -> float | None:
 
 
 def _without_coordinates(
-    path: Path, table: Table, config_step: float | None
+    table: Table, config_step: float | None
 ) -> tuple[np.ndarray, tuple[float, float] | None]:
     """Heights without coordinates in their first row and column, and the steps (y, x) of both.
 
@@ -158,51 +156,48 @@ def _without_coordinates(
     None unless both are known. Numbers of rows and columns have no steps.
     """
     numbers = table.numbers
-    ticks = _ticks(path, numbers.T), _ticks(path, numbers)
+    ticks = _ticks(numbers.T), _ticks(numbers)
     has_y, has_x = (each is not None for each in ticks)
     if not (has_x and has_y):
-        refuse_corner(path, table)
+        refuse_corner(table)
         # it belongs to the only coordinates
         ticks = numbers[:, 0] if has_y else None, numbers[0] if has_x else None
     heights = numbers[int(has_x) :, int(has_y) :]
     rows = table.rows[int(has_x) :]
     if has_y:
         rows = [row.split(table.mark, 1)[1] for row in rows]
-    refuse_odd_decimals(path, rows, table.mark)
+    refuse_odd_decimals(rows, table.mark)
     steps = []
     for axis, each in enumerate(ticks):
         if each is None:
             continue
-        step, is_length = _step_of(path, each, config_step)
+        step, is_length = _step_of(each, config_step)
         if is_length:
             steps.append(abs(step))
-        if any(_ticks(path, lines) is not None for lines in (heights, heights.T)):
+        if any(_ticks(lines) is not None for lines in (heights, heights.T)):
             problem = "has two rows or columns of coordinates in one direction"
-            raise InputError(path, problem, "Keep one of them, or none.")
+            raise UnreadableError(problem, "Keep one of them, or none.")
         if step < 0:
             heights = np.flip(heights, axis)
     if len(steps) < 2:
         return heights, None
-    refuse_two_units(path, heights, steps)
+    refuse_two_units(heights, steps)
     return heights, (steps[0], steps[1])
 
 
-def _step_of(
-    path: Path, ticks: np.ndarray, config_step: float | None
-) -> tuple[float, bool]:
+def _step_of(ticks: np.ndarray, config_step: float | None) -> tuple[float, bool]:
     """The step of coordinates, and whether it is a length: numbers of rows or columns are not."""
     if not _unevenness(ticks[None]) <= _ROUNDED:
         problem = (
             f"has coordinates in one direction only, and {ticks[0]:g} in their corner"
         )
         remedy = "Delete them, or give them in both directions."
-        raise InputError(path, problem, remedy)
+        raise UnreadableError(problem, remedy)
     step = float(ticks[-1] - ticks[0]) / (len(ticks) - 1)
     is_length = abs(step) != 1 or ticks.min() not in (0, 1)
     apart = np.inf if config_step is None else abs(abs(step) / config_step - 1)
     if is_length and SPACING_TOLERANCE < apart < np.inf:
-        raise InputError(
-            path,
+        raise UnreadableError(
             f"its coordinates are {abs(step):g} apart, but scans.spacing_um is "
             f"{config_step:g}, in scans.unit",
             "Correct scans.unit or scans.spacing_um, or delete the coordinates.",
@@ -210,14 +205,14 @@ def _step_of(
     return step, is_length
 
 
-def refuse_corner(path: Path, table: Table) -> None:
+def refuse_corner(table: Table) -> None:
     """Refuse a word in the first cell, unless coordinates are on both sides of it."""
     if table.corner:
         problem = f"its first cell is {table.corner!r:.20}, beside heights"
-        raise InputError(path, problem, UNMEASURED_CELLS)
+        raise UnreadableError(problem, UNMEASURED_CELLS)
 
 
-def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
+def _ticks(lines: np.ndarray) -> np.ndarray | None:
     """The coordinates in the first of some lines, without the corner; None if it has heights."""
     first, others = lines[0, 1:], lines[1:, 1:]
     is_small = len(first) < _FEWEST_TICKS or len(others) < 2
@@ -240,8 +235,8 @@ def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
             f"its first row or column rises or falls from {first[0]:g} to {first[-1]:g} in uneven "
             "steps, far from all others, as coordinates do"
         )
-        raise InputError(
-            path, problem, "Grid the points evenly, and export the map again."
+        raise UnreadableError(
+            problem, "Grid the points evenly, and export the map again."
         )
     return None
 
@@ -262,7 +257,7 @@ def _unevenness(lines: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(departures), departures, np.inf)
 
 
-def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) -> None:
+def refuse_two_units(heights: np.ndarray, steps: Sequence[float]) -> None:
     """Refuse heights so steep that their unit must differ from the unit of the coordinates."""
     with np.errstate(invalid="ignore"):  # of two infinite heights
         steepness = min(
@@ -270,8 +265,7 @@ def refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) ->
             for axis, step in enumerate(steps)
         )
     if _STEEPEST < steepness < np.inf:
-        raise InputError(
-            path,
+        raise UnreadableError(
             f"half of its heights differ from the next by more than {steepness:.3g} times the "
             "distance of the points: coordinates and heights have different units",
             "Export all in one unit; for points, a first line such as x[mm] y[mm] z[um] states "
@@ -293,7 +287,7 @@ def _gwyddion_map(header: str, heights: np.ndarray) -> RawMap | None:
     return heights, steps, length, {}
 
 
-def _esri_grid(path: Path, header: str, heights: np.ndarray) -> RawMap | None:
+def _esri_grid(header: str, heights: np.ndarray) -> RawMap | None:
     """Heights and spacing of an ESRI ASCII grid, whose first row has the highest y."""
     stated = {
         name.lower(): float(number.replace(",", "."))
@@ -304,15 +298,14 @@ def _esri_grid(path: Path, header: str, heights: np.ndarray) -> RawMap | None:
     dy, dx = (stated.get(name, stated.get("cellsize")) for name in ("dy", "dx"))
     if dy is None or dx is None:
         problem = "the header of an ESRI grid does not contain a number for 'cellsize'"
-        raise InputError(path, problem, "Export the grid again.")
+        raise UnreadableError(problem, "Export the grid again.")
     if heights.shape != (stated["nrows"], stated["ncols"]):
         ny, nx = heights.shape
-        raise InputError(
-            path,
+        raise UnreadableError(
             f"contains {ny} rows of {nx} heights, but its header states {stated['nrows']:g} of "
             f"{stated['ncols']:g}",
             "Export it again, with one row of the grid a line.",
         )
     heights[heights == stated.get("nodata_value", _ESRI_UNMEASURED)] = np.nan
-    refuse_two_units(path, heights, (dy, dx))
+    refuse_two_units(heights, (dy, dx))
     return heights[::-1], (dy, dx), None, {}

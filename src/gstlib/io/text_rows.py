@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gstlib.errors import InputError
+from gstlib.io.files import UnreadableError
 
 __all__ = ["FORMULA_ERROR", "Table", "read_table", "refuse_odd_decimals"]
 __all__ += ["UNMEASURED_CELLS", "separator_of"]
@@ -81,8 +81,8 @@ def _text_of(path: Path) -> str:
     except UnicodeError:
         text = content.decode("latin-1")
     if "\0" in text:
-        raise InputError(
-            path, "is not text, although its ending suggests it", "Correct its ending."
+        raise UnreadableError(
+            "is not text, although its ending suggests it", "Correct its ending."
         )
     if '"' in text:
         text = re.sub(r'"([^",;\t\n]*)"', r"\1", text)
@@ -96,7 +96,7 @@ def read_table(path: Path) -> Table:
     """The lines of a table of numbers."""
     text = _text_of(path)
     lines = [line.strip(" ") for line in text.splitlines()]
-    mark, count = _layout(path, lines)
+    mark, count = _layout(lines)
 
     def is_full(line: str) -> bool:
         return len(line.split(mark)) == count
@@ -108,13 +108,13 @@ def read_table(path: Path) -> Table:
         return not is_blank and (is_number or not line.startswith("#"))
 
     top = next(n for n, line in enumerate(lines) if is_full(line) and is_row(line))
-    names = _names_in(path, top, lines[top].split(mark))
+    names = _names_in(top, lines[top].split(mark))
     first = top + bool(names)
     numbers = [n for n in range(first, len(lines)) if is_row(lines[n])]
     rows = [lines[n] for n in numbers]
-    _refuse_numbers_above(path, lines[:top], count)
+    _refuse_numbers_above(lines[:top], count)
     if mark == ",":
-        _refuse_split_numbers(path, rows)
+        _refuse_split_numbers(rows)
     if mark and all(row.endswith(mark) for row in rows):  # which adds one empty cell
         rows = [row[:-1] for row in rows]
     cell, *others = rows[0].split(mark)
@@ -134,7 +134,7 @@ def read_table(path: Path) -> Table:
     )
 
 
-def _layout(path: Path, lines: Sequence[str]) -> tuple[str | None, int]:
+def _layout(lines: Sequence[str]) -> tuple[str | None, int]:
     """The separator of the cells in most rows of numbers, and the number of these cells."""
     filled = [line for line in lines if line]
     votes: Counter[tuple[str | None, int]] = Counter()
@@ -152,11 +152,11 @@ def _layout(path: Path, lines: Sequence[str]) -> tuple[str | None, int]:
         middle = filled[len(filled) // 2] if filled else ""
         problem = f"does not have a row of numbers. In its middle, a line begins {middle!r:.40}"
         remedy = "Export the whole topography as text, with no mark between thousands."
-        raise InputError(path, problem, remedy)
+        raise UnreadableError(problem, remedy)
     return votes.most_common(1)[0][0]
 
 
-def _names_in(path: Path, line: int, cells: Sequence[str]) -> list[str]:
+def _names_in(line: int, cells: Sequence[str]) -> list[str]:
     """The names of columns, if the cells of a row are words. The first cell may be empty."""
     words = [cell.strip() for cell in cells]
     others = [*filter(None, words[1:])]
@@ -167,11 +167,11 @@ def _names_in(path: Path, line: int, cells: Sequence[str]) -> list[str]:
         problem = (
             f"line {line + 1} has {word!r:.20} in {count} cells, in place of numbers"
         )
-        raise InputError(path, problem, UNMEASURED_CELLS)
+        raise UnreadableError(problem, UNMEASURED_CELLS)
     return words
 
 
-def _refuse_numbers_above(path: Path, lines: Iterable[str], count: int) -> None:
+def _refuse_numbers_above(lines: Iterable[str], count: int) -> None:
     """Refuse a line of numbers above rows of another length: a header, or truncated rows."""
     for line in lines:
         cells = line.split(separator_of(line))
@@ -181,10 +181,10 @@ def _refuse_numbers_above(path: Path, lines: Iterable[str], count: int) -> None:
         if numbers and (are_most or len(read) == len(cells)):
             problem = f"has rows of {len(cells)} and of {count} cells: it is damaged"
             remedy = "Export or copy it again, without numbers above the heights."
-            raise InputError(path, problem, remedy)
+            raise UnreadableError(problem, remedy)
 
 
-def _refuse_split_numbers(path: Path, rows: Sequence[str]) -> None:
+def _refuse_split_numbers(rows: Sequence[str]) -> None:
     """Refuse numbers with decimal commas between commas, where each is two whole numbers.
 
     The second ones have no sign, but many of the first do. Or they begin with zeros, or have as
@@ -204,22 +204,20 @@ def _refuse_split_numbers(path: Path, rows: Sequence[str]) -> None:
     signs = ["-" in cell for cell in whole]
     are_decimals = padded == [False, True] or (len(lengths) == 1 and alike <= _ALIKE)
     if are_decimals or sum(signs) > _SIGNED * len(signs):
-        raise InputError(
-            path,
+        raise UnreadableError(
             f"has commas between its cells and in its numbers, as in {rows[0]!r:.40}",
             _EXPORT,
         )
 
 
-def refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> None:
+def refuse_odd_decimals(cells: Iterable[str], mark: str | None) -> None:
     """Refuse numbers that lost or gained digits, if all others have equally many."""
     decimals = re.compile(r"\.(\d+)" if mark == "," else r"[.,](\d+)")
     digits = itertools.chain.from_iterable(map(decimals.findall, cells))
     (usual, count), *others = Counter(map(len, digits)).most_common() or [(0, 0)]
     odd = sum(times for _, times in others)
     if 0 < odd <= _ODD_FRACTION * count:
-        raise InputError(
-            path,
+        raise UnreadableError(
             f"{count} of its numbers have {usual} decimals, and {odd} others, such as "
             f"{others[-1][0]}: it is damaged",
             "Export or copy the file again. If you changed numbers, write all decimals.",
@@ -240,8 +238,7 @@ def _numbers(
         return np.loadtxt(text.splitlines(), delimiter=mark, ndmin=2, comments=None)
     except ValueError as error:
         reason = str(error).split(";")[0]
-        raise InputError(
-            path,
+        raise UnreadableError(
             f"from line {first} on, is not a table of numbers: {reason}",
             f"Export or copy the file again. {UNMEASURED_CELLS}",
         ) from error
@@ -258,7 +255,7 @@ def _mind_thousands(
     sign = "," if "," in text else "."
     if sign == "," and "." in text:
         problem = "has numbers with commas and with points: one separates thousands"
-        raise InputError(path, problem, _EXPORT)
+        raise UnreadableError(problem, _EXPORT)
     digits = re.compile(rf"[1-9]\d{{0,2}}(?:\{sign}\d{{3}})+|\d+", re.ASCII)
     numbers = re.finditer(rf"\d[\d{sign}eE]*", text)
     if sign not in text or not all(digits.fullmatch(each[0]) for each in numbers):
@@ -270,7 +267,7 @@ def _mind_thousands(
                 f"has {sign!r} between thousands: some numbers of a column have it, with three "
                 "digits behind it, and others have none"
             )
-            raise InputError(path, problem, "Export it again without such marks.")
+            raise UnreadableError(problem, "Export it again without such marks.")
     if sign == ",":
         message = (
             "%s: its commas are read as decimal signs. If they separate thousands, the heights are "

@@ -15,8 +15,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from gstlib.errors import InputError
 from gstlib.io.containers import plain_zip
+from gstlib.io.files import UnreadableError
 from gstlib.io.stage import RawMap, stage_attrs
 
 __all__ = ["read_x3p"]
@@ -47,7 +47,7 @@ def read_x3p(path: Path) -> RawMap:
         indices = [name for name in names if name.rpartition("/")[2] == "main.xml"]
         if len(indices) != 1:
             problem = f"holds {len(indices)} files main.xml, but an .x3p has one"
-            raise InputError(path, problem, _EXPORT_AGAIN)
+            raise UnreadableError(problem, _EXPORT_AGAIN)
         folder = indices[0].removesuffix("main.xml")
 
         def read(name: str) -> bytes:
@@ -57,15 +57,15 @@ def read_x3p(path: Path) -> RawMap:
         kind = _text(root, "Record1/FeatureType").upper()
         if kind != "SUR":
             problem = f"contains a feature {kind!r}, not a surface"
-            raise InputError(path, problem, _EXPORT_AGAIN)
+            raise UnreadableError(problem, _EXPORT_AGAIN)
         ny, nx = (int(_text(root, f"Record3/MatrixDimension/Size{a}")) for a in "YX")
         # for a stack of maps, this fails
         stored = _stored(root, read).reshape(ny, nx)
         is_measured = _mask(root, read, ny * nx).reshape(ny, nx)
-        _refuse_rotation(path, root)
-    dx, x = _scale(path, root, "X")
-    dy, y = _scale(path, root, "Y")
-    step, lowest = _scale(path, root, "Z")
+        _refuse_rotation(root)
+    dx, x = _scale(root, "X")
+    dy, y = _scale(root, "Y")
+    step, lowest = _scale(root, "Z")
     heights = np.where(is_measured, stored * step + lowest, np.nan)
     return heights, (dy, dx), 1e3, _instrument(root) | stage_attrs(x, y, 1e3)
 
@@ -91,7 +91,7 @@ def _text(root: ElementTree.Element, where: str) -> str:
     return text
 
 
-def _scale(path: Path, root: ElementTree.Element, axis: str) -> tuple[float, float]:
+def _scale(root: ElementTree.Element, axis: str) -> tuple[float, float]:
     """Increment and offset of an axis (m): a value is the offset plus the increment times it."""
     where = f"Record1/Axes/C{axis}"
     # only heights that are floating-point numbers need no increment
@@ -99,17 +99,17 @@ def _scale(path: Path, root: ElementTree.Element, axis: str) -> tuple[float, flo
     increment = root.findtext(f"{where}/Increment") or str(int(is_number))
     if not float(increment) > 0:
         problem = f"the increment of its {axis.lower()} axis is {increment}"
-        raise InputError(path, problem, _EXPORT_AGAIN)
+        raise UnreadableError(problem, _EXPORT_AGAIN)
     return float(increment), float(root.findtext(f"{where}/Offset") or 0)
 
 
-def _refuse_rotation(path: Path, root: ElementTree.Element) -> None:
+def _refuse_rotation(root: ElementTree.Element) -> None:
     """Refuse a rotation or reflection of the axes, which no instrument is known to write."""
     for cell in root.findall("Record1/Axes/Rotation/*"):
         expected = float(cell.tag in ("r11", "r22", "r33"))
         if abs(float(cell.text or 0) - expected) > _UNTURNED:
             problem = "rotates or mirrors its axes (Rotation in its main.xml)"
-            raise InputError(path, problem, "Export it again without a rotation.")
+            raise UnreadableError(problem, "Export it again without a rotation.")
 
 
 def _stored(root: ElementTree.Element, read: Callable[[str], bytes]) -> np.ndarray:
