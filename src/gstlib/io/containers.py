@@ -7,14 +7,13 @@ if they link to other files, or declare arrays larger than the file.
 
 import io
 import math
-import os
 import zipfile
 from pathlib import Path
 
 import h5py
 
 from gstlib.errors import InputError
-from gstlib.io.files import check_regular, megabytes
+from gstlib.io.files import UnreadableError, check_regular, megabytes, naming
 
 __all__ = ["check_hdf5", "check_unpacked_size", "plain_zip"]
 
@@ -38,24 +37,22 @@ _FILTERS = {*_COMPRESSIONS, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
 _COPY_AGAIN = "Copy the file, or export it, again."
 
 
-def check_unpacked_size(path: str | Path, size: int) -> None:
-    """Refuse a file that unpacks to too many bytes, or to many more than it has.
+def check_unpacked_size(packed: int, size: int) -> None:
+    """Refuse a file of `packed` bytes that unpacks to too many bytes, or to many more than it has.
 
     Raises
     ------
-    InputError
+    UnreadableError
     """
-    packed = os.stat(path).st_size
     largest = max(_SMALL, _PACKED_AT_MOST * packed)
-    _refuse_above(path, size, min(_LARGEST, largest))
+    _refuse_above(packed, size, min(_LARGEST, largest))
 
 
-def _refuse_above(path: str | Path, size: int, largest: int) -> None:
+def _refuse_above(packed: int, size: int, largest: int) -> None:
     if size > largest:
-        packed = os.stat(path).st_size
         problem = f"unpacks from {megabytes(packed)} to {megabytes(size)} MB"
         remedy = f"At most {megabytes(largest)} MB are read. Export it in another way."
-        raise InputError(path, problem, remedy)
+        raise UnreadableError(problem, remedy)
 
 
 def plain_zip(path: str | Path) -> io.BytesIO:
@@ -68,18 +65,19 @@ def plain_zip(path: str | Path) -> io.BytesIO:
     """
     plain = io.BytesIO()
     try:
-        with zipfile.ZipFile(path) as archive, open(path, "rb") as file:
+        with naming(path), zipfile.ZipFile(path) as archive, open(path, "rb") as file:
             members = archive.infolist()
             if len(members) > _MOST_MEMBERS:
                 raise ValueError(f"it has {len(members)} members")
             files = {one.filename: one for one in members if not one.is_dir()}
-            check_unpacked_size(path, sum(one.file_size for one in files.values()))
+            unpacked = sum(one.file_size for one in files.values())
+            check_unpacked_size(check_regular(path), unpacked)
             # some formats begin with a header of their own
             starts = [one.header_offset for one in members]
             plain.write(file.read(max(0, min(starts, default=0))))
             with zipfile.ZipFile(plain, "a") as copy:
                 for name, member in files.items():
-                    copy.writestr(name, _content(path, archive, member))
+                    copy.writestr(name, _content(archive, member))
     except (InputError, MemoryError):
         raise
     except Exception as error:  # damaged archives fail in many ways
@@ -90,25 +88,23 @@ def plain_zip(path: str | Path) -> io.BytesIO:
     return plain
 
 
-def _content(
-    path: str | Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo
-) -> bytes:
+def _content(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
     """The content of a member of a zip file, unpacked no further than its header states."""
     if member.compress_type not in _METHODS:
         problem = (
             f"{member.filename!r:.60} in it is packed by method {member.compress_type}, not by "
             "deflate"
         )
-        raise InputError(path, problem, "Export it, or zip it, again.")
+        raise UnreadableError(problem, "Export it, or zip it, again.")
     with archive.open(member) as packed:
         content = packed.read(member.file_size)
     start = content[:_BLOCK].replace(b"\0", b"")
     if start.lstrip(b"\xef\xbb\xbf\xfe\xff \r\n\t").startswith(b"<"):
-        _check_xml(path, member.filename, content)
+        _check_xml(member.filename, content)
     return content
 
 
-def _check_xml(path: str | Path, name: str, content: bytes) -> None:
+def _check_xml(name: str, content: bytes) -> None:
     """Refuse XML if a byte of it may take a hundred bytes of memory or more."""
     text = content.replace(b"\0", b"")  # of UTF-16
     count = text.count(b"<") + text.count(b"=")
@@ -122,8 +118,8 @@ def _check_xml(path: str | Path, name: str, content: bytes) -> None:
     elif b"<!ENTITY" in text:
         problem = "defines entities, which may stand for any amount of text"
     if problem:
-        raise InputError(
-            path, f"{name!r:.60} in it is XML that {problem}", "Export it otherwise."
+        raise UnreadableError(
+            f"{name!r:.60} in it is XML that {problem}", "Export it otherwise."
         )
 
 
@@ -138,20 +134,21 @@ def check_hdf5(path: str | Path, file: h5py.File) -> None:
     """
     size = check_regular(path)
     arrays, texts, stored = 0, 0, 0
-    for node in _nodes(path, file):
-        texts += _texts_of(node)
-        if isinstance(node, h5py.Dataset):
-            _check_storage(path, node)
-            values = max(node.size or 0, math.prod(node.chunks or ()))
-            arrays += values * node.id.get_type().get_size()
-            stored += node.id.get_storage_size()
-    largest = max(min(_ZEROS_AT_MOST * size, _LARGEST), _PACKED_AT_MOST * size)
-    _refuse_above(path, arrays, max(_SMALL, largest))
-    # several of them may refer to the same text, which is in the rest of the file
-    _refuse_above(path, texts * max(0, size - stored), _LARGEST)
+    with naming(path):
+        for node in _nodes(file):
+            texts += _texts_of(node)
+            if isinstance(node, h5py.Dataset):
+                _check_storage(node)
+                values = max(node.size or 0, math.prod(node.chunks or ()))
+                arrays += values * node.id.get_type().get_size()
+                stored += node.id.get_storage_size()
+        largest = max(min(_ZEROS_AT_MOST * size, _LARGEST), _PACKED_AT_MOST * size)
+        _refuse_above(size, arrays, max(_SMALL, largest))
+        # several of them may refer to the same text, which is in the rest of the file
+        _refuse_above(size, texts * max(0, size - stored), _LARGEST)
 
 
-def _nodes(path: str | Path, file: h5py.File) -> list[h5py.Group | h5py.Dataset]:
+def _nodes(file: h5py.File) -> list[h5py.Group | h5py.Dataset]:
     """A file and everything in it, each once."""
     names: list[str] = []
 
@@ -165,7 +162,7 @@ def _nodes(path: str | Path, file: h5py.File) -> list[h5py.Group | h5py.Dataset]
 
     # a result ends the visit, and an exception would be lost in HDF5
     if (content := file.visititems_links(problem)) is not None:
-        raise _refused(path, content)
+        raise _refused(content)
     nodes = [file]
     file.visititems(lambda name, node: nodes.append(node))
     return nodes
@@ -179,7 +176,7 @@ def _texts_of(node: h5py.Group | h5py.Dataset) -> int:
     return sum(math.prod(each.shape or ()) for each in fields if each.dtype.hasobject)
 
 
-def _check_storage(path: str | Path, field: h5py.Dataset) -> None:
+def _check_storage(field: h5py.Dataset) -> None:
     """Refuse an array that is not stored in the file itself, or by other filters."""
     stored = field.id.get_create_plist()
     filters = [stored.get_filter(n)[0] for n in range(stored.get_nfilters())]
@@ -189,9 +186,9 @@ def _check_storage(path: str | Path, field: h5py.Dataset) -> None:
     elif not _FILTERS.issuperset(filters) or sum(map(filters.count, _COMPRESSIONS)) > 1:
         problem = f"packed by the filters {filters}"
     if problem:
-        raise _refused(path, f"an array ({field.name!r:.60}) that is {problem}")
+        raise _refused(f"an array ({field.name!r:.60}) that is {problem}")
 
 
-def _refused(path: str | Path, content: str) -> InputError:
+def _refused(content: str) -> UnreadableError:
     remedy = "Save its arrays in one file, uncompressed or by gzip."
-    return InputError(path, f"holds {content}", remedy)
+    return UnreadableError(f"holds {content}", remedy)

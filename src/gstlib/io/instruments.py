@@ -191,7 +191,7 @@ def _checked(path: Path) -> str | io.BytesIO:
     with path.open("rb") as file:
         mark = file.read(len(_SUR_MARKS[0]))
     if mark in _SUR_MARKS:
-        return io.BytesIO(_plain_sur(path, path.read_bytes()))
+        return io.BytesIO(_plain_sur(path.read_bytes()))
     if mark.startswith(_SDF_MARK):
         _check_sdf(path.read_bytes())
     if zipfile.is_zipfile(path):
@@ -202,7 +202,7 @@ def _checked(path: Path) -> str | io.BytesIO:
     return str(path)
 
 
-def _plain_sur(path: Path, content: bytes) -> bytes:
+def _plain_sur(content: bytes) -> bytes:
     """A `.sur` without compression, with the micro signs of its units in Latin-1."""
     (kind,) = unpack_from("<H", content, 18)
     if kind in _SUR_NO_HEIGHTS:
@@ -212,18 +212,18 @@ def _plain_sur(path: Path, content: bytes) -> bytes:
     header, rest = bytearray(content[:start]), content[start:]
     if content.startswith(b"DSCOMPRESSED"):
         header[:12] = b"DIGITAL SURF"
-        rest = _unpacked_sur(path, rest)
+        rest = _unpacked_sur(rest)
     _check_sur(header, rest)
     for other in _OTHER_MICRO:
         header[_SUR_UNITS] = header[_SUR_UNITS].replace(other, _MICRO)
     return bytes(header) + rest
 
 
-def _unpacked_sur(path: Path, packed: bytes) -> bytes:
+def _unpacked_sur(packed: bytes) -> bytes:
     """Heights of a compressed `.sur`, and the bytes behind them."""
     (streams,) = unpack_from("<I", packed)
     sizes = np.frombuffer(packed, "<u4", 2 * streams, 4).reshape(-1, 2).tolist()
-    check_unpacked_size(path, sum(size for size, _ in sizes))
+    check_unpacked_size(len(packed), sum(size for size, _ in sizes))
     heights = b""
     at = 4 + 8 * streams
     for size, length in sizes:
