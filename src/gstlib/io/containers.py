@@ -50,9 +50,10 @@ def check_unpacked_size(packed: int, size: int) -> None:
 
 def _refuse_above(packed: int, size: int, largest: int) -> None:
     if size > largest:
-        problem = f"unpacks from {megabytes(packed)} to {megabytes(size)} MB"
-        remedy = f"At most {megabytes(largest)} MB are read. Export it in another way."
-        raise UnreadableError(problem, remedy)
+        raise UnreadableError(
+            f"unpacks from {megabytes(packed)} to {megabytes(size)} MB",
+            f"At most {megabytes(largest)} MB are read. Export it in another way.",
+        )
 
 
 def plain_zip(path: str | Path) -> io.BytesIO:
@@ -82,8 +83,9 @@ def plain_zip(path: str | Path) -> io.BytesIO:
         raise
     except Exception as error:  # damaged archives fail in many ways
         reason = " ".join(str(error).split())
-        problem = f"is damaged: it is not a whole zip file ({reason:.200})"
-        raise InputError(path, problem, _COPY_AGAIN) from error
+        raise InputError(
+            path, f"is damaged: it is not a whole zip file ({reason:.200})", _COPY_AGAIN
+        ) from error
     plain.seek(0)
     return plain
 
@@ -91,11 +93,11 @@ def plain_zip(path: str | Path) -> io.BytesIO:
 def _content(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
     """The content of a member of a zip file, unpacked no further than its header states."""
     if member.compress_type not in _METHODS:
-        problem = (
+        raise UnreadableError(
             f"{member.filename!r:.60} in it is packed by method {member.compress_type}, not by "
-            "deflate"
+            "deflate",
+            "Export it, or zip it, again.",
         )
-        raise UnreadableError(problem, "Export it, or zip it, again.")
     with archive.open(member) as packed:
         content = packed.read(member.file_size)
     start = content[:_BLOCK].replace(b"\0", b"")
@@ -190,5 +192,6 @@ def _check_storage(field: h5py.Dataset) -> None:
 
 
 def _refused(content: str) -> UnreadableError:
-    remedy = "Save its arrays in one file, uncompressed or by gzip."
-    return UnreadableError(f"holds {content}", remedy)
+    return UnreadableError(
+        f"holds {content}", "Save its arrays in one file, uncompressed or by gzip."
+    )

@@ -74,8 +74,11 @@ def check_regular(path: str | Path) -> int:
     """
     status = os.stat(path)
     if not stat.S_ISREG(status.st_mode):
-        problem = "is a folder, a pipe or a device, not a file"
-        raise InputError(path, problem, "Correct its path, or put the file there.")
+        raise InputError(
+            path,
+            "is a folder, a pipe or a device, not a file",
+            "Correct its path, or put the file there.",
+        )
     return status.st_size
 
 

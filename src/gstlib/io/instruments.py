@@ -83,8 +83,10 @@ def read_instrument_file(path: Path) -> RawMap:
     # the readers raise whatever their parsers raise, and MemoryError for a size that is too large
     except Exception as error:
         reason = plain_text(f"{type(error).__name__}: {error} {error.__cause__ or ''}")
-        problem = f"cannot be read as a height map ({reason}): it is damaged or in another format"
-        raise UnreadableError(problem, _OWN_FORMAT) from error
+        raise UnreadableError(
+            f"cannot be read as a height map ({reason}): it is damaged or in another format",
+            _OWN_FORMAT,
+        ) from error
 
 
 def plain_text(value: str) -> str:
@@ -113,13 +115,15 @@ def _first_map(path: Path) -> RawMap:
     """The first height map of a file in a format of SurfaceTopography."""
     formats = instrument_endings()
     if not formats:
-        problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
-        raise UnreadableError(problem, "Install it: pip install 'gstlib[formats]'")
-    if (known_as := formats.get(path.suffix.lower())) is None:
-        problem = (
-            f"cannot be read as a height map: the ending '{path.suffix}' is unknown"
+        raise UnreadableError(
+            "cannot be read: SurfaceTopography, which reads its format, is not installed",
+            "Install it: pip install 'gstlib[formats]'",
         )
-        raise UnreadableError(problem, _OWN_FORMAT)
+    if (known_as := formats.get(path.suffix.lower())) is None:
+        raise UnreadableError(
+            f"cannot be read as a height map: the ending '{path.suffix}' is unknown",
+            _OWN_FORMAT,
+        )
     from SurfaceTopography.IO import open_topography
 
     reader = open_topography(_checked(path), format=known_as)
@@ -128,10 +132,10 @@ def _first_map(path: Path) -> RawMap:
         raise ValueError(_NO_HEIGHTS)
     if maps[1:] and known_as in _ARRAYS:
         names = ", ".join(str(each.name) for each in maps)
-        problem = (
-            f"has {len(maps)} arrays ({names:.80}), any of which may be the heights"
+        raise UnreadableError(
+            f"has {len(maps)} arrays ({names:.80}), any of which may be the heights",
+            "Save the heights alone in a file.",
         )
-        raise UnreadableError(problem, "Save the heights alone in a file.")
     channel = maps[0]
     count = math.prod(channel.nb_grid_pts)
     most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
@@ -231,8 +235,9 @@ def _unpacked_sur(packed: bytes) -> bytes:
         # read no more than the stated size, and one byte that shows the end of the stream
         part = stream.decompress(packed[at : at + length], size + 1)
         if len(part) != size or not stream.eof:
-            problem = f"its heights do not unpack to {size} bytes"
-            raise UnreadableError(problem, _COPY_AGAIN)
+            raise UnreadableError(
+                f"its heights do not unpack to {size} bytes", _COPY_AGAIN
+            )
         heights += part
         at += length
     return heights + packed[at:]
@@ -246,11 +251,11 @@ def _check_sur(header: bytearray, rest: bytes) -> None:
     low, high = int(heights.min(initial=highest)), int(heights.max(initial=lowest))
     is_within = lowest - _SUR_BELOW <= low and high <= highest + _SUR_ABOVE
     if lowest < highest and not is_within:  # some programs may state neither
-        problem = (
+        raise UnreadableError(
             f"holds heights from {low} to {high}, but states {lowest} to {highest} "
-            "(steps of the file): it is damaged"
+            "(steps of the file): it is damaged",
+            _COPY_AGAIN,
         )
-        raise UnreadableError(problem, _COPY_AGAIN)
 
 
 def _check_sdf(content: bytes) -> None:
@@ -263,9 +268,8 @@ def _check_sdf(content: bytes) -> None:
 def _check_end(behind: bytes, pattern: re.Pattern[bytes]) -> None:
     """Refuse bytes behind the heights that the format does not define."""
     if not pattern.match(behind):
-        problem = (
+        raise UnreadableError(
             f"{len(behind)} unexpected bytes follow its heights: bytes were added, or the heights "
-            "begin elsewhere"
+            "begin elsewhere",
+            f"{_COPY_AGAIN} If that does not help, export it as .x3p or .plux.",
         )
-        remedy = f"{_COPY_AGAIN} If that does not help, export it as .x3p or .plux."
-        raise UnreadableError(problem, remedy)

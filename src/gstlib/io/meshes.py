@@ -101,8 +101,9 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     path = Path(path)
     with naming(path):
         if unit not in (None, *UNITS):
-            problem = f"unknown mesh unit {unit!r}"
-            raise UnreadableError(problem, f"Use one of {list(UNITS)}.")
+            raise UnreadableError(
+                f"unknown mesh unit {unit!r}", f"Use one of {list(UNITS)}."
+            )
         parts, stated, is_ended = _load(path)
         all_vertices, all_faces, steps = zip(*parts, strict=True)
         vertices, faces = trimesh.util.append_faces(all_vertices, all_faces)
@@ -134,9 +135,10 @@ def _load(path: Path) -> tuple[list[_Part], str | None, bool]:
     check_input(path, "Correct the path of the mesh in the config.")
     ending = path.suffix.lower()
     if ending not in _READ:
-        problem = f"'{path.suffix}' is not a mesh format that is read here"
-        remedy = f"Export the mesh as one of {', '.join(_READ)}."
-        raise UnreadableError(problem, remedy)
+        raise UnreadableError(
+            f"'{path.suffix}' is not a mesh format that is read here",
+            f"Export the mesh as one of {', '.join(_READ)}.",
+        )
     try:
         # a zip file is unpacked with care
         is_zip = ending == ".3mf"
@@ -148,19 +150,23 @@ def _load(path: Path) -> tuple[list[_Part], str | None, bool]:
         raise
     except Exception as error:  # trimesh raises whatever its parsers raise
         kind = ending[1:].upper()
-        problem = f"cannot be read as {kind} ({type(error).__name__}: {error})"
-        raise UnreadableError(problem, EXPORT_AGAIN) from error
+        raise UnreadableError(
+            f"cannot be read as {kind} ({type(error).__name__}: {error})", EXPORT_AGAIN
+        ) from error
     word = str(scene.units or "").lower() or unit_word(content)
     unit = STATED_UNITS.get(word.removesuffix("s"))
     if ending == ".3mf" and unit is None:
-        problem = f"states a unit that 3MF does not have, {word!r}"
-        raise UnreadableError(problem, "Export it again, in millimeter.")
+        raise UnreadableError(
+            f"states a unit that 3MF does not have, {word!r}",
+            "Export it again, in millimeter.",
+        )
     if plain.faces is not None:
         count = sum(len(faces) for _, faces, _ in parts)
         check_count(count, plain.faces, "triangles")
     if not parts:
-        problem = "the mesh has no faces"
-        raise UnreadableError(problem, "Export it again, with its triangles.")
+        raise UnreadableError(
+            "the mesh has no faces", "Export it again, with its triangles."
+        )
     return parts, unit, plain.is_ended
 
 
@@ -215,12 +221,15 @@ def _check_faces(vertices: np.ndarray, faces: np.ndarray) -> None:
     """Refuse faces with vertices that are missing or not finite."""
     are_there = faces.min() >= 0 and faces.max() < len(vertices)
     if not are_there:
-        problem = f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged"
-        raise UnreadableError(problem, EXPORT_AGAIN)
+        raise UnreadableError(
+            f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged",
+            EXPORT_AGAIN,
+        )
     bad = np.count_nonzero(~np.isfinite(vertices).all(axis=1))
     if bad:
-        problem = f"{bad} of {len(vertices)} vertices are not numbers"
-        raise UnreadableError(problem, "Repair it.")
+        raise UnreadableError(
+            f"{bad} of {len(vertices)} vertices are not numbers", "Repair it."
+        )
 
 
 def _unit_to_read_in(path: Path, wanted: str | None, stated: str | None) -> str:
@@ -228,8 +237,10 @@ def _unit_to_read_in(path: Path, wanted: str | None, stated: str | None) -> str:
     unit = wanted or stated or "mm"
     if stated not in (None, unit):
         if path.suffix.lower() == ".3mf":
-            problem = f"states its unit, {stated}, but is to be read in {unit}"
-            raise UnreadableError(problem, f"Set mesh_unit: {stated}.")
+            raise UnreadableError(
+                f"states its unit, {stated}, but is to be read in {unit}",
+                f"Set mesh_unit: {stated}.",
+            )
         source = "specification" if path.suffix.lower() == ".glb" else "own comment"
         message = "%s: is in %s by its %s, but is read in %s, the requested unit"
         _log.warning(message, path, stated, source, unit)
@@ -280,9 +291,10 @@ def _mind_cut_end(
         _log.warning("%s: %s. If it was cut, copy it again", path, sign)
     elif not is_ended and (unused or longest[-1] > longest[:-1].max(initial=0)):
         sign = sign if unused else "its last face is odd"
-        problem = f"ends within a line, and {sign}: it is cut"
-        remedy = f"{EXPORT_AGAIN} If it is whole, end its last line."
-        raise UnreadableError(problem, remedy)
+        raise UnreadableError(
+            f"ends within a line, and {sign}: it is cut",
+            f"{EXPORT_AGAIN} If it is whole, end its last line.",
+        )
 
 
 def _refuse_zeros(
@@ -303,5 +315,7 @@ def _refuse_zeros(
 
 def _refuse_lost(count: int, elsewhere: int, what: str) -> None:
     if count >= _FEWEST_EMPTY and count > _ZEROS_TIMES * elsewhere:
-        problem = f"{count} of its {what} are only zeros: a part of the file is lost"
-        raise UnreadableError(problem, "Copy it, or export it, again.")
+        raise UnreadableError(
+            f"{count} of its {what} are only zeros: a part of the file is lost",
+            "Copy it, or export it, again.",
+        )

@@ -92,8 +92,9 @@ def _obj(content: bytes) -> PlainMesh:
     first_face = (b"\n" + text).find(b"\nf ")
     is_mixed = first_face < text.rfind(b"\nv ")
     if is_mixed and re.search(rb"^f .*-", text, re.MULTILINE):
-        problem = "counts vertices backwards, but vertices follow the faces"
-        raise UnreadableError(problem, EXPORT_AGAIN)
+        raise UnreadableError(
+            "counts vertices backwards, but vertices follow the faces", EXPORT_AGAIN
+        )
     return PlainMesh(text + b"\n", is_ended=is_ended)
 
 
@@ -143,8 +144,10 @@ def _check_rows(rows: Sequence[bytes], kinds: Sequence[bytes]) -> None:
         cells = row.split()
         lengths = [int(cells[at]) for at in lists if at < len(cells)]
         if len(lists) > 1 or len(cells) != len(kinds) + sum(lengths):
-            problem = f"has a row that its header does not describe: {cells[:9]}"
-            raise UnreadableError(problem, EXPORT_AGAIN)
+            raise UnreadableError(
+                f"has a row that its header does not describe: {cells[:9]}",
+                EXPORT_AGAIN,
+            )
 
 
 def check_ply(elements: Mapping[str, Any]) -> None:
@@ -155,8 +158,10 @@ def check_ply(elements: Mapping[str, Any]) -> None:
         for name in columns:
             values = rows[name]
             if values.dtype.names and (values["f0"] != values["f0"][:1]).any():
-                problem = "is damaged, or its faces have different numbers of corners"
-                raise UnreadableError(problem, EXPORT_AGAIN)
+                raise UnreadableError(
+                    "is damaged, or its faces have different numbers of corners",
+                    EXPORT_AGAIN,
+                )
 
 
 def _stl(content: bytes) -> PlainMesh:
@@ -170,8 +175,9 @@ def _text_stl(content: bytes) -> PlainMesh:
     text, _ = _tidied(content)
     last = text.rsplit(b"\n", 2)[-2]
     if not last.lower().startswith(b"endsolid"):
-        problem = "ends without 'endsolid': it is cut, or no STL"
-        raise UnreadableError(problem, EXPORT_AGAIN)
+        raise UnreadableError(
+            "ends without 'endsolid': it is cut, or no STL", EXPORT_AGAIN
+        )
     any_case = re.MULTILINE | re.IGNORECASE
     text = re.sub(rb"^(end)?solid\b.*", rb"\1solid", text, flags=any_case)
     return PlainMesh(text, text.lower().count(b"endfacet"))
@@ -195,8 +201,10 @@ def _binary_stl(content: bytes) -> PlainMesh:
         lowest, highest = own.min(axis=(0, 1)), own.max(axis=(0, 1))
         are_inside = ((lowest <= more) & (more <= highest)).all(axis=(1, 2))
         if more[are_inside].any():  # not only zeros
-            problem = f"states {stated} triangles, but more follow: it is damaged"
-            raise UnreadableError(problem, EXPORT_AGAIN)
+            raise UnreadableError(
+                f"states {stated} triangles, but more follow: it is damaged",
+                EXPORT_AGAIN,
+            )
     header = content[:80] + stated.to_bytes(4, "little")
     return PlainMesh(header + content[_STL_HEADER:end], stated)
 
@@ -211,8 +219,9 @@ def _tidied(content: bytes, *, continued: bool = False) -> tuple[bytes, bool]:
         content = content.decode("utf-16", "replace").encode()
     text = content.removeprefix(b"\xef\xbb\xbf").rstrip(b"\0\x1a").translate(_BLANKS)
     if b"\0" in text:
-        problem = "is text with zero bytes in it: it is damaged"
-        raise UnreadableError(problem, EXPORT_AGAIN)
+        raise UnreadableError(
+            "is text with zero bytes in it: it is damaged", EXPORT_AGAIN
+        )
     is_ended = text.rstrip(b" ").endswith(b"\n")
     if continued:
         text = text.replace(b"\\\n", b" ")
@@ -230,13 +239,17 @@ def _tidied(content: bytes, *, continued: bool = False) -> tuple[bytes, bool]:
 def check_count(count: int, stated: int | None, what: str) -> None:
     """Refuse a file that contains another number of something than it states."""
     if stated not in (None, count):
-        problem = f"has {count} {what}, but states {stated}: it is cut or damaged"
-        raise UnreadableError(problem, EXPORT_AGAIN)
+        raise UnreadableError(
+            f"has {count} {what}, but states {stated}: it is cut or damaged",
+            EXPORT_AGAIN,
+        )
 
 
 def _no_header() -> UnreadableError:
-    problem = "does not begin with a header of its format that describes faces"
-    return UnreadableError(problem, "Correct its ending, or export it again.")
+    return UnreadableError(
+        "does not begin with a header of its format that describes faces",
+        "Correct its ending, or export it again.",
+    )
 
 
 PLAIN: dict[str, Callable[[bytes], PlainMesh]] = {

@@ -96,8 +96,10 @@ def read_plu(path: Path) -> RawMap:
 
 def _check_size(content: bytes, needed: int) -> None:
     if len(content) < needed:
-        problem = f"takes {needed} bytes, but has {len(content)}: it is truncated"
-        raise UnreadableError(problem, "Export or copy the scan again.")
+        raise UnreadableError(
+            f"takes {needed} bytes, but has {len(content)}: it is truncated",
+            "Export or copy the scan again.",
+        )
 
 
 def _check_ends(path: Path, heights: np.ndarray, stated: tuple[float, float]) -> None:

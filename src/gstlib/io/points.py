@@ -47,8 +47,10 @@ def read_points(
     table = read_table(path)
     refuse_corner(table)
     if not table.is_ended:
-        remedy = "Export or copy it again. If it is whole, end its last line."
-        raise UnreadableError("ends within a line: it is cut", remedy)
+        raise UnreadableError(
+            "ends within a line: it is cut",
+            "Export or copy it again. If it is whole, end its last line.",
+        )
     order, units = _columns_of_points(table, unit)
     points = table.numbers[:, order]
     for n in order:
@@ -97,8 +99,10 @@ def _columns_of_points(
     if len(letters) == count and {*"xyz"} <= {*letters}:
         order = [letters.index(letter) for letter in "xyz"]
     elif table.names:
-        problem = f"names its columns {', '.join(names):.60}, in which x, y and z are not clear"
-        raise UnreadableError(problem, "Name them x, y and z, or delete the line.")
+        raise UnreadableError(
+            f"names its columns {', '.join(names):.60}, in which x, y and z are not clear",
+            "Name them x, y and z, or delete the line.",
+        )
     elif len(units) == 3:
         order = [[*units].index(letter) for letter in "xyz"]
     else:

@@ -110,8 +110,9 @@ def read_scan(
     path = Path(path)
     with naming(path):
         if unit not in (None, *SCAN_UNITS):
-            problem = f"unknown scan unit {unit!r}"
-            raise UnreadableError(problem, f"Use one of {list(SCAN_UNITS)}.")
+            raise UnreadableError(
+                f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}."
+            )
         check_input(path, "Correct the name in the patch table, or the folder.")
         ending = path.suffix.lower()
         if read_text := _TEXT_READERS.get(ending):

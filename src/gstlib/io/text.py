@@ -99,10 +99,10 @@ def read_matrix(
     """
     table = read_table(path)
     if table.is_split:
-        problem = (
-            "blank lines or comments divide its rows into blocks, like several maps"
+        raise UnreadableError(
+            "blank lines or comments divide its rows into blocks, like several maps",
+            "Keep one map in each file.",
         )
-        raise UnreadableError(problem, "Keep one map in each file.")
     numbers = table.numbers
     header = "\n".join(table.header)
     raw = _esri_grid(header, numbers) or _gwyddion_map(header, numbers)
@@ -175,8 +175,10 @@ def _without_coordinates(
         if is_length:
             steps.append(abs(step))
         if any(_ticks(lines) is not None for lines in (heights, heights.T)):
-            problem = "has two rows or columns of coordinates in one direction"
-            raise UnreadableError(problem, "Keep one of them, or none.")
+            raise UnreadableError(
+                "has two rows or columns of coordinates in one direction",
+                "Keep one of them, or none.",
+            )
         if step < 0:
             heights = np.flip(heights, axis)
     if len(steps) < 2:
@@ -188,11 +190,10 @@ def _without_coordinates(
 def _step_of(ticks: np.ndarray, config_step: float | None) -> tuple[float, bool]:
     """The step of coordinates, and whether it is a length: numbers of rows or columns are not."""
     if not _unevenness(ticks[None]) <= _ROUNDED:
-        problem = (
-            f"has coordinates in one direction only, and {ticks[0]:g} in their corner"
+        raise UnreadableError(
+            f"has coordinates in one direction only, and {ticks[0]:g} in their corner",
+            "Delete them, or give them in both directions.",
         )
-        remedy = "Delete them, or give them in both directions."
-        raise UnreadableError(problem, remedy)
     step = float(ticks[-1] - ticks[0]) / (len(ticks) - 1)
     is_length = abs(step) != 1 or ticks.min() not in (0, 1)
     apart = np.inf if config_step is None else abs(abs(step) / config_step - 1)
@@ -208,8 +209,9 @@ def _step_of(ticks: np.ndarray, config_step: float | None) -> tuple[float, bool]
 def refuse_corner(table: Table) -> None:
     """Refuse a word in the first cell, unless coordinates are on both sides of it."""
     if table.corner:
-        problem = f"its first cell is {table.corner!r:.20}, beside heights"
-        raise UnreadableError(problem, UNMEASURED_CELLS)
+        raise UnreadableError(
+            f"its first cell is {table.corner!r:.20}, beside heights", UNMEASURED_CELLS
+        )
 
 
 def _ticks(lines: np.ndarray) -> np.ndarray | None:
@@ -231,12 +233,10 @@ def _ticks(lines: np.ndarray) -> np.ndarray | None:
     steps = np.diff(first)
     is_rising = np.all(steps > 0) or np.all(steps < 0)
     if is_long and is_rising and near > _FAR_APART * next_:
-        problem = (
-            f"its first row or column rises or falls from {first[0]:g} to {first[-1]:g} in uneven "
-            "steps, far from all others, as coordinates do"
-        )
         raise UnreadableError(
-            problem, "Grid the points evenly, and export the map again."
+            f"its first row or column rises or falls from {first[0]:g} to {first[-1]:g} in uneven "
+            "steps, far from all others, as coordinates do",
+            "Grid the points evenly, and export the map again.",
         )
     return None
 
@@ -297,8 +297,10 @@ def _esri_grid(header: str, heights: np.ndarray) -> RawMap | None:
         return None
     dy, dx = (stated.get(name, stated.get("cellsize")) for name in ("dy", "dx"))
     if dy is None or dx is None:
-        problem = "the header of an ESRI grid does not contain a number for 'cellsize'"
-        raise UnreadableError(problem, "Export the grid again.")
+        raise UnreadableError(
+            "the header of an ESRI grid does not contain a number for 'cellsize'",
+            "Export the grid again.",
+        )
     if heights.shape != (stated["nrows"], stated["ncols"]):
         ny, nx = heights.shape
         raise UnreadableError(

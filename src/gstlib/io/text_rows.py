@@ -150,9 +150,10 @@ def _layout(lines: Sequence[str]) -> tuple[str | None, int]:
             votes[mark, len(cells)] += 1
     if not votes:
         middle = filled[len(filled) // 2] if filled else ""
-        problem = f"does not have a row of numbers. In its middle, a line begins {middle!r:.40}"
-        remedy = "Export the whole topography as text, with no mark between thousands."
-        raise UnreadableError(problem, remedy)
+        raise UnreadableError(
+            f"does not have a row of numbers. In its middle, a line begins {middle!r:.40}",
+            "Export the whole topography as text, with no mark between thousands.",
+        )
     return votes.most_common(1)[0][0]
 
 
@@ -164,10 +165,10 @@ def _names_in(line: int, cells: Sequence[str]) -> list[str]:
         return []
     word, count = Counter(others).most_common(1)[0]
     if count > 1:  # what stands in place of numbers
-        problem = (
-            f"line {line + 1} has {word!r:.20} in {count} cells, in place of numbers"
+        raise UnreadableError(
+            f"line {line + 1} has {word!r:.20} in {count} cells, in place of numbers",
+            UNMEASURED_CELLS,
         )
-        raise UnreadableError(problem, UNMEASURED_CELLS)
     return words
 
 
@@ -179,9 +180,10 @@ def _refuse_numbers_above(lines: Iterable[str], count: int) -> None:
         numbers = [cell for cell in read if re.search(r"\d", cell)]
         are_most = 2 < len(cells) < 2 * len(numbers)
         if numbers and (are_most or len(read) == len(cells)):
-            problem = f"has rows of {len(cells)} and of {count} cells: it is damaged"
-            remedy = "Export or copy it again, without numbers above the heights."
-            raise UnreadableError(problem, remedy)
+            raise UnreadableError(
+                f"has rows of {len(cells)} and of {count} cells: it is damaged",
+                "Export or copy it again, without numbers above the heights.",
+            )
 
 
 def _refuse_split_numbers(rows: Sequence[str]) -> None:
@@ -254,8 +256,9 @@ def _mind_thousands(
     """
     sign = "," if "," in text else "."
     if sign == "," and "." in text:
-        problem = "has numbers with commas and with points: one separates thousands"
-        raise UnreadableError(problem, _EXPORT)
+        raise UnreadableError(
+            "has numbers with commas and with points: one separates thousands", _EXPORT
+        )
     digits = re.compile(rf"[1-9]\d{{0,2}}(?:\{sign}\d{{3}})+|\d+", re.ASCII)
     numbers = re.finditer(rf"\d[\d{sign}eE]*", text)
     if sign not in text or not all(digits.fullmatch(each[0]) for each in numbers):
@@ -263,11 +266,11 @@ def _mind_thousands(
     for column in zip(*(row.split(mark) for row in rows), strict=False):
         has_sign = {sign in cell for cell in column if any(map(str.isdecimal, cell))}
         if len(has_sign) > 1:
-            problem = (
+            raise UnreadableError(
                 f"has {sign!r} between thousands: some numbers of a column have it, with three "
-                "digits behind it, and others have none"
+                "digits behind it, and others have none",
+                "Export it again without such marks.",
             )
-            raise UnreadableError(problem, "Export it again without such marks.")
     if sign == ",":
         message = (
             "%s: its commas are read as decimal signs. If they separate thousands, the heights are "

@@ -46,8 +46,10 @@ def read_x3p(path: Path) -> RawMap:
         names = {_plain_name(name): name for name in archive.namelist()}
         indices = [name for name in names if name.rpartition("/")[2] == "main.xml"]
         if len(indices) != 1:
-            problem = f"holds {len(indices)} files main.xml, but an .x3p has one"
-            raise UnreadableError(problem, _EXPORT_AGAIN)
+            raise UnreadableError(
+                f"holds {len(indices)} files main.xml, but an .x3p has one",
+                _EXPORT_AGAIN,
+            )
         folder = indices[0].removesuffix("main.xml")
 
         def read(name: str) -> bytes:
@@ -56,8 +58,9 @@ def read_x3p(path: Path) -> RawMap:
         root = _index(read("main.xml"))
         kind = _text(root, "Record1/FeatureType").upper()
         if kind != "SUR":
-            problem = f"contains a feature {kind!r}, not a surface"
-            raise UnreadableError(problem, _EXPORT_AGAIN)
+            raise UnreadableError(
+                f"contains a feature {kind!r}, not a surface", _EXPORT_AGAIN
+            )
         ny, nx = (int(_text(root, f"Record3/MatrixDimension/Size{a}")) for a in "YX")
         # for a stack of maps, this fails
         stored = _stored(root, read).reshape(ny, nx)
@@ -98,8 +101,9 @@ def _scale(root: ElementTree.Element, axis: str) -> tuple[float, float]:
     is_number = axis == "Z" and _text(root, f"{where}/DataType").upper() in _NUMBERS
     increment = root.findtext(f"{where}/Increment") or str(int(is_number))
     if not float(increment) > 0:
-        problem = f"the increment of its {axis.lower()} axis is {increment}"
-        raise UnreadableError(problem, _EXPORT_AGAIN)
+        raise UnreadableError(
+            f"the increment of its {axis.lower()} axis is {increment}", _EXPORT_AGAIN
+        )
     return float(increment), float(root.findtext(f"{where}/Offset") or 0)
 
 
@@ -108,8 +112,10 @@ def _refuse_rotation(root: ElementTree.Element) -> None:
     for cell in root.findall("Record1/Axes/Rotation/*"):
         expected = float(cell.tag in ("r11", "r22", "r33"))
         if abs(float(cell.text or 0) - expected) > _UNTURNED:
-            problem = "rotates or mirrors its axes (Rotation in its main.xml)"
-            raise UnreadableError(problem, "Export it again without a rotation.")
+            raise UnreadableError(
+                "rotates or mirrors its axes (Rotation in its main.xml)",
+                "Export it again without a rotation.",
+            )
 
 
 def _stored(root: ElementTree.Element, read: Callable[[str], bytes]) -> np.ndarray:
