@@ -116,10 +116,11 @@ def _off(content: bytes) -> PlainMesh:
 def _ply(content: bytes) -> PlainMesh:
     """A PLY without comments. trimesh counts the faces of a binary file."""
     header = _PLY_HEADER.match(content)
-    head = _PASSED_OVER.sub(b"", header[0].translate(_BLANKS)) if header else b""
+    stated = header[0] if header else b""
+    head = _PASSED_OVER.sub(b"", stated.translate(_BLANKS))
     if not re.search(rb"^ *element\s+face\s", head, re.MULTILINE):
         raise _no_header()
-    body = content[len(header[0]) :]
+    body = content[len(stated) :]
     if not re.search(rb"^ *format +ascii", head, re.MULTILINE):
         return PlainMesh(head + body)
     body, is_ended = _tidied(body)

@@ -18,7 +18,6 @@ from gstlib.io.text import (
     refuse_corner,
     refuse_statements,
     refuse_two_units,
-    step_in_units,
 )
 from gstlib.io.text_rows import Table, read_table, refuse_odd_decimals
 
@@ -38,11 +37,12 @@ _CUT_TIMES = 2
 
 
 def read_points(
-    path: Path, unit: str | None = None, spacing_um: float | None = None
+    path: Path, unit: str | None = None, config_step: float | None = None
 ) -> RawMap:
     """Read points on a grid, as a reader of `gstlib.io.scans`.
 
-    `unit` and `spacing_um` are from the config, and numbers of points must agree with them.
+    `unit` is from the config. Numbers of points must agree with the spacing of the config in this
+    unit, `config_step`.
     """
     table = read_table(path)
     refuse_corner(table)
@@ -73,9 +73,7 @@ def read_points(
         raise _scattered(len(points))
     _refuse_cut_grid(rows, columns)
     if length is None:
-        _mind_point_numbers(
-            path, points[:, :2], (dx, dy), step_in_units(unit, spacing_um)
-        )
+        _mind_point_numbers(path, points[:, :2], (dx, dy), config_step)
     heights = np.full((ny, nx), np.nan)
     heights[rows, columns] = points[:, 2]
     refuse_two_units(heights, (dy, dx))
@@ -90,24 +88,22 @@ def _columns_of_points(
     units: dict[str, float] = {}
     for letter, symbol in _UNIT_OF_COLUMN.findall("\n".join(header)):
         units.setdefault(letter.lower(), HEADER_UNITS[symbol])
+    if len(units) < 3:
+        refuse_statements(header, unit)
     last = header[-1].strip("# ") if header else ""
     names = table.names or re.split(r"[\s,;]+", last)
     letters = [name.strip("# ")[:1].lower() for name in names]
-    count = len(table.rows[0].split(table.mark))
-    if len(units) < 3:
-        refuse_statements(header, unit)
-    if len(letters) == count and {*"xyz"} <= {*letters}:
-        order = [letters.index(letter) for letter in "xyz"]
-    elif table.names:
-        raise UnreadableError(
-            f"names its columns {', '.join(names):.60}, in which x, y and z are not clear",
-            "Name them x, y and z, or delete the line.",
-        )
-    elif len(units) == 3:
-        order = [[*units].index(letter) for letter in "xyz"]
-    else:
-        order = [0, 1, 2]
-    return order, units if len(units) == 3 else None
+    if len(letters) != table.numbers.shape[1]:
+        letters = []
+    without_names = [] if table.names else [[*units], [*"xyz"]]
+    for each in (letters, *without_names):
+        if {*"xyz"} <= {*each}:
+            order = [each.index(letter) for letter in "xyz"]
+            return order, units if len(units) == 3 else None
+    raise UnreadableError(
+        f"names its columns {', '.join(names):.60}, in which x, y and z are not clear",
+        "Name them x, y and z, or delete the line.",
+    )
 
 
 def _mind_point_numbers(

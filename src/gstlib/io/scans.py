@@ -114,20 +114,21 @@ def read_scan(
                 f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}."
             )
         check_input(path, "Correct the name in the patch table, or the folder.")
+        unit_mm = SCAN_UNITS.get(unit or "")
+        step_mm = None if spacing_um is None else spacing_um * 1e-3
         ending = path.suffix.lower()
         if read_text := _TEXT_READERS.get(ending):
-            raw, steps, length, attrs = read_text(path, unit, spacing_um)
+            config_step = step_mm / unit_mm if step_mm and unit_mm else None
+            raw, steps, length, attrs = read_text(path, unit, config_step)
         else:
             raw, steps, length, attrs = _READERS.get(ending, read_instrument_file)(path)
         attrs["unit_stated"] = "no" if length is None else "yes"
         if length is None:
-            length = SCAN_UNITS.get(unit or "")
-        steps_mm = (
-            None if spacing_um is None else (spacing_um * 1e-3, spacing_um * 1e-3)
-        )
+            length = unit_mm
+        steps_mm = step_mm and (step_mm, step_mm)
         if steps is not None and length is not None:
             steps_mm = steps[0] * length, steps[1] * length
-        if length is None or steps_mm is None:
+        if length is None or not steps_mm:
             raise _not_stated(unit=length is None, spacing=not (steps or spacing_um))
         spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in steps_mm)
         with np.errstate(all="ignore"):  # overflows are refused below

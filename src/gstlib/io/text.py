@@ -32,7 +32,6 @@ __all__ = [
     "refuse_corner",
     "refuse_statements",
     "refuse_two_units",
-    "step_in_units",
 ]
 
 # Length of each unit in mm. Headers may also have others.
@@ -91,11 +90,12 @@ _MOST_COLUMNS, _LONG = 6, 20
 
 
 def read_matrix(
-    path: Path, unit: str | None = None, spacing_um: float | None = None
+    path: Path, unit: str | None = None, config_step: float | None = None
 ) -> RawMap:
     """Read a matrix of heights, as a reader of `gstlib.io.scans`.
 
-    `unit` and `spacing_um` are from the config, and coordinates must agree with them.
+    `unit` is from the config. Coordinates must agree with the spacing of the config in this unit,
+    `config_step`.
     """
     table = read_table(path)
     if table.is_split:
@@ -118,8 +118,7 @@ def read_matrix(
             "If it holds points x, y, z, change its ending to .xyz; else export the whole map.",
         )
     refuse_statements([*table.header, table.corner], unit)
-    step = step_in_units(unit, spacing_um)
-    return *_without_coordinates(table, step), None, {}
+    return *_without_coordinates(table, config_step), None, {}
 
 
 def refuse_statements(lines: Iterable[str], unit: str | None) -> None:
@@ -140,11 +139,6 @@ def refuse_statements(lines: Iterable[str], unit: str | None) -> None:
                 "Export the scan with an English header, or in a format that states its unit and "
                 "spacing. If the line only repeats scans.unit and scans.spacing_um, delete it.",
             )
-
-
-def step_in_units(unit: str | None, spacing_um: float | None) -> float | None:
-    """The spacing of the config in its unit, or None if it lacks one of them."""
-    return spacing_um * 1e-3 / SCAN_UNITS[unit] if unit and spacing_um else None
 
 
 def _without_coordinates(
