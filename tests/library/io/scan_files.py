@@ -24,10 +24,10 @@ from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 
 
-def refused(path, match=None, **options):
+def refused(path, match=None, read=read_scan, **options):
     """The scan is not read, and the error names its file."""
     with pytest.raises(InputError, match=match) as caught:
-        read_scan(path, **options)
+        read(path, **options)
     assert path.name in str(caught.value)
 
 
@@ -37,6 +37,12 @@ def zipped(members, method=zipfile.ZIP_DEFLATED):
         for name, content in members.items():
             archive.writestr(name, content)
     return buffer.getvalue()
+
+
+def members_of(archive):
+    """Content of the members of a zip file, by name."""
+    with zipfile.ZipFile(archive) as opened:
+        return {name: opened.read(name) for name in opened.namelist()}
 
 
 def write_plu_at(path, heights, spacing, stage_mm):
@@ -167,8 +173,7 @@ TEXTS = [b"nan", b"-1", b"1e999", b"99999999999", b"\0", b",", b"\n", b"#", b"<a
 def damaged(draw, content):
     """A file after an accident; of an archive, to a member, which a checksum would protect."""
     if content.startswith(b"PK"):
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            members = {name: archive.read(name) for name in archive.namelist()}
+        members = members_of(io.BytesIO(content))
         name = draw(st.sampled_from(sorted(members)))
         members[name] = draw(damaged(members[name]))
         return zipped(members, zipfile.ZIP_STORED)

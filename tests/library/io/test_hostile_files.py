@@ -8,7 +8,6 @@ import resource
 import struct
 import time
 import tracemalloc
-import zipfile
 from datetime import date
 from pathlib import Path
 
@@ -18,7 +17,7 @@ import openpyxl
 import pytest
 from hypothesis import given, settings
 from mesh_files import glb, stone
-from scan_files import FORMATS, damaged, write_sur, zipped
+from scan_files import FORMATS, damaged, members_of, write_sur, zipped
 
 from gst.config.patches import read_patches
 from gst.config.strict_yaml import parse_yaml
@@ -76,9 +75,7 @@ def mesh_with(more):
 
     def make(path):
         stone().export(path)
-        with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in more.items():
-                archive.writestr(name, content)
+        path.write_bytes(zipped(members_of(path) | more))
 
     return make
 

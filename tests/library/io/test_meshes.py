@@ -2,15 +2,17 @@
 
 import re
 import struct
-import zipfile
+from functools import partial
 
 import numpy as np
 import pytest
+import scan_files
 import trimesh
 from mesh_files import SIZE, glb, ply, rough_ball, stone
+from scan_files import members_of, zipped
 from scipy.spatial import Delaunay
 
-from gstlib.errors import NOTE, InputError
+from gstlib.errors import NOTE
 from gstlib.io.meshes import read_mesh
 
 PLACES = "0 0 0\n0 0 20\n0 30 0\n0 30 20\n40 0 0\n40 0 20\n40 30 0\n40 30 20\n"
@@ -92,10 +94,7 @@ DIALECTS = {
 }
 
 
-def refused(path, match=None, **kwargs):
-    with pytest.raises(InputError, match=match) as caught:
-        read_mesh(path, **kwargs)
-    assert path.name in str(caught.value)
+refused = partial(scan_files.refused, read=read_mesh)
 
 
 @pytest.fixture
@@ -133,11 +132,11 @@ def test_the_parts_of_a_scene_are_put_where_it_has_them(tmp_path):
 def three_mf(path, stated, length=1.0):
     """The stone as a 3MF that states its unit so."""
     stone().apply_scale(1 / length).export(path)
-    with zipfile.ZipFile(path) as plain:
-        members = {name: plain.read(name) for name in plain.namelist()}
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, content in members.items():
-            archive.writestr(name, content.replace(b' unit="millimeter"', stated))
+    members = {
+        name: content.replace(b' unit="millimeter"', stated)
+        for name, content in members_of(path).items()
+    }
+    path.write_bytes(zipped(members))
     return path
 
 

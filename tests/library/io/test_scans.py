@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 import scipy.io
 import xarray as xr
-from scan_files import FORMATS, refused, write_plu_at, write_sur, write_x3p, zipped
+from scan_files import (
+    FORMATS,
+    members_of,
+    refused,
+    write_plu_at,
+    write_sur,
+    write_x3p,
+    zipped,
+)
 
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
@@ -76,8 +84,7 @@ def test_an_array_has_the_rows_of_the_map_and_is_the_only_one(
 def rewritten_x3p(path, heights, changes=(), rename=str, **members):
     """An .x3p of these heights with texts of its index and names of its members changed."""
     write_x3p(path, heights, (DY, DX))
-    with zipfile.ZipFile(path) as archive:
-        content = {name: archive.read(name) for name in archive.namelist()}
+    content = members_of(path)
     index = content["main.xml"].decode()
     for old, new in changes:
         assert old in index

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scan_files import refused
+import scan_files
 
 from gstlib.io.scans import read_scan
 from gstlib.surfaces.grid import spacing_of
@@ -49,6 +49,12 @@ def read(tmp_path, text, ending=".csv", **config):
     path = tmp_path / f"a{ending}"
     path.write_text(text, encoding="utf-8")
     return read_scan(path, **config)
+
+
+def refused(tmp_path, text, match, ending=".csv", **config):
+    path = tmp_path / f"a{ending}"
+    path.write_text(text, encoding="utf-8")
+    scan_files.refused(path, match, **config)
 
 
 def same(scan, heights=HEIGHTS, steps=(STEP, STEP)):
@@ -109,9 +115,8 @@ def test_coordinates_give_the_order_and_the_spacing(tmp_path):
     text = lines_of(with_coordinates(X[::-1], 2 * Y[::-1]))
     scan = read(tmp_path, text, unit="um")
     same(scan, np.flip(HEIGHTS), steps=(2 * STEP, STEP))
-    numbers = with_coordinates(np.arange(NX), np.arange(NY))
-    (tmp_path / "b.csv").write_text(lines_of(numbers))
-    refused(tmp_path / "b.csv", "spacing of its points", unit="um")
+    numbers = lines_of(with_coordinates(np.arange(NX), np.arange(NY)))
+    refused(tmp_path, numbers, "spacing of its points", unit="um")
 
 
 MARKS = [
@@ -164,9 +169,8 @@ HEADERS = [
 @pytest.mark.parametrize("header", HEADERS)
 @pytest.mark.parametrize(("ending", "rows"), [(".csv", HEIGHTS), (".xyz", points())])
 def test_a_header_that_is_not_understood_is_refused(tmp_path, header, ending, rows):
-    path = tmp_path / f"a{ending}"
-    path.write_text(header + lines_of(rows), encoding="utf-8")
-    refused(path, "states a unit or a size|damaged", **CONFIG)
+    text = header + lines_of(rows)
+    refused(tmp_path, text, "states a unit or a size|damaged", ending, **CONFIG)
 
 
 MAPS = {
@@ -206,17 +210,14 @@ MAPS = {
 
 @pytest.mark.parametrize("kind", MAPS)
 def test_a_matrix_that_would_be_misread_is_refused(tmp_path, kind):
-    text, words = MAPS[kind]
-    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
-    refused(tmp_path / "a.csv", words, **CONFIG)
+    refused(tmp_path, *MAPS[kind], **CONFIG)
 
 
 def test_coordinates_in_another_unit_make_slopes_that_no_stone_has(tmp_path):
-    (tmp_path / "a.csv").write_text(lines_of(with_coordinates(X / 1e3, Y / 1e3)))
-    refused(tmp_path / "a.csv", "different units", unit="um")
+    text = lines_of(with_coordinates(X / 1e3, Y / 1e3))
+    refused(tmp_path, text, "different units", unit="um")
     text = lines_of(points(scale=(1, 1, 1e3)), " ", "{:.7f}")
-    (tmp_path / "a.xyz").write_text(text)
-    refused(tmp_path / "a.xyz", "different units.*x.mm. y.mm. z.um.", unit="um")
+    refused(tmp_path, text, "different units.*x.mm. y.mm. z.um.", ".xyz", unit="um")
 
 
 @pytest.mark.parametrize(
@@ -234,12 +235,12 @@ def test_points_with_names_and_units_of_their_columns(tmp_path, head, order, sca
 
 @pytest.mark.parametrize("head", ["Row Col Height\n", "x[px] y[px] z\n"])
 def test_points_with_other_names_are_refused(tmp_path, head):
-    (tmp_path / "a.xyz").write_text(head + lines_of(points(), " "))
-    refused(tmp_path / "a.xyz", "not clear|not understood", unit="um")
+    text = head + lines_of(points(), " ")
+    refused(tmp_path, text, "not clear|not understood", ".xyz", unit="um")
 
 
 def test_numbers_of_points_are_no_lengths(tmp_path, caplog):
     text = lines_of(points(scale=(1 / STEP, 1 / STEP, 1)), " ")
     same(read(tmp_path, text, ".xyz", unit="um"), steps=(1, 1))
     assert "whole numbers, 1 apart" in caplog.text
-    refused(tmp_path / "a.xyz", "whole numbers, 1 apart.*1.5", **CONFIG)
+    refused(tmp_path, text, "whole numbers, 1 apart.*1.5", ".xyz", **CONFIG)
