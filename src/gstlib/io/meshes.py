@@ -219,8 +219,7 @@ def _parts(scene: Any, plain: PlainMesh) -> Iterator[_Part]:
 
 def _check_faces(vertices: np.ndarray, faces: np.ndarray) -> None:
     """Refuse faces with vertices that are missing or not finite."""
-    are_there = faces.min() >= 0 and faces.max() < len(vertices)
-    if not are_there:
+    if faces.min() < 0 or faces.max() >= len(vertices):
         raise UnreadableError(
             f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged",
             EXPORT_AGAIN,

@@ -226,10 +226,9 @@ def _tidied(content: bytes, *, continued: bool = False) -> tuple[bytes, bool]:
     is_ended = text.rstrip(b" ").endswith(b"\n")
     if continued:
         text = text.replace(b"\\\n", b" ")
-    text = re.sub(rb" +", b" ", text) if b"  " in text else text
-    text = re.sub(rb"(?:(?:^| )#.*| $|^ )", b"", text, flags=re.MULTILINE)
-    text = text.strip(b" \n") + b"\n"
-    text = re.sub(rb"\n\n+", b"\n", text)
+    text = re.sub(rb"(?:^| )#.*", b"", text, flags=re.MULTILINE)
+    text = re.sub(rb"  +", b" ", text)
+    text = re.sub(rb" ?\n[ \n]*", b"\n", text).strip(b" \n") + b"\n"
     if re.search(rb"^(?:v |vertex )? ?[-+]?\d+,\d", text, re.MULTILINE | re.IGNORECASE):
         raise UnreadableError(
             "has decimal commas", "Export it again, with decimal points."

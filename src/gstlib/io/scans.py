@@ -212,7 +212,8 @@ def cut_scan(
                 "crop_x_mm and crop_y_mm in the patch table.",
             )
         return scan
-    slices, beyond = [], 0.0
+    slices = []
+    beyond = 0.0
     for length, step, middle in zip(scan.shape, spacing_of(scan), centre, strict=True):
         count = round(size_mm / step)
         # Half an element is always rounded up, so adjacent pieces stay adjacent.
@@ -262,7 +263,7 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
     away, but seldom equally high.
     """
     distinct, counts = np.unique(heights[np.isfinite(heights)], return_counts=True)
-    if not distinct.size or counts.max() < _FEWEST_HELD:
+    if counts.max(initial=0) < _FEWEST_HELD:
         return
     low, middle, high = np.quantile(distinct, (0.25, 0.5, 0.75))
     is_far = np.abs(distinct - middle) > _FAR * (high - low)

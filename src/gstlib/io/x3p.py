@@ -99,12 +99,12 @@ def _scale(root: ElementTree.Element, axis: str) -> tuple[float, float]:
     where = f"Record1/Axes/C{axis}"
     # only heights that are floating-point numbers need no increment
     is_number = axis == "Z" and _text(root, f"{where}/DataType").upper() in _NUMBERS
-    increment = root.findtext(f"{where}/Increment") or str(int(is_number))
-    if not float(increment) > 0:
+    increment = float(root.findtext(f"{where}/Increment") or is_number)
+    if not increment > 0:
         raise UnreadableError(
             f"the increment of its {axis.lower()} axis is {increment}", _EXPORT_AGAIN
         )
-    return float(increment), float(root.findtext(f"{where}/Offset") or 0)
+    return increment, float(root.findtext(f"{where}/Offset") or 0)
 
 
 def _refuse_rotation(root: ElementTree.Element) -> None:
