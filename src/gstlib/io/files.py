@@ -25,8 +25,12 @@ __all__ = [
     "check_input",
     "check_regular",
     "check_size",
+    "check_writable",
+    "megabytes",
+    "naming",
+    "sha256",
+    "write_whole",
 ]
-__all__ += ["check_writable", "megabytes", "naming", "sha256", "write_whole"]
 
 # Bytes that are read of one file: a stone of twenty million triangles. Tables and configs are far
 # smaller. A larger file is damaged, or made to fill the memory.

@@ -12,8 +12,14 @@ import numpy as np
 
 from gstlib.io.files import UnreadableError
 
-__all__ = ["EXPORT_AGAIN", "PLAIN", "PlainMesh", "check_count", "check_ply"]
-__all__ += ["unit_word"]
+__all__ = [
+    "EXPORT_AGAIN",
+    "PLAIN",
+    "PlainMesh",
+    "check_count",
+    "check_ply",
+    "unit_word",
+]
 
 EXPORT_AGAIN = "Export the mesh again as triangles (binary STL or PLY)."
 # Bytes of a face in an OBJ: of a thousand corners, which trimesh needs a thousand times for.
@@ -21,7 +27,6 @@ _LONGEST_FACE = 10_000
 # Bytes at the beginning of a file in which a comment may contain the unit.
 _HEAD = 1 << 14
 _BLANKS = bytes.maketrans(b"\t\v\f\r", b"   \n")
-_UTF_16 = b"\xff\xfe", b"\xfe\xff"
 _ODD_IN_OBJ = (
     (rb"^f [^\n]{%d}" % _LONGEST_FACE, "has a face of a thousand corners"),
     (rb"^f.* -?0+(?: |$)", "has a face with vertex number 0, but numbers begin with 1"),
@@ -82,7 +87,7 @@ def unit_word(content: bytes) -> str:
 
 def _obj(content: bytes) -> PlainMesh:
     """The vertices and faces of an OBJ, without texture, normals, groups and materials."""
-    text, is_ended = _tidied(content, continued=True)
+    text, is_ended = _tidied(content)
     lines = re.findall(rb"^(?:[vf]\b|[-+.\d]).*", text, re.MULTILINE)
     text = re.sub(rb"/[^ \n]*", b"", b"\n".join(lines))
     for odd, problem in _ODD_IN_OBJ:
@@ -210,22 +215,17 @@ def _binary_stl(content: bytes) -> PlainMesh:
     return PlainMesh(header + content[_STL_HEADER:end], stated)
 
 
-def _tidied(content: bytes, *, continued: bool = False) -> tuple[bytes, bool]:
+def _tidied(content: bytes) -> tuple[bytes, bool]:
     """Text with one kind of line ends and blanks, without comments and empty lines.
 
-    Lines that end in a backslash go on if `continued`. The second result is whether the text had an
-    end of its last line.
+    The second result is whether the text had an end of its last line.
     """
-    if content[:2] in _UTF_16:
-        content = content.decode("utf-16", "replace").encode()
     text = content.removeprefix(b"\xef\xbb\xbf").rstrip(b"\0\x1a").translate(_BLANKS)
     if b"\0" in text:
         raise UnreadableError(
             "is text with zero bytes in it: it is damaged", EXPORT_AGAIN
         )
     is_ended = text.rstrip(b" ").endswith(b"\n")
-    if continued:
-        text = text.replace(b"\\\n", b" ")
     text = re.sub(rb"(?:^| )#.*", b"", text, flags=re.MULTILINE)
     text = re.sub(rb"  +", b" ", text)
     text = re.sub(rb" ?\n[ \n]*", b"\n", text).strip(b" \n") + b"\n"

@@ -29,19 +29,11 @@ _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"),
     *("KHR_xmp", "KHR_mesh_quantization"),
 )
-# Keys of features that are not applied here.
-_NOT_APPLIED = {
-    "skin": "a skin that bends the mesh",
-    "sparse": "sparse numbers",
-    **{
-        name: f"the extension {name}"
-        for name in (
-            "EXT_mesh_gpu_instancing",
-            "EXT_meshopt_compression",
-            "KHR_meshopt_compression",
-        )
-    },
-}
+# Keys of features that are not applied here: a skin bends a mesh, and the others store it in parts.
+_NOT_APPLIED = (
+    *("skin", "sparse", "EXT_mesh_gpu_instancing"),
+    *("EXT_meshopt_compression", "KHR_meshopt_compression"),
+)
 # Mode of strips of triangles. Lower modes are points, lines and triangles; the higher one is fans.
 _STRIP = 5
 _PLAIN = "Export it again without compression and extensions, or as binary PLY."
@@ -126,7 +118,7 @@ def _not_read(header: _Header) -> Iterator[str]:
         yield "numbers that only an extension holds"
     for key, value in _entries(header):
         if key in _NOT_APPLIED:
-            yield _NOT_APPLIED[key]
+            yield f"the feature {key}"
         if key == "weights" and any(value):
             yield "morph targets that move the vertices"
         if key == "mode" and value > _STRIP:

@@ -211,8 +211,7 @@ def refuse_corner(table: Table) -> None:
 def _ticks(lines: np.ndarray) -> np.ndarray | None:
     """The coordinates in the first of some lines, without the corner; None if it has heights."""
     first, others = lines[0, 1:], lines[1:, 1:]
-    is_small = len(first) < _FEWEST_TICKS or len(others) < 2
-    if is_small or not np.isfinite(first).all():
+    if len(first) < _FEWEST_TICKS or len(others) < 2 or not np.isfinite(first).all():
         return None
     sample = others[:: max(1, len(others) // _SAMPLED)]
     (own,) = _unevenness(first[None])

@@ -16,8 +16,15 @@ import numpy as np
 
 from gstlib.io.files import UnreadableError
 
-__all__ = ["FORMULA_ERROR", "Table", "read_table", "refuse_odd_decimals"]
-__all__ += ["UNMEASURED_CELLS", "separator_of"]
+__all__ = [
+    "FORMULA_ERROR",
+    "NUMBER",
+    "UNMEASURED_CELLS",
+    "Table",
+    "read_table",
+    "refuse_odd_decimals",
+    "separator_of",
+]
 
 _log = logging.getLogger(__name__)
 

@@ -88,7 +88,6 @@ DIALECTS = {
     "windows.obj": OBJ.replace(b"\n", b"\r\n"),
     "old Mac.obj": OBJ.replace(b"\n", b"\r"),
     "commented.obj": OBJ.replace(b"\nf ", b" # a vertex\n\n# a face\nf ", 1),
-    "sixteen.obj": OBJ.decode().encode("utf-16"),
     "tabs.off": OFF.replace(b" ", b"\t").replace(b"OFF\n", b"NOFF # normals\n"),
     "bytes behind.glb": FILES["whole.glb"] + b"more",
 }
