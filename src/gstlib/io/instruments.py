@@ -130,13 +130,13 @@ def _first_map(path: Path) -> RawMap:
     maps = [c for c in reader.channels if c.dim == 2 and c.is_height_channel]
     if not maps:
         raise ValueError(_NO_HEIGHTS)
-    if maps[1:] and known_as in _ARRAYS:
+    channel, *others = maps
+    if others and known_as in _ARRAYS:
         names = ", ".join(str(each.name) for each in maps)
         raise UnreadableError(
             f"has {len(maps)} arrays ({names:.80}), any of which may be the heights",
             "Save the heights alone in a file.",
         )
-    channel = maps[0]
     count = math.prod(channel.nb_grid_pts)
     most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
     if count > min(_MOST_POINTS, most):
@@ -157,7 +157,7 @@ def _first_map(path: Path) -> RawMap:
     if known_as == "mnt":
         _log.log(NOTE, _AS_MEASURED, path)
     attrs = _attributes(known_as, topography.info)
-    if maps[1:]:
+    if others:
         attrs["layer"] = f"{channel.name}, the first of {len(maps)} height maps"
     return heights, spacing, length, attrs
 

@@ -21,6 +21,7 @@ from gstlib.io.mesh_sizes import (
     STATED_UNITS,
     UNITS,
     check_step_and_extent,
+    coordinate_step,
     steps_of,
     units_of_size,
 )
@@ -32,7 +33,6 @@ from gstlib.io.plain_meshes import (
     check_ply,
     unit_word,
 )
-from gstlib.io.rounding import coordinate_step
 from gstlib.io.scenes import plain_3mf, plain_glb
 
 if TYPE_CHECKING:

@@ -122,9 +122,9 @@ def read_scan(
             raw, steps, length, attrs = read_text(path, unit, config_step)
         else:
             raw, steps, length, attrs = _READERS.get(ending, read_instrument_file)(path)
-        attrs["unit_stated"] = "no" if length is None else "yes"
-        if length is None:
-            length = unit_mm
+        is_stated = length is not None
+        attrs["unit_stated"] = "yes" if is_stated else "no"
+        length = length if is_stated else unit_mm
         steps_mm = step_mm and (step_mm, step_mm)
         if steps is not None and length is not None:
             steps_mm = steps[0] * length, steps[1] * length
@@ -136,9 +136,7 @@ def read_scan(
         # Some exports mark unmeasured points with infinity, or the largest number there is.
         heights[np.abs(heights) > _LARGEST_NUMBER] = np.nan
         _mind_held(path, heights)
-        _check_plausible(
-            path, heights, spacing, states_unit=attrs["unit_stated"] == "yes"
-        )
+        _check_plausible(path, heights, spacing, states_unit=is_stated)
         _refuse_lost_block(path, heights)
         attrs = {name: plain_text(value) for name, value in attrs.items()}
         if "layer" in attrs:
