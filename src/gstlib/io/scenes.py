@@ -29,7 +29,7 @@ _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"),
     *("KHR_xmp", "KHR_mesh_quantization"),
 )
-# Keys of features that are not applied here: a skin bends a mesh, and the others store it in parts.
+# Keys of features that are not applied here: they bend, copy or compress a mesh.
 _NOT_APPLIED = (
     *("skin", "sparse", "EXT_mesh_gpu_instancing"),
     *("EXT_meshopt_compression", "KHR_meshopt_compression"),

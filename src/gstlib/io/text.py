@@ -161,6 +161,12 @@ def _without_coordinates(
     if has_y:
         rows = [row.split(table.mark, 1)[1] for row in rows]
     refuse_odd_decimals(rows, table.mark)
+    rest = (heights, heights.T) if has_x or has_y else ()
+    if any(_ticks(lines) is not None for lines in rest):
+        raise UnreadableError(
+            "has two rows or columns of coordinates in one direction",
+            "Keep one of them, or none.",
+        )
     steps = []
     for axis, each in enumerate(ticks):
         if each is None:
@@ -168,11 +174,6 @@ def _without_coordinates(
         step, is_length = _step_of(each, config_step)
         if is_length:
             steps.append(abs(step))
-        if any(_ticks(lines) is not None for lines in (heights, heights.T)):
-            raise UnreadableError(
-                "has two rows or columns of coordinates in one direction",
-                "Keep one of them, or none.",
-            )
         if step < 0:
             heights = np.flip(heights, axis)
     if len(steps) < 2:
