@@ -107,14 +107,14 @@ def check_input(path: Path, remedy: str) -> None:
 
     Raises
     ------
-    InputError
+    UnreadableError, InputError
     """
     if path.is_dir():
-        raise InputError(path, "is a folder", "Give the path of one file in it.")
+        raise UnreadableError("is a folder", "Give the path of one file in it.")
     if not path.is_file():
-        raise InputError(path, "no such file", remedy)
+        raise UnreadableError("no such file", remedy)
     if path.stat().st_size == 0:
-        raise InputError(path, "the file is empty", "Copy it, or export it, again.")
+        raise UnreadableError("the file is empty", "Copy it, or export it, again.")
     check_size(path)
 
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gstlib.errors import FaultError, InputError, refuse
+from gstlib.errors import FaultError, refuse
+from gstlib.io.files import UnreadableError
 
 if TYPE_CHECKING:
     import trimesh
@@ -149,7 +150,7 @@ def check_step_and_extent(
                 "mesh_step", path, f"{problem}, but at most 20 µm can be used", remedy
             )
         )
-    _check_extent(path, extent, unit)
+    _check_extent(extent, unit)
     if step_mm > _DOUBTFUL_STEP:
         _log.warning(
             "%s: %s, and heights have errors as large. %s", path, problem, remedy
@@ -169,7 +170,7 @@ def _length(mm: float) -> str:
     return f"{1e6 * mm:.2g} nm" if mm >= _NO_STEP else "less than 0.01 nm"
 
 
-def _check_extent(path: Path, extent: float, unit: str) -> None:
+def _check_extent(extent: float, unit: str) -> None:
     """Refuse a mesh with a largest extent (in `unit`) that no stone has."""
     if _SMALLEST_STONE <= extent * UNITS[unit] <= _LARGEST_STONE:
         return
@@ -182,10 +183,8 @@ def _check_extent(path: Path, extent: float, unit: str) -> None:
             f"mesh_unit: {name} ({mm:.3g} mm)" for name, mm in fitting.items()
         )
         remedy = f"It seems to be in another unit. Set {sizes}."
-    raise InputError(
-        path,
-        f"its largest extent is {extent:.4g} {unit}, which is no stone's size",
-        remedy,
+    raise UnreadableError(
+        f"its largest extent is {extent:.4g} {unit}, which is no stone's size", remedy
     )
 
 
