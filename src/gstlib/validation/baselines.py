@@ -15,13 +15,12 @@ the *other* patches. Each baseline uses the same data, and not the loss of the p
 fraction of the patch that did wear.
 """
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-__all__ = ["BASELINES", "ORACLE", "Others", "baseline_depths", "volumes_cut"]
+__all__ = ["BASELINES", "ORACLE", "Others", "baseline_depths"]
 
 BASELINES = "none", "mean_volume", "pressure_volume", "pressure_fraction", "rigid"
 ORACLE = "oracle_area"
@@ -53,24 +52,20 @@ class Others(NamedTuple):
         """`table` as above; `depths` below the summit of each patch's known points, mm."""
         deepest = max((float(below.max()) for below in depths.values()), default=0.0)
         displacements = deepest * np.linspace(0, 1, _DISPLACEMENTS) ** 2
-        cut = {
-            patch: volumes_cut(below, displacements) for patch, below in depths.items()
-        }
+        cut = {patch: _volumes(below, displacements) for patch, below in depths.items()}
         return cls(table, displacements, pd.DataFrame(cut, index=displacements))
 
     def without(self, patch: str) -> "Others":
         """All patches except one."""
         table = self.table.drop(patch, errors="ignore")
-        return self._replace(
-            table=table, cut=self.cut.drop(columns=patch, errors="ignore")
-        )
+        cut = self.cut.drop(columns=patch, errors="ignore")
+        return self._replace(table=table, cut=cut)
 
 
-def volumes_cut(below: np.ndarray, displacements: Iterable[float]) -> np.ndarray:
+def _volumes(below: np.ndarray, displacements: np.ndarray) -> np.ndarray:
     """Mean depth that rigid flats remove from points `below` a summit; in any unit of length."""
     ordered = np.sort(below, axis=None)
     summed = np.r_[0.0, np.cumsum(ordered)]
-    displacements = np.asarray(displacements, dtype=float)
     reached = np.searchsorted(ordered, displacements)
     return (reached * displacements - summed[reached]) / ordered.size
 
@@ -104,10 +99,9 @@ def baseline_depths(
     volume, share = map(float, per_pressure * pressure_MPa)
     cut_mm = others.cut.sum(axis=1)
     sunk = np.interp(table.loss_mm.sum(), cut_mm, others.displacements)
-    mean_loss = float(table.loss_mm.mean())
     return {
         "none": np.zeros(height.shape),
-        "mean_volume": _cut_volume(height, mean_loss),
+        "mean_volume": _cut_volume(height, float(table.loss_mm.mean())),
         "pressure_volume": _cut_volume(height, volume),
         "pressure_fraction": _cut_fraction(height, level, share),
         "rigid": np.maximum(height - (summit - sunk), 0.0),

@@ -7,7 +7,6 @@ autocorrelations, after Clifford, Richardson and Hémon (1989, Biometrics 45:123
 """
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -72,6 +71,7 @@ def ratio_of_sums(
     part: np.ndarray, whole: np.ndarray, draws: Draws, p_value: float = math.nan
 ) -> Estimate:
     """Ratio of the sums over the patches of two quantities (patches,), with its interval."""
+    part, whole = np.asarray(part), np.asarray(whole)
     count = len(part)
     drawn = draws.generator.integers(0, max(count, 1), (draws.resamples, count))
     samples = ratio(part[drawn].sum(axis=1), whole[drawn].sum(axis=1))
@@ -103,37 +103,28 @@ def exchange_p_value(gain: np.ndarray, generator: np.random.Generator) -> float:
 
     The p-value is NaN for a single patch, or if all gains are zero.
     """
-    if gain.size < 2 or not gain.any():
+    if len(gain) < 2 or not np.any(gain):
         return math.nan
+    # "samples" of one gain each: an exchange changes its sign.
     test = scipy.stats.permutation_test(
-        (gain, np.zeros_like(gain)),
-        lambda a, b, axis: (a - b).mean(axis=axis),
-        permutation_type="samples",
-        n_resamples=_RANDOM,
-        vectorized=True,
-        rng=generator,
+        (gain,), np.mean, permutation_type="samples", n_resamples=_RANDOM, rng=generator
     )
     return float(test.pvalue)
 
 
 def rank_correlation(
-    table: pd.DataFrame,
-    predictor: str,
-    extent: str,
-    draws: Draws,
-    *,
-    places: Sequence[str] = ("x_mm", "y_mm"),
+    table: pd.DataFrame, predictor: str, extent: str, draws: Draws
 ) -> Estimate:
     """Spearman's correlation over patches between a predictor and an extent of the traces.
 
-    `table` has a row for each patch; rows with a missing value are left out. The interval is a 95 %
-    bootstrap over patches. The two-sided permutation test uses every pairing up to 8 patches and
-    9999 random pairings beyond. It accounts for spatial autocorrelation (`spatial_p_value`) by
-    `places`, the columns with x and y of the patches, if there are any. The estimate is NaN with
-    fewer than 3 patches or a constant column.
+    `table` has a row for each patch, with its position ``x_mm, y_mm``; rows with a missing value
+    are left out. The interval is a 95 % bootstrap over patches. The two-sided permutation test uses
+    every pairing up to 8 patches and 9999 random pairings beyond. It accounts for spatial
+    autocorrelation (`spatial_p_value`). The estimate is NaN with fewer than 3 patches or a constant
+    column.
     """
-    complete = table[[predictor, extent, *places]].dropna()
-    x, y, *where = complete.to_numpy(dtype=float).T
+    complete = table[[predictor, extent, "x_mm", "y_mm"]].dropna()
+    x, y, *places = complete.to_numpy(dtype=float).T
     if x.size < 3 or not (np.ptp(x) > 0 and np.ptp(y) > 0):
         return Estimate(*(math.nan,) * 4, x.size)
     p = scipy.stats.permutation_test(
@@ -147,9 +138,8 @@ def rank_correlation(
     drawn = draws.generator.integers(0, x.size, (draws.resamples, x.size))
     # A draw that repeats a single patch does not have a correlation.
     interval = percentile_interval(_spearman(x[drawn], y[drawn]), x.size)
-    if where:
-        p = spatial_p_value(x, y, np.transpose(where), permuted=p)
-    return Estimate(float(_spearman(x, y)), *interval, float(p), x.size)
+    p = spatial_p_value(x, y, np.transpose(places), permuted=float(p))
+    return Estimate(float(_spearman(x, y)), *interval, p, x.size)
 
 
 def spatial_p_value(
@@ -162,8 +152,7 @@ def spatial_p_value(
     counts. The test is two-sided; the p-value is NaN with fewer than 4 patches.
     `places` (n, 2) are the coordinates of the patches, in any unit.
     """
-    x = scipy.stats.rankdata(x)
-    y = scipy.stats.rankdata(y)
+    x, y = scipy.stats.rankdata([x, y], axis=1)
     if x.size < 4:
         return math.nan
     freedom = max(_effective_patches(x, y, places), _FEWEST_EFFECTIVE) - 2
@@ -180,15 +169,13 @@ def _effective_patches(x: np.ndarray, y: np.ndarray, places: np.ndarray) -> floa
 
     It is at most the actual number, because differences between neighbours do not add evidence.
     """
-    places = np.asarray(places, dtype=float)
     distance = scipy.spatial.distance.cdist(places, places)
     count = len(distance)
     centring = np.eye(count) - 1 / count
     of_x, of_y = (
         centring @ _covariance(values, distance) @ centring for values in (x, y)
     )
-    whole = np.trace(of_x) * np.trace(of_y)
-    variance = np.trace(of_x @ of_y) / whole
+    variance = np.trace(of_x @ of_y) / (np.trace(of_x) * np.trace(of_y))
     return min(count, 1 + 1 / float(variance)) if variance > 0 else count
 
 
@@ -216,8 +203,7 @@ def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Spearman's correlation along the last axis; NaN if one of them is constant."""
-    x, y = (scipy.stats.rankdata(values, axis=-1) for values in (x, y))
     middle = (x.shape[-1] + 1) / 2
-    x, y = x - middle, y - middle
-    xx, yy, xy = ((a * b).sum(axis=-1) for a, b in ((x, x), (y, y), (x, y)))
-    return ratio(xy, np.sqrt(xx * yy))
+    x, y = (scipy.stats.rankdata(values, axis=-1) - middle for values in (x, y))
+    squares = (x**2).sum(axis=-1) * (y**2).sum(axis=-1)
+    return ratio((x * y).sum(axis=-1), np.sqrt(squares))

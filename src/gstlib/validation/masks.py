@@ -18,14 +18,10 @@ import numpy as np
 __all__ = ["mask_counts", "mask_scores", "ratio"]
 
 
-def mask_counts(
-    mask: np.ndarray, observed: np.ndarray, valid: np.ndarray
-) -> tuple[int, ...]:
-    """The counts for `mask_scores`, over the valid points of two masks (ny, nx)."""
-    mask = mask & valid
-    observed = observed & valid
-    parts = mask & observed, mask, observed, valid
-    return tuple(int(np.count_nonzero(part)) for part in parts)
+def mask_counts(mask: np.ndarray, observed: np.ndarray) -> tuple[int, ...]:
+    """The counts for `mask_scores`, over all points of two masks of one shape."""
+    parts = mask & observed, mask, observed
+    return (*(int(np.count_nonzero(part)) for part in parts), mask.size)
 
 
 def mask_scores(hits, predicted, observed, measured) -> dict[str, np.ndarray]:

@@ -14,7 +14,7 @@ With n patches there are 2 n predictions for each. Patches with different points
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +35,7 @@ class Places:
 
     Attributes
     ----------
-    bits : (3, n) ndarray of uint8
+    bits : (3, ny, n) ndarray of uint8
         Whether loss is predicted, whether height was lost, and whether this is known.
     shape : (int, int)
         Points (ny, nx) of the patch.
@@ -49,14 +49,12 @@ class Places:
         cls, predicted: np.ndarray, lost: np.ndarray, measured: np.ndarray
     ) -> "Places":
         """From three masks (ny, nx); the first is known everywhere."""
-        ny, nx = measured.shape
-        masks = [mask.ravel() for mask in (predicted, lost, measured)]
-        return cls(np.packbits(masks, axis=1), (ny, nx))
+        masks = [predicted, lost, measured]
+        return cls(np.packbits(masks, axis=-1), measured.shape)
 
     def masks(self) -> np.ndarray:
         """The three masks, (3, ny, nx)."""
-        masks = np.unpackbits(self.bits, axis=1, count=math.prod(self.shape))
-        return masks.reshape(3, *self.shape)
+        return np.unpackbits(self.bits, axis=-1, count=self.shape[1])
 
 
 def swapped_mcc(patch: str, places: Mapping[str, Places]) -> np.ndarray:
@@ -74,22 +72,15 @@ def swapped_mcc(patch: str, places: Mapping[str, Places]) -> np.ndarray:
     ]
     others = others[:: math.ceil(len(others) / _MOST_PATCHES) or 1]
     # Turning the loss is equivalent to turning the predictions, and takes one product for all of
-    # them.
-    _, lost, measured = own.masks()
-    turned = np.array([*_sides(lost), *_sides(measured)], dtype=np.float32)
-    columns = turned.reshape(len(turned), -1).T
-    masks = (places[name].masks() for name in (patch, *others))
-    marks = [predicted.ravel() for predicted, _, _ in masks]
-    predicted = np.array(marks, dtype=np.float32)
+    # them. A half turn reverses the order of the points, and keeps the direction of striae.
+    _, lost, measured = own.masks().reshape(3, -1)
+    turned = [lost, lost[::-1], measured, measured[::-1]]
+    predicted = [places[name].masks()[0].ravel() for name in (patch, *others)]
     # Exact, because these are sums of ones below 2^24.
-    hits, marked = np.split(predicted @ columns, 2, axis=1)
+    products = np.array(predicted, np.float32) @ np.array(turned, np.float32).T
+    hits, marked = np.split(products, 2, axis=1)
     scores = mask_scores(hits, marked, lost.sum(), measured.sum())
     return scores["mcc"].ravel()
-
-
-def _sides(mask: np.ndarray) -> Sequence[np.ndarray]:
-    """A mask (ny, nx) as it is, and after half a turn, which keeps the direction of striae."""
-    return [mask, np.rot90(mask, 2)]
 
 
 def p_value(value: float, null: np.ndarray) -> float:

@@ -27,7 +27,7 @@ from gstlib.contact import Contact
 from gstlib.coupling.pressures import unseen
 from gstlib.surfaces.grid import spacing_of
 from gstlib.validation.baselines import BASELINES, ORACLE, Others, baseline_depths
-from gstlib.validation.masks import mask_counts, mask_scores
+from gstlib.validation.masks import mask_counts, mask_scores, ratio
 from gstlib.validation.nulls import Places, swapped_mcc
 from gstlib.wear.archard import BARE, INTERLAYER, seen_depth
 
@@ -42,10 +42,9 @@ _BANDS = 4
 class ScoredPatch:
     """Scores of one patch."""
 
-    row: dict[
-        str, Any
-    ]  # of validation_patches.csv, without what depends on other patches
-    untested: str  # why chance is not tested: "noise" or "undefined"; empty if it is
+    # Of validation_patches.csv, without what depends on other patches. ``untested`` says why chance
+    # is not tested: "noise" or "undefined"; empty if it is.
+    row: dict[str, Any]
     models: list[dict[str, Any]]  # rows of wear.csv
     bands: list[dict[str, Any]]  # rows of wear_profile.csv
     places: Places  # of the study's own prediction, and of the loss
@@ -68,10 +67,11 @@ def other_patches(
     The tables are ``patch_pressures`` and ``registration``. Each contact and each change of these
     patches is looked up once.
     """
-    table = pd.DataFrame({"pressure_MPa": unseen(pressures.set_index("patch"))})
     measured = registration.set_index("patch")
-    table["loss_mm"] = measured.mean_wear_depth_um * 1e-3
-    table["loss_fraction"] = measured.loss_fraction
+    table = measured[["loss_fraction"]].assign(
+        pressure_MPa=unseen(pressures.set_index("patch")),
+        loss_mm=measured.mean_wear_depth_um * 1e-3,
+    )
     depths = {}
     for patch in fitted:
         height = contacts[patch].interface.laid.values
@@ -89,7 +89,7 @@ def score_patch(
     pressure_MPa: float,
     above_noise: bool = True,
 ) -> ScoredPatch:
-    """Score the predicted loss of one patch against the measured loss.
+    """Score the predicted loss of one patch against the measured loss, known at some points.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def score_patch(
     loss = change.loss.values.astype(bool) & valid
     laid = contact.interface.laid.values
     height = laid[valid]
-    worn_fraction = float(loss[valid].mean()) if valid.any() else 0.0
+    is_lost = loss[valid]
     own = {
         str(depth.model.values): seen_depth(depth.values[valid])
         for depth in predicted.depth
@@ -125,52 +125,48 @@ def score_patch(
         level,
         summit=float(laid.max()),
         pressure_MPa=pressure_MPa,
-        worn_fraction=worn_fraction,
+        worn_fraction=float(is_lost.mean()),
         others=others.without(patch),
     )
-    name = own_model(list(own))
-    every = np.ones(height.shape, dtype=bool)
     element_um3 = float(np.prod(spacing_of(change))) * 1e9
-    measured_um3 = float(lost[loss[valid]].sum()) * element_um3
     unworn = own[BARE] < level  # where the bare stone takes off less than is detected
     models: dict[str, dict[str, Any]] = {}
     for model, depth in depths.items():
-        counts = mask_counts(depth > level, loss[valid], every)
-        scores = mask_scores(*counts)
+        scores = mask_scores(*mask_counts(depth > level, is_lost))
         error = depth - lost
         models[model] = {
             "patch": patch,
             "model": model,
-            "predicted_worn_fraction": counts[1] / counts[3] if counts[3] else math.nan,
+            "predicted_worn_fraction": float((depth > level).mean()),
             "mcc": float(scores["mcc"]),
             "attainable_mcc": float(scores["attainable_mcc"]),
             "predicted_volume_um3": float(depth.clip(0).sum()) * element_um3,
-            "measured_volume_um3": measured_um3,
+            "measured_volume_um3": float(lost[is_lost].sum()) * element_um3,
             "map_error_um": _rms_um(error),
-            "out_of_contact_um": _rms_um(error[unworn]),
         }
-    area_um2 = element_um3 * 1e-3 * np.count_nonzero(valid)
-    volume_um3 = models[name]["predicted_volume_um3"]
+        if INTERLAYER in own:  # only its map is compared there
+            models[model]["out_of_contact_um"] = _rms_um(error[unworn])
+    name = own_model([*own])
+    chosen = models[name]
     no_loss_um = models["none"]["map_error_um"]
-    row: dict[str, Any] = {
-        "patch": patch,
-        "contact_fraction": float((contact.pressure.values > 0).mean()),
-        "predicted_loss_um": volume_um3 / area_um2 if area_um2 else math.nan,
-        "mcc": models[name]["mcc"],
-        "attainable_mcc": models[name]["attainable_mcc"],
-        "map_error": models[name]["map_error_um"] / no_loss_um
-        if no_loss_um > 0
-        else math.nan,
-        **{f"{model}_mcc": models[model]["mcc"] for model in (*BASELINES, ORACLE)},
-    }
     mask = np.zeros(valid.shape, dtype=bool)
     mask[valid] = own[name] > level
-    is_defined = math.isfinite(row["mcc"]) and bool((mask & valid).any())
-    untested = "noise" if not above_noise else "" if is_defined else "undefined"
-    compared = {"measured": np.where(loss[valid], lost, 0.0), **own}
+    is_defined = math.isfinite(chosen["mcc"]) and mask.any()
+    row = {
+        "patch": patch,
+        "contact_fraction": float((contact.pressure.values > 0).mean()),
+        "predicted_loss_um": chosen["predicted_volume_um3"]
+        / (element_um3 * 1e-3 * height.size),
+        "mcc": chosen["mcc"],
+        "attainable_mcc": chosen["attainable_mcc"],
+        "map_error": float(ratio(chosen["map_error_um"], no_loss_um)),
+        **{f"{model}_mcc": models[model]["mcc"] for model in (*BASELINES, ORACLE)},
+        "untested": "noise" if not above_noise else "" if is_defined else "undefined",
+    }
+    compared = {"measured": np.where(is_lost, lost, 0.0), **own}
     bands = [{"patch": patch} | band for band in _bands(compared, height)]
     places = Places.packed(mask, loss, valid)
-    return ScoredPatch(row, untested, list(models.values()), bands, places)
+    return ScoredPatch(row, [*models.values()], bands, places)
 
 
 def by_chance(scored: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
@@ -178,12 +174,10 @@ def by_chance(scored: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
 
     See `gstlib.validation.nulls.swapped_mcc`.
     """
-    predicted = {}
-    for one in scored:
-        mask, _, _ = one.places.masks()
-        if mask.any():
-            predicted[one.row["patch"]] = one.places
-    tested = [one.row["patch"] for one in scored if not one.untested]
+    predicted = {
+        one.row["patch"]: one.places for one in scored if one.places.bits[0].any()
+    }
+    tested = [one.row["patch"] for one in scored if not one.row["untested"]]
     return {patch: swapped_mcc(patch, predicted) for patch in tested}
 
 
@@ -198,14 +192,13 @@ def score_tables(
     for one in scored:
         patch = one.row["patch"]
         first = {"patch": patch, "in_statistics": in_statistics[patch]}
-        patches.append(first | one.row | {"untested": one.untested})
-    wear = pd.DataFrame([row for one in scored for row in one.models])
-    if INTERLAYER not in set(
-        wear.get("model", [])
-    ):  # only that of an interlayer is compared
-        wear = wear.drop(columns="out_of_contact_um", errors="ignore")
-    profile = pd.DataFrame([row for one in scored for row in one.bands])
-    return {"patches": pd.DataFrame(patches), "wear": wear, "profile": profile}
+        patches.append(first | one.row)
+    rows = {
+        "patches": patches,
+        "wear": [row for one in scored for row in one.models],
+        "profile": [row for one in scored for row in one.bands],
+    }
+    return {name: pd.DataFrame(of_table) for name, of_table in rows.items()}
 
 
 def _bands(

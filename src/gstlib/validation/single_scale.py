@@ -267,12 +267,11 @@ def two_scales_table(
             true, pressure_MPa = at.contact.values, float(at.pressure.mean())
             touching = np.broadcast_to(contact.pressure.values > 0, true.shape)
             highest = _highest(contact.interface.laid.values, true)
-            everywhere = np.ones_like(true)
             for name, mask, pressure in (
                 (variant, touching, contact.mean_pressure),
                 (f"highest_{variant}", highest, np.nan),
             ):
-                counts = mask_counts(mask, true, everywhere)
+                counts = mask_counts(mask, true)
                 rows.append((patch, name, pressure, pressure_MPa, *counts))
     keys = ["patch", "variant", "pressure_MPa", "reference_pressure_MPa"]
     table = pd.DataFrame(rows, columns=[*keys, *_COUNTS])

@@ -54,9 +54,10 @@ __all__ = [
 
 _NONE = BASELINES[0]
 _PREDICTIONS = BARE, INTERLAYER, CAPPED
-# Loss of a patch as area and as volume, both over the measured area, because different fractions of
-# patches overlap.
-_EXTENTS = "loss_fraction", "mean_wear_depth_um"
+# Columns in which patches are expected to be the most worn. The first two are the loss as area and
+# as volume, both over the measured area, because different fractions of patches overlap.
+_RANKED = ["loss_fraction", "mean_wear_depth_um", "predicted_loss_um", "pressure_MPa"]
+_RANKED += ["contact_fraction"]
 # An interlayer is detected if its error out of contact is below this fraction of the bare stone's.
 ERROR_TO_BEAT = 0.98
 
@@ -115,28 +116,29 @@ def summarise(
     rows: list[_Row] = []
     scored = wear[wear.patch.isin(in_statistics.patch)] if len(wear) else wear
     if len(scored):
-        rows += _model_rows(scored, draws)
+        by_patch = scored.pivot(index="patch", columns="model")
+        by_patch = by_patch.loc[scored.patch.unique()]
+        rows += _model_rows(by_patch, draws)
         tested = [nulls[patch] for patch in in_statistics.patch if patch in nulls]
-        rows.append(_chance_row(own_model(list(scored.model)), tested, draws))
+        rows.append(_chance_row(own_model([*scored.model]), tested, draws))
         if interlayer is not None:
-            rows += _interlayer_rows(scored, interlayer, draws)
+            rows += _interlayer_rows(by_patch.out_of_contact_um, interlayer, draws)
     rows.append(_correlation(in_statistics, "pressure_MPa", "loss_fraction", draws))
     above_noise = patches[patches.above_noise]
     rows.append(_correlation(above_noise, "touched", "mean_wear_depth_um", draws))
     if expected_most_worn:
-        columns = [*_EXTENTS, "predicted_loss_um", "pressure_MPa", "contact_fraction"]
-        rows += [
-            _worst(in_statistics, expected_most_worn, column) for column in columns
-        ]
-    if len(scored):
-        rows += _depth_rows(
-            scored, draws
-        )  # last: the draws of the others stay as they were
+        rows += [_worst(in_statistics, expected_most_worn, name) for name in _RANKED]
+    if len(scored):  # last: the draws of the others stay as they were
+        for model in by_patch.map_error_um.columns.intersection(
+            _PREDICTIONS, sort=False
+        ):
+            relative = _relative_to_best(by_patch.map_error_um, model, draws)
+            rows.append((model, "relative_to_best(map_error)", *relative))
+    columns = ["model", "statistic", *Estimate._fields, "against"]
     named = [
-        {"model": model, "statistic": name, **estimate._asdict(), "against": against}
-        for model, name, estimate, against in rows
+        (model, name, *estimate, against) for model, name, estimate, against in rows
     ]
-    return separated(pd.DataFrame(named))
+    return separated(pd.DataFrame(named, columns=columns))
 
 
 def separated(summary: pd.DataFrame) -> pd.DataFrame:
@@ -148,14 +150,12 @@ def separated(summary: pd.DataFrame) -> pd.DataFrame:
     >>> separated(row)[["statistic", "x", "y"]].iloc[0].tolist()
     ['spearman', 'pressure_MPa', 'loss_fraction']
     """
-    parts = summary.statistic.str.extract(
-        r"^([^(]+)(?:\(([^,]+)(?:, (.+))?\))?$"
-    ).fillna("")
-    place = list(summary.columns).index("statistic")
-    table = summary.drop(columns="statistic")
-    for name, part in zip(("y", "x", "statistic"), (2, 1, 0), strict=True):
-        table.insert(place, name, parts[part])
-    return table
+    pattern = r"^(?P<statistic>[^(]+)(?:\((?P<x>[^,]+)(?:, (?P<y>.+))?\))?$"
+    parts = summary.statistic.str.extract(pattern).fillna("")
+    columns = [*summary]
+    after = columns.index("statistic") + 1
+    columns[after:after] = ["x", "y"]
+    return summary.assign(**parts)[columns]
 
 
 def statistic_names(summary: pd.DataFrame) -> pd.Series:
@@ -166,17 +166,10 @@ def statistic_names(summary: pd.DataFrame) -> pd.Series:
     >>> statistic_names(pd.DataFrame({"statistic": ["mean"], "x": ["mcc"], "y": [np.nan]})).tolist()
     ['mean(mcc)']
     """
-    rows = (
-        summary[["statistic", "x", "y"]]
-        .astype(object)
-        .fillna("")
-        .itertuples(index=False)
-    )
-    names = [
-        f"{statistic}({', '.join(filter(None, (x, y)))})" if x else statistic
-        for statistic, x, y in rows
-    ]
-    return pd.Series(names, index=summary.index, name="statistic", dtype=str)
+    parts = summary[["statistic", "x", "y"]].astype(object).fillna("")
+    arguments = (parts.x + ", " + parts.y).str.removesuffix(", ")
+    names = parts.statistic + "(" + arguments + ")"
+    return names.str.removesuffix("()").rename("statistic")
 
 
 def patch_statistics(
@@ -188,88 +181,67 @@ def patch_statistics(
     for each patch with a known change, even without a predicted loss. Pressures belong to the prior
     load case, because the wear influences the pressures of an inferred one.
     """
-    of_registration = ["patch", "loss_fraction", "mean_wear_depth_um", "above_noise"]
-    measured = registration.loc[registration.known_fraction > 0, of_registration]
-    where = pressures[["patch", "x_mm", "y_mm", "in_study"]].assign(
-        pressure_MPa=stated(pressures),
-        touched=(stated(pressures) > 0).astype(float),
+    of_use = stated(pressures)
+    table = pressures[["patch", "x_mm", "y_mm", "in_study"]].assign(
+        pressure_MPa=of_use,
+        touched=(of_use > 0).astype(float),
         unseen_MPa=unseen(pressures),
     )
+    measured = registration[registration.known_fraction > 0].set_index("patch")
+    measured = measured[["loss_fraction", "mean_wear_depth_um", "above_noise"]]
     predicted = patches.reindex(
         columns=["patch", "contact_fraction", "predicted_loss_um"]
-    )
-    # A table without rows has no types, and pandas merges text only with text.
-    measured = measured.astype({"patch": str})
-    predicted = predicted.astype({"patch": str})
-    table = where.merge(measured, on="patch").merge(predicted, on="patch", how="left")
+    ).set_index("patch")
+    table = table.set_index("patch").join(measured, how="inner").join(predicted)
     table["above_noise"] = table.above_noise.astype(bool)
     table["in_statistics"] = table.above_noise & table.in_study.astype(bool)
-    return table
+    return table.reset_index()
 
 
-def _by_model(scored: pd.DataFrame, name: str) -> pd.DataFrame:
-    """A column of the table ``wear`` by patch, in their order, and model."""
-    table = scored.pivot(index="patch", columns="model", values=name)
-    return table.loc[list(dict.fromkeys(scored.patch))]
-
-
-def _model_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
-    """Scores of the predictions, beside their baselines."""
-    volume_error = (scored.predicted_volume_um3 - scored.measured_volume_um3).abs()
-    scored = scored.assign(volume_error=volume_error)
-    mcc, attainable, map_error, volume = (
-        _by_model(scored, name)
-        for name in ("mcc", "attainable_mcc", "map_error_um", "volume_error")
-    )
+def _model_rows(by_patch: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
+    """Scores of the predictions, beside their baselines, by patch and model."""
     # Without a loss, no position is right or wrong, for all models alike.
-    mcc, attainable = mcc.dropna(), attainable.dropna()
-    baselines = [name for name in BASELINES if name != _NONE]
+    mcc, attainable = by_patch.mcc.dropna(), by_patch.attainable_mcc.dropna()
+    map_error = by_patch.map_error_um
+    volume = (by_patch.predicted_volume_um3 - by_patch.measured_volume_um3).abs()
+    best = str(mcc[[*BASELINES[1:]]].mean().idxmax()) if len(mcc) else ""
     for model in (*_PREDICTIONS, *BASELINES, ORACLE):
         if model not in mcc:
             continue
-        yield model, "mean(mcc)", mean_of(mcc[model].to_numpy(), draws), ""
+        yield model, "mean(mcc)", mean_of(mcc[model], draws), ""
         if model in _PREDICTIONS:
-            reached = mean_of(attainable[model].to_numpy(), draws)
+            reached = mean_of(attainable[model], draws)
             yield model, "mean(attainable_mcc)", reached, "any mask of its area"
-            best = str(mcc[baselines].mean().idxmax()) if len(mcc) else ""
-            gain = (mcc[model] - mcc[best]).to_numpy() if best else np.zeros(0)
+            gain = mcc[model] - mcc[best or model]
             p = _against_best(gain, draws)
             yield model, "gain(mcc)", mean_of(gain, draws, p), best
         if model != _NONE:
-            errors = map_error[model].to_numpy(), map_error[_NONE].to_numpy()
-            p = exchange_p_value(errors[1] - errors[0], draws.generator)
-            yield model, "relative(map_error)", ratio_of_sums(*errors, draws, p), _NONE
+            relative = _relative(map_error[model], map_error[_NONE], draws)
+            yield model, "relative(map_error)", relative, _NONE
         if model in _PREDICTIONS:
-            yield (
-                model,
-                "relative(volume_error)",
-                *_relative_to_best(volume, model, draws),
-            )
+            relative_to_best = _relative_to_best(volume, model, draws)
+            yield model, "relative(volume_error)", *relative_to_best
 
 
-def _depth_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
-    """Errors of the predicted depths, against the best baseline."""
-    errors = _by_model(scored, "map_error_um")
-    for model in _PREDICTIONS:
-        if model in errors:
-            relative = _relative_to_best(errors, model, draws)
-            yield model, "relative_to_best(map_error)", *relative
+def _relative(error: pd.Series, other: pd.Series, draws: Draws) -> Estimate:
+    """Summed errors (patches,) over the summed errors of another model, and its test."""
+    p = exchange_p_value(other - error, draws.generator)
+    return ratio_of_sums(error, other, draws, p)
 
 
 def _relative_to_best(
     errors: pd.DataFrame, model: str, draws: Draws
 ) -> tuple[Estimate, str]:
     """Summed errors (patches, models) of a model over the best baseline's, and its name."""
-    best = str(errors[list(BASELINES)].sum().idxmin())
-    both = errors[model].to_numpy(), errors[best].to_numpy()
-    p = _against_best(both[1] - both[0], draws)
-    return ratio_of_sums(*both, draws, p), best
+    best = str(errors[[*BASELINES]].sum().idxmin())
+    p = _against_best(errors[best] - errors[model], draws)
+    return ratio_of_sums(errors[model], errors[best], draws, p), best
 
 
-def _against_best(gain: np.ndarray, draws: Draws) -> float:
+def _against_best(gain: pd.Series, draws: Draws) -> float:
     """Two-sided test of a mean gain over the best of the baselines."""
     p = exchange_p_value(gain, draws.generator)
-    return p if not gain.size or gain.mean() > 0 else min(1.0, len(BASELINES) * p)
+    return p if gain.empty or gain.mean() > 0 else min(1.0, len(BASELINES) * p)
 
 
 def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:
@@ -282,29 +254,26 @@ def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:
     if len(nulls) > 1:
         drawn = [draws.generator.choice(null[1:], draws.resamples) for null in nulls]
         p = p_value(float(values.mean()), np.mean(drawn, axis=0))
-    return (
-        own,
-        "tested_mean(mcc)",
-        mean_of(values, draws, p),
-        "other patches' predictions",
-    )
+    mean = mean_of(values, draws, p)
+    return own, "tested_mean(mcc)", mean, "other patches' predictions"
 
 
 def _interlayer_rows(
-    scored: pd.DataFrame, interlayer: xr.Dataset, draws: Draws
+    errors: pd.DataFrame, interlayer: xr.Dataset, draws: Draws
 ) -> Iterator[_Row]:
-    """Whether there was an interlayer between the stones, and its part of the wear."""
-    error = _by_model(scored, "out_of_contact_um").fillna(0.0)
-    errors = error[INTERLAYER].to_numpy(), ERROR_TO_BEAT * error[BARE].to_numpy()
-    p = exchange_p_value(errors[1] - errors[0], draws.generator)
-    yield INTERLAYER, "relative(out_of_contact)", ratio_of_sums(*errors, draws, p), BARE
+    """Whether there was an interlayer between the stones, and its part of the wear.
+
+    `errors` (patches, models) are out of contact; NaN where the contact is everywhere.
+    """
+    error = errors.fillna(0.0)
+    relative = _relative(error[INTERLAYER], ERROR_TO_BEAT * error[BARE], draws)
+    yield INTERLAYER, "relative(out_of_contact)", relative, BARE
     misfit = interlayer.misfit.transpose("patch", "ratio").values
     drawn = draws.generator.integers(0, len(misfit), (draws.resamples, len(misfit)))
     samples = interlayer.ratio.values[misfit[drawn].sum(axis=1).argmin(axis=1)]
     interval = percentile_interval(samples, len(misfit))
-    estimate = Estimate(
-        float(interlayer.ratio_of_all), *interval, math.nan, len(misfit)
-    )
+    value = float(interlayer.ratio_of_all)
+    estimate = Estimate(value, *interval, math.nan, len(misfit))
     yield INTERLAYER, "interlayer_ratio", estimate, ""
 
 
@@ -319,21 +288,17 @@ def _correlation(
 def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> _Row:
     """Fraction of expected patches among the equally many largest; NaN if a value is missing."""
     values = table.set_index("patch")[column].dropna()
-    is_expected = values.index.isin(expected)
+    ranks = values.astype(float).rank(ascending=False, method="max")
+    of_expected = ranks[ranks.index.isin(expected)]
     share = p = math.nan
     count = len(expected)
-    if is_expected.sum() == count:
-        ranks = scipy.stats.rankdata(-values.to_numpy(dtype=float), method="max")
-        within = int((ranks[is_expected] <= count).sum())
+    if len(of_expected) == count:
+        within = int((of_expected <= count).sum())
         share = within / count
         p = float(scipy.stats.hypergeom.sf(within - 1, len(values), count, count))
     name = f"expected_most_worn({'+'.join(expected)}, {column})"
-    return (
-        "",
-        name,
-        Estimate(share, math.nan, math.nan, p, len(values)),
-        "random ranking",
-    )
+    estimate = Estimate(share, math.nan, math.nan, p, len(values))
+    return "", name, estimate, "random ranking"
 
 
 def score_wear(
@@ -387,8 +352,8 @@ def score_wear(
     if prediction.depths:
         fitted_to = prediction.fitted_to
         others = other_patches(pressures, registration, fitted_to, contacts, changes)
-        for row in measured.itertuples():
-            score = score_patch(
+        scores = [
+            score_patch(
                 row.patch,
                 contacts[row.patch],
                 changes[row.patch],
@@ -397,7 +362,8 @@ def score_wear(
                 pressure_MPa=row.unseen_MPa,
                 above_noise=row.above_noise,
             )
-            scores.append(score)
+            for row in measured.itertuples()
+        ]
     tables = score_tables(scores, measured.set_index("patch").in_statistics)
     tables["summary"] = summarise(
         patch_statistics(tables["patches"], registration, pressures),

@@ -47,25 +47,25 @@ def test_exchanging_model_and_baseline_is_exact_for_few_patches():
     gain = np.array([0.1, 0.2, 0.15, 0.05, 0.3])
     for gains in (gain, -gain, gain[:2]):
         expected = pytest.approx(2 / 2**gains.size)
-        assert exchange_p_value(gains, np.random.default_rng(0)) == expected
+        assert exchange_p_value(gains, draws().generator) == expected
     for nothing in (gain[:1], np.zeros(5)):
-        assert math.isnan(exchange_p_value(nothing, np.random.default_rng(0)))
+        assert math.isnan(exchange_p_value(nothing, draws().generator))
 
 
 def test_rank_correlation_is_spearmans_and_its_permutations_are_exact():
     rng = np.random.default_rng(0)
     table = pd.DataFrame({"x": rng.permutation(8), "y": rng.random(8).round(1)})
-    table = table.assign(same=np.exp(table.x), constant=0.1)
-    tied = rank_correlation(table, "x", "y", draws(), places=())
+    table = table.assign(same=np.exp(table.x), constant=0.1, x_mm=range(8), y_mm=0.0)
+    tied = rank_correlation(table, "x", "y", draws())
     assert tied.value == pytest.approx(spearmanr(table.x, table.y).statistic)
-    estimate = rank_correlation(table, "x", "same", draws(), places=())
+    estimate = rank_correlation(table, "x", "same", draws())
     # 2 of the 8! pairings are as extreme
     assert (estimate.low, estimate.p_value) == pytest.approx((1, 2 / math.factorial(8)))
-    five = rank_correlation(table[:5], "x", "y", draws(), places=())
+    five = rank_correlation(table[:5], "x", "y", draws())
     assert np.isfinite(five.value)
     assert np.isnan(five.low)
     for few, column in ((2, "x"), (8, "constant")):
-        estimate = rank_correlation(table[:few], column, "y", draws(), places=())
+        estimate = rank_correlation(table[:few], column, "y", draws())
         assert np.isnan(estimate.value)
 
 

@@ -20,7 +20,7 @@ def test_scores_are_those_of_all_predictions_after_half_a_turn():
     other = np.ones((7, 7), dtype=bool)  # of another instrument
     scores = swapped_mcc("b", places | {"d": Places.packed(other, other, other)})
     expected = [
-        mask_scores(*mask_counts(side, lost, measured))["mcc"]
+        mask_scores(*mask_counts(side[measured], lost[measured]))["mcc"]
         for name in "bac"
         for side in (masks[name], masks[name][::-1, ::-1])
     ]
