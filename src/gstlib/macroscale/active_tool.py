@@ -13,6 +13,7 @@ about the square's y axis, so that its x runs against the other x.
 # radii, or flat. Its summit may be anywhere. Reason: Moving the summit is equivalent to tilting the
 # stone, and in equilibrium the stone finds its own tilt. Alternative: A mesh of the active tool.
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -76,7 +77,9 @@ class ActiveTool(NamedTuple):
     mesh : trimesh.Trimesh
         mm.
     pose : mapping
-        As in `pose_frame`.
+        Either ``points_mm``, three points of the square on the active mesh (see
+        `gstlib.surfaces.frames.frame_from_points`), or ``matrix``, which maps points of the active
+        mesh to the passive mesh (4 × 4, mm).
     reach_mm : float
         Margin of its face around the passive face.
     source : str
@@ -104,45 +107,27 @@ def stated_tool(
     return RoundedTool(*rounded) if mesh is None else ActiveTool.read(**mesh)
 
 
-def pose_frame(
-    pose: Mapping, frame: Frame, mesh: "trimesh.Trimesh", *, size_mm: float, source: str
-) -> Frame:
+def pose_frame(stone: ActiveTool, frame: Frame, *, size_mm: float) -> Frame:
     """The frame, on the active mesh, of the square that is turned over onto the passive one.
 
-    Parameters
-    ----------
-    pose : mapping
-        Either ``points_mm``, three points of the square on the active mesh (see
-        `gstlib.surfaces.frames.frame_from_points`), or ``matrix``, which maps points of the active
-        mesh to the passive mesh (4 × 4, mm).
-    frame : Frame
-        Frame of the square on the passive mesh.
-    mesh : trimesh.Trimesh
-        The active tool, mm.
-    size_mm : float
-        Side of the square.
-    source : str
-        Name of the active mesh's file, for messages.
+    `frame` is the frame of the square, of side `size_mm`, on the passive tool.
 
     Raises
     ------
     ConfigError
         The pose is invalid.
     """
-    if "points_mm" in pose:
+    if "points_mm" in stone.pose:
+        points = stone.pose["points_mm"]
         try:
-            return find_frame(pose["points_mm"], mesh, size_mm=size_mm, source=source)
+            return find_frame(points, stone.mesh, size_mm=size_mm, source=stone.source)
         except ConfigError as error:  # it names the passive tool's points
-            raise ConfigError(
-                f"{_KEY}.points_mm", error.problem, error.remedy
-            ) from error
-    matrix = np.asarray(pose["matrix"], float)
-    turn = matrix[:3, :3]
-    shift = matrix[:3, 3]
-    unit = (
-        np.allclose(turn @ turn.T, np.eye(3), atol=_RIGID) and np.linalg.det(turn) > 0
-    )
-    if not (unit and np.allclose(matrix[3], [0, 0, 0, 1])):
+            raise error.about(f"{_KEY}.points_mm", error.problem) from error
+    matrix = np.asarray(stone.pose["matrix"], float)
+    turn, shift = matrix[:3, :3], matrix[:3, 3]
+    is_unit = np.allclose(turn @ turn.T, np.eye(3), atol=_RIGID)
+    is_rotation = is_unit and np.linalg.det(turn) > 0
+    if not (is_rotation and np.allclose(matrix[3], [0, 0, 0, 1])):
         raise ConfigError(
             f"{_KEY}.matrix",
             f"{matrix.tolist()} does not move a stone: it stretches or mirrors it",
@@ -159,9 +144,7 @@ def posed_mesh(stone: ActiveTool, frame: Frame, *, size_mm: float) -> "trimesh.T
 
     `frame` is the frame of the square, of side `size_mm`, on the passive tool.
     """
-    own = pose_frame(
-        stone.pose, frame, stone.mesh, size_mm=size_mm, source=stone.source
-    )
+    own = pose_frame(stone, frame, size_mm=size_mm)
     turned = own.to_frame(stone.mesh.vertices) * (-1, 1, -1) + (size_mm, 0, 0)
     moved = stone.mesh.copy()
     moved.vertices = turned @ frame.axes + np.array(frame.origin)
@@ -259,48 +242,39 @@ def grid_counterface(
         The active tool misses the square or faces away from it. The gap or overlap of the stones
         exceeds their relief. See also `grid_mesh` and `pose_frame`.
     """
-    mesh = stone.mesh
-    pose = stone.pose
-    source = stone.source
     dx = spacing_of(surface)[1]
     grid = round(size_mm / dx)
-    own = pose_frame(pose, frame, mesh, size_mm=size_mm, source=source)
-    around = (surface.sizes["x"] - grid) // 2 + int(np.ceil(stone.reach_mm / dx))
+    own = pose_frame(stone, frame, size_mm=size_mm)
     try:
         gridded = grid_mesh(
-            mesh,
+            stone.mesh,
             own,
             size_mm=size_mm,
             grid=grid,
-            around=around,
+            around=(surface.sizes["x"] - grid) // 2 + math.ceil(stone.reach_mm / dx),
             interpolation=interpolation,
-            source=source,
+            source=stone.source,
         ).height
     except InputError as error:
         problem = f"the active tool in its pose: {error.problem}"
         remedy = f"Check {_KEY} and counterface.mesh_unit in the config."
-        raise error.about(source, problem, remedy) from error
-    face = gridded.copy(data=gridded.values[:, ::-1]).assign_attrs(
-        long_name="height of the counterface"
-    )
+        raise error.about(stone.source, problem, remedy) from error
+    face = gridded.copy(data=gridded.values[:, ::-1])
     over = square_of(face, size_mm)
-    below = square_of(surface, size_mm)
+    below = square_of(surface, size_mm).values
     _, plane = remove_plane(over)
-    if "points_mm" not in pose:
-        gap = -float((below.values + over.values).max())
-        relief = float(np.ptp(below.values)) + float(np.ptp(over.values))
-        if abs(gap) > relief:
-            where = "in" if gap < 0 else "away from"
-            problem = (
-                f"the active tool in its pose is {abs(gap):.3g} mm {where} the passive one, "
-                f"more than the {relief:.3g} mm between the summits and dales of both faces"
-            )
-            refuse(
-                FaultError(
-                    "apart", source, problem, f"Check {_KEY}: the two must touch."
-                )
-            )
-    return face.copy(data=face.values - plane.heights(face))
+    gap = -float((below + over.values).max())
+    relief = float(np.ptp(below) + np.ptp(over.values))
+    if "points_mm" not in stone.pose and abs(gap) > relief:
+        where = "in" if gap < 0 else "away from"
+        problem = (
+            f"the active tool in its pose is {abs(gap):.3g} mm {where} the passive one, more than "
+            f"the {relief:.3g} mm between the summits and dales of both faces"
+        )
+        remedy = f"Check {_KEY}: the two must touch."
+        refuse(FaultError("apart", stone.source, problem, remedy))
+    level = face.copy(data=face.values - plane.heights(face))
+    return level.assign_attrs(long_name="height of the counterface")
 
 
 def face_in_pose(
@@ -319,13 +293,12 @@ def face_in_pose(
     """
     middle = size_mm / 2
     moved = PatchPosition(middle + pose.y_mm, middle + pose.x_mm, pose.rotation_deg)
-    y, x = np.meshgrid(height.y.values, height.x.values, indexing="ij")
-    v, u = moved.seen(y, x)
-    at = [v + middle, u + middle]
+    y, x = np.meshgrid(height.y, height.x, indexing="ij")
+    at = [middle + along for along in moved.seen(y, x)]
     for where, axis in zip(at, "yx", strict=True):
         half = spacing_of(height)[0] / 2
-        low, high = face[axis].values[[0, -1]]
-        if where.min() < low - half or where.max() > high + half:
+        low, high = face[axis].values[[0, -1]] + [-half, half]
+        if where.min() < low or where.max() > high:
             raise InputError(
                 "gesture",
                 f"a pose moves the active tool by ({pose.x_mm:g}, {pose.y_mm:g}) mm and "
@@ -335,9 +308,9 @@ def face_in_pose(
 
     def over(field: xr.DataArray) -> np.ndarray:
         spline = spline_of(field)
-        return (
-            spline(at[0][:, 0], at[1][0]) if pose.rotation_deg == 0 else spline.ev(*at)
-        )
+        if pose.rotation_deg == 0:
+            return spline(at[0][:, 0], at[1][0])
+        return spline.ev(*at)
 
     values = over(face)
     absent = np.isnan(face.values)

@@ -20,7 +20,7 @@ a prediction inside a patch (docs/explanation/evidence.md).
 # Reason: All of them show the same surface.
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 
 import numpy as np
 import pandas as pd
@@ -56,10 +56,12 @@ _PLANE_POINTS = 24
 _PLANE_DRAWS = 50
 # Sides, in patches, of the field on which the tilt of detail is measured.
 _TILT_PATCHES = 24
-# Columns of a plane.
-_PLANE = [field.name for field in fields(Plane)]
-# Positions and planes of patches: unit and long name of each number.
-_LYING = {
+# Unit and long name of each variable of the surface and of its patches.
+_VARIABLES = {
+    "height": ("mm", "height of the composite surface"),
+    "density": ("mm4", "power spectral density beyond the mesh"),
+    "scan": ("mm", "levelled scan on a coarse grid"),
+    "patch_mm": ("mm", "side of a patch"),
     "x_mm": ("mm", "centre along x"),
     "y_mm": ("mm", "centre along y"),
     "rotation_deg": ("degree", "turn"),
@@ -153,57 +155,43 @@ def compose_surface(
     spline = spline_of(face.height)
     element = max(spacing_of(face.height))
     points = int(np.ceil(patch_mm * _PER_ELEMENT / element))
-    coarse = []
-    densities = []
-    shape = None
+    coarse, densities, planes = [], [], []
+    count = 0
     for patch, place in places.items():
         height = s_filtered(scans[patch].height, s_filter_um)
         check_size(height, patch_mm, f"patch {patch}")
-        shape = (
-            shape or height.shape
-        )  # of the first: densities need the same frequencies
+        # Of the first scan, because densities need the same frequencies.
+        count = count or min(height.shape)
         under = height.copy(data=on_patch(spline, place, height.shape, patch_mm))
         beyond = height.values - remove_plane(under)[0].values
-        even = resize_local_mean(beyond, 2 * (min(shape),))
-        frequency, density = radial_spectrum(even, 2 * (patch_mm / min(shape),))
+        even = resize_local_mean(beyond, (count, count))
+        frequency, density = radial_spectrum(even, 2 * (patch_mm / count,))
         densities.append(density)
-        coarse.append(resize_local_mean(height.values, 2 * (points,)))
+        coarse.append(resize_local_mean(height.values, (points, points)))
+        planes.append(asdict(plane_under(spline, place, patch_mm)) | place._asdict())
     spectrum = xr.DataArray(
         np.mean(densities, axis=0),
-        dims="frequency",
-        coords={"frequency": ("frequency", frequency, {"units": "1/mm"})},
-        attrs={"units": "mm4", "long_name": "power spectral density beyond the mesh"},
+        {"frequency": ("frequency", frequency, {"units": "1/mm"})},
     )
     generator = np.random.default_rng([seed, 0])
-    table = pd.DataFrame(
-        [
-            asdict(plane_under(spline, place, patch_mm)) | place._asdict()
-            for place in places.values()
-        ]
-    )
+    table = pd.DataFrame(planes)
     error = _plane_errors(face, places, spectrum, patch_mm, placement_um, generator)
     table["tilt_mrad"] = 1e3 * np.hypot(table.slope_y, table.slope_x)
     table["tilt_error_mrad"] = error
     table["known"] = table.tilt_mrad > np.sqrt(2) * error
     table.loc[~table.known, ["slope_y", "slope_x"]] = 0.0
-    planes = (Plane(*row[1:]) for row in table[_PLANE].itertuples())
-    laid = zip(places.values(), planes, coarse, strict=True)
-    level = compose_grid(face.height, laid, patch_mm, spectrum, seed)
-    level.attrs = {"units": "mm", "long_name": "height of the composite surface"}
-    of_scan = {"units": "mm", "long_name": "levelled scan on a coarse grid"}
-    composite = xr.Dataset(
-        {
-            "height": level,
-            "density": spectrum,
-            "scan": (("patch", "v", "u"), np.array(coarse), of_scan),
-            "counterface": face.counterface,
-            "size_mm": face.size_mm,
-            "patch_mm": ((), patch_mm, {"units": "mm", "long_name": "side of a patch"}),
-        },
-        coords={"patch": list(places)},
-    )
-    lying = xr.Dataset({name: ("patch", table[name]) for name in _LYING})
-    return composite.assign(described(lying, _LYING).data_vars)
+    adopted = map(Plane, table.offset, table.slope_y, table.slope_x)
+    laid = zip(places.values(), adopted, coarse, strict=True)
+    variables = {
+        "height": compose_grid(face.height, laid, patch_mm, spectrum, seed),
+        "density": spectrum,
+        "scan": (("patch", "v", "u"), np.array(coarse)),
+        "patch_mm": patch_mm,
+        **{name: ("patch", table[name]) for name in table},
+    }
+    composite = xr.Dataset(variables, {"patch": list(places)})
+    of_face = {"counterface": face.counterface, "size_mm": face.size_mm}
+    return described(composite, _VARIABLES).assign(of_face)
 
 
 def compose(
@@ -219,8 +207,7 @@ def compose(
     Inside an outline it is the scan on its plane. Elsewhere it is the surface of `spline` with
     random detail of this `density`.
     """
-    y = grid.y.values
-    x = grid.x.values
+    y, x = grid.y.values, grid.x.values
     height = spline(y, x)
     generator = np.random.default_rng(seed)
     height += _random_field(density, height.shape, max(spacing_of(grid)), generator)
@@ -233,7 +220,7 @@ def compose(
             for axis, centre in ((y, place.y_mm), (x, place.x_mm))
         )
         v, u = place.seen(y[rows, None], x[columns])
-        inside = (abs(v) <= patch_mm / 2) & (abs(u) <= patch_mm / 2)
+        inside = np.maximum(abs(v), abs(u)) <= patch_mm / 2
         at = [
             (axis / patch_mm + 0.5) * points - 0.5
             for axis, points in zip(np.broadcast_arrays(v, u), scan.shape, strict=True)
@@ -281,17 +268,14 @@ def draw_mesh_errors(
 
     At each vertex of the `face` its left-out error times a normal number, linear between vertices.
     """
-    vertices = np.stack([face.vertex_y.values, face.vertex_x.values], axis=1)
+    vertices = np.column_stack([face.vertex_y, face.vertex_x])
     drawn = generator.standard_normal((len(vertices), draws))
-    errors = face.left_out_error.values[:, None] * drawn
-    y, x = np.meshgrid(grid.y.values, grid.x.values, indexing="ij")
-    at = np.stack([y, x], axis=-1)
-    linear = scipy.interpolate.LinearNDInterpolator(vertices, errors)
-    nearest = scipy.interpolate.NearestNDInterpolator(vertices, errors)
-    errors_there = linear(at)
-    outside = np.isnan(errors_there[..., 0])
-    errors_there[outside] = nearest(at[outside])
-    return np.moveaxis(errors_there, -1, 0)
+    known = vertices, face.left_out_error.values[:, None] * drawn
+    at = np.stack(np.meshgrid(grid.y, grid.x, indexing="ij"), axis=-1)
+    errors = scipy.interpolate.LinearNDInterpolator(*known)(at)
+    outside = np.isnan(errors[..., 0])
+    errors[outside] = scipy.interpolate.NearestNDInterpolator(*known)(at[outside])
+    return np.moveaxis(errors, -1, 0)
 
 
 def _plane_errors(
@@ -303,21 +287,16 @@ def _plane_errors(
     generator: np.random.Generator,
 ) -> np.ndarray:
     """Standard error (mrad) of each patch's tilt, by the mesh, the position and unseen waves."""
-    slopes = np.empty((_PLANE_DRAWS, len(places), 2))
+    slopes = []
     height = square_of(face.height, float(face.size_mm))
-    for draw, error in enumerate(
-        draw_mesh_errors(face, height, _PLANE_DRAWS, generator)
-    ):
+    for error in draw_mesh_errors(face, height, _PLANE_DRAWS, generator):
         spline = spline_of(height + error)
         shifts = placement_um * 1e-3 * generator.standard_normal((len(places), 2))
-        for number, (place, shift) in enumerate(
-            zip(places.values(), shifts, strict=True)
-        ):
-            moved = place._replace(
-                y_mm=place.y_mm + shift[0], x_mm=place.x_mm + shift[1]
-            )
-            plane = plane_under(spline, moved, patch_mm)
-            slopes[draw, number] = plane.slope_y, plane.slope_x
+        planes = [
+            plane_under(spline, PatchPosition(y + dy, x + dx, turn), patch_mm)
+            for (y, x, turn), (dy, dx) in zip(places.values(), shifts, strict=True)
+        ]
+        slopes.append([(plane.slope_y, plane.slope_x) for plane in planes])
     step = patch_mm / _PLANE_POINTS
     field = _random_field(
         density, 2 * (_TILT_PATCHES * _PLANE_POINTS,), step, generator
@@ -325,7 +304,7 @@ def _plane_errors(
     along = axis_coordinates(_PLANE_POINTS, step) - patch_mm / 2
     blocks = field.reshape(2 * (_TILT_PATCHES, _PLANE_POINTS)).mean(axis=3)
     unseen = np.einsum("ijk,j->ik", blocks, along) / (along @ along)
-    variance = slopes.var(axis=0, ddof=1).mean(axis=1)
+    variance = np.var(slopes, axis=0, ddof=1).mean(axis=1)
     return 1e3 * np.sqrt(variance + (unseen**2).mean())
 
 

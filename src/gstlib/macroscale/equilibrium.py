@@ -13,8 +13,9 @@ from gstlib.contact import (
     contact_at_pressure,
     load_path_table,
 )
-from gstlib.macroscale.face import square_alone
+from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["face_under_load", "macroscale_table", "solve_at_load"]
 
@@ -31,14 +32,14 @@ def face_under_load(
         `gstlib.macroscale.face.grid_macroscale` or `gstlib.macroscale.composite.compose_surface`.
     force_N : float
     load_point : (float, float) or None
-        As in `gstlib.contact.Load`: the whole face is free to tilt. If it is None, the square is
-        pressed alone, on its mean plane.
+        As in `gstlib.contact.Load`: the whole face is free to tilt. If it is None, the paper's
+        square is cut out of it and pressed alone, on its mean plane, against a flat.
     """
-    interface = (
-        square_alone(face)
-        if load_point is None
-        else Interface(face.height, face.counterface)
-    )
+    if load_point is None:
+        square = square_of(face.height, float(face.size_mm))
+        interface = Interface.on_flat(remove_plane(square)[0])
+    else:
+        interface = Interface(face.height, face.counterface)
     return interface, Load.of_force(force_N, interface.height, load_point)
 
 

@@ -1,7 +1,7 @@
 """The use-face of a stone on a grid, and the active tool pressed on it.
 
 The *face* is the square and the stone around it. The paper's square is cut out of it and pressed
-alone (`square_alone`).
+alone (`gstlib.macroscale.equilibrium`).
 """
 
 import logging
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from gstlib.contact import Interface
 from gstlib.errors import FaultError, refuse
 from gstlib.macroscale.active_tool import (
     FLAT,
@@ -31,13 +30,7 @@ from gstlib.surfaces.leveling import remove_plane
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = [
-    "grid_macroscale",
-    "largest_face",
-    "square_alone",
-    "thin_stone",
-    "without_curvature",
-]
+__all__ = ["grid_macroscale", "largest_face", "thin_stone", "without_curvature"]
 
 _log = logging.getLogger(__name__)
 
@@ -128,9 +121,10 @@ def grid_macroscale(
         )
     else:
         counterface = None
-        radius_mm, angle_deg = active_tool
         middle = size_mm / 2, size_mm / 2
-        over = rounded_counterface(height, radius_mm, middle, angle_deg)
+        over = rounded_counterface(
+            height, active_tool.radius_mm, middle, active_tool.angle_deg
+        )
     over.attrs = {"units": "mm", "long_name": "height of the counterface, 0 for a flat"}
     _, plane = remove_plane(square_of(height, size_mm))
     face = {"height": height.copy(data=height.values - plane.heights(height))}
@@ -160,9 +154,7 @@ def without_curvature(face: xr.Dataset) -> xr.Dataset:
     middle = float(face.size_mm) / 2
 
     def powers(surface: xr.DataArray) -> np.ndarray:
-        along_y = surface.y.values - middle
-        along_x = surface.x.values - middle
-        y, x = np.meshgrid(along_y, along_x, indexing="ij")
+        y, x = np.meshgrid(surface.y - middle, surface.x - middle, indexing="ij")
         return np.stack([y * y, y * x, x * x, y, x, np.ones_like(x)], axis=-1)
 
     square = square_of(height, float(face.size_mm))
@@ -227,13 +219,3 @@ def thin_stone(height: xr.DataArray, *, source: str | Path) -> Iterator[FaultErr
             f"the stone is {thickness:.3g} mm thick under the square, too thin for a tool",
             "Pick square.points_mm where the stone was used, facing outwards, and check mesh_unit.",
         )
-
-
-def square_alone(face: xr.Dataset) -> Interface:
-    """The paper's square: cut out of the face, on its mean plane, against a flat.
-
-    `face` is from `grid_macroscale`.
-    """
-    return Interface.on_flat(
-        remove_plane(square_of(face.height, float(face.size_mm)))[0]
-    )

@@ -94,8 +94,8 @@ class Gesture(NamedTuple):
         """The case that is pressed in a pose, a row of `poses`."""
         place = PatchPosition(pose.y_mm, pose.x_mm, pose.rotation_deg)
         middle = self.size_mm / 2
-        tool = place._replace(y_mm=middle + place.y_mm, x_mm=middle + place.x_mm)
-        at = tool.points(self.load_point[0] - middle, self.load_point[1] - middle)
+        turned = place.points(*(along - middle for along in self.load_point))
+        at = middle + turned[0], middle + turned[1]
         load = Load.of_force(pose.force_N, height, at)
         over = self.counterface
         if self.mesh is not None:
@@ -213,59 +213,48 @@ def press_poses(
         gesture.case(height, pose, contact_modulus_MPa) for pose in poses.itertuples()
     )
     contacts = press_each(cases, tolerance=tolerance, source="gesture", in_order=True)
-
-    names = "pressure_sum", "highest_pressure", "touched_sum", "exposure"
-    sums = {name: np.zeros(height.shape) for name in names}
-    by_pose: list[dict[str, Any]] = []
-    kept: dict[int, np.ndarray] = {}
+    pressure_sum, touched_sum, exposed, highest = np.zeros((4, *height.shape))
+    by_pose, kept = [], {}
     for pose, contact in zip(poses.itertuples(), contacts, strict=True):
-        if contact is None:
+        pressure, displacement = np.zeros(height.shape), np.nan
+        if contact is not None:
+            pressure, displacement = contact.pressure.values, contact.displacement
+        else:
             _log.warning(
                 "pose %s: the stone does not rest in it, so this pose causes no wear",
                 pose.Index,
             )
-            pressure, displacement = np.zeros(height.shape), np.nan
-        else:
-            pressure, displacement = contact.pressure.values, contact.displacement
         from_middle = np.hypot(y[:, None] - pose.y_mm, x - pose.x_mm)
-        sliding_mm = np.hypot(
-            pose.sliding_mm, np.radians(pose.turning_deg) * from_middle
-        )
-        work = pressure * sliding_mm
+        turned_mm = np.radians(pose.turning_deg) * from_middle
+        work = pressure * np.hypot(pose.sliding_mm, turned_mm)
         touched = pressure > 0
-        sums["pressure_sum"] += pose.weight * pressure
-        sums["touched_sum"] += pose.weight * touched
-        sums["exposure"] += pose.weight * work
+        pressure_sum += pose.weight * pressure
+        touched_sum += pose.weight * touched
+        exposed += pose.weight * work
         if pose.weight > 0:
-            sums["highest_pressure"] = np.maximum(sums["highest_pressure"], pressure)
+            np.maximum(highest, pressure, out=highest)
         if pose.Index in shown:
             kept[pose.Index] = pressure
-        by_pose.append(
-            {
-                "weight": pose.weight,
-                "displacement": displacement,
-                "contact_fraction": touched.mean(),
-                "patch_pressure": means @ pressure.ravel(),
-                "patch_exposure": pose.weight * (means @ work.ravel()),
-            }
-        )
-
-    variables: dict[str, tuple] = {
-        name: (("y", "x"), total) for name, total in sums.items()
-    }
-    for name in by_pose[0]:
-        rows = np.array([row[name] for row in by_pose])
-        variables[name] = (("pose", "patch")[: rows.ndim], rows)
+        on_patches = means @ pressure.ravel(), pose.weight * (means @ work.ravel())
+        by_pose.append((pose.weight, displacement, touched.mean(), *on_patches))
+    weight, displaced, fraction, pressures, exposures = zip(*by_pose, strict=True)
+    element, by_patch = ("y", "x"), ("pose", "patch")
     fields = np.array([*kept.values()]).reshape(-1, *height.shape)
-    variables["pressure"] = (("shown", "y", "x"), fields)
-    coordinates = {
-        "y": height.y,
-        "x": height.x,
-        "pose": poses.index,
-        "shown": list(kept),
-        "patch": list(patches.patch),
+    variables = {
+        "pressure_sum": (element, pressure_sum),
+        "highest_pressure": (element, highest),
+        "touched_sum": (element, touched_sum),
+        "exposure": (element, exposed),
+        "weight": ("pose", [*weight]),
+        "displacement": ("pose", [*displaced]),
+        "contact_fraction": ("pose", [*fraction]),
+        "patch_pressure": (by_patch, [*pressures]),
+        "patch_exposure": (by_patch, [*exposures]),
+        "pressure": (("shown", *element), fields),
     }
-    return described(xr.Dataset(variables, coordinates), _VARIABLES)
+    posed = xr.Dataset(variables, {"y": height.y, "x": height.x})
+    posed = posed.assign_coords(pose=poses.index, shown=[*kept], patch=[*patches.patch])
+    return described(posed, _VARIABLES)
 
 
 def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:

@@ -19,7 +19,7 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.footprints import overlap, square_of
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = [
@@ -36,6 +36,11 @@ _log = logging.getLogger(__name__)
 EXPOSED, CONTROL = "exposed", "control"
 # As many scans as a day at a microscope allows. A third of them are controls.
 COUNTS = {EXPOSED: 8, CONTROL: 4}
+# Why fewer fit.
+_REASONS = {
+    EXPOSED: "the rest of the square is not touched",
+    CONTROL: "the rest is touched",
+}
 # Centres may differ from whole elements by rounding (mm).
 _ROUNDING = 1e-9
 # With a smaller share of the exposure inside, the stones rub beside the square.
@@ -75,10 +80,13 @@ def propose_places(
     >>> print(*places.iloc[0][["place", "x_mm", "y_mm"]])
     E1 2.0 3.0
     """
-    element, step_x = spacing_of(fields)
+    element, _ = steps = spacing_of(fields)
     centres = _centres(element, size_mm, patch_mm)
-    share_y = _shares(fields.y.values, element, centres, patch_mm)
-    share_x = _shares(fields.x.values, step_x, centres, patch_mm)
+    share_y, share_x = (
+        overlap(fields[axis].values, step, centres[:, None], patch_mm) / patch_mm
+        for axis, step in zip("yx", steps, strict=True)
+    )
+    share_y[share_y < _ROUNDING] = share_x[share_x < _ROUNDING] = 0
     within = share_y > 0, share_x > 0
     # By position: mean exposure, highest share of poses, and how far (mm) the next touched element
     # and the positions chosen before are.
@@ -94,7 +102,11 @@ def propose_places(
         for number in range(1, count + 1):
             at = np.unravel_index(left[kind].argmax(), exposure.shape)
             if left[kind][at] <= 0:
-                _warn_of_few(kind, number - 1, count)
+                _log.warning(
+                    "%d of %d %s positions fit in the square, because %s. For more, make "
+                    "square.size_mm larger or scans.size_mm smaller",
+                    *(number - 1, count, kind, _REASONS[kind]),
+                )
                 break
             y_mm, x_mm = centres[list(at)]
             apart = np.maximum.outer(abs(centres - y_mm), abs(centres - x_mm))
@@ -102,8 +114,7 @@ def propose_places(
             left[EXPOSED][gaps < 0] = 0
             left[CONTROL] = np.minimum(left[CONTROL], gaps)
             place = f"{kind[0].upper()}{number}"
-            at_place = float(x_mm), float(y_mm), exposure[at], touched[at]
-            rows.append((place, kind, *at_place))
+            rows.append((place, kind, x_mm, y_mm, exposure[at], touched[at]))
     return pd.DataFrame(rows, columns=_COLUMNS)
 
 
@@ -117,39 +128,12 @@ def _centres(element: float, size_mm: float, patch_mm: float) -> np.ndarray:
     return whole if len(whole) else np.array([size_mm / 2])
 
 
-def _shares(
-    along: np.ndarray, step: float, centres: np.ndarray, patch_mm: float
-) -> np.ndarray:
-    """Share (positions, elements) of a patch's side in each element `along` an axis."""
-    ends = (
-        np.minimum(along + step / 2, centres[:, None] + patch_mm / 2),
-        np.maximum(along - step / 2, centres[:, None] - patch_mm / 2),
-    )
-    shares = (ends[0] - ends[1]) / patch_mm
-    return np.where(shares > _ROUNDING, shares, 0)
-
-
 def _highest(
     values: np.ndarray, along_y: np.ndarray, along_x: np.ndarray
 ) -> np.ndarray:
     """Highest of the values (ny, nx) at each position, from its elements along both axes."""
     rows = np.stack([values[inside].max(axis=0) for inside in along_y])
     return np.stack([rows[:, inside].max(axis=1) for inside in along_x], axis=1)
-
-
-def _warn_of_few(kind: str, there: int, asked: int) -> None:
-    reason = {
-        EXPOSED: "the rest of the square is not touched",
-        CONTROL: "the rest is touched",
-    }
-    _log.warning(
-        "%d of %d %s positions fit in the square, because %s. For more, make square.size_mm "
-        "larger or scans.size_mm smaller",
-        there,
-        asked,
-        kind,
-        reason[kind],
-    )
 
 
 class Concentration(NamedTuple):

@@ -27,6 +27,7 @@ __all__ = [
     "moved",
     "on_patch",
     "outline",
+    "overlap",
     "places_of",
     "rotated",
     "spline_of",
@@ -209,13 +210,13 @@ def footprint_weights(
         return area_weights(grid, shapely.Polygon(outline(place, size_mm)))
     # as exact, and a hundred times as fast
     dy, dx = spacing_of(grid)
-    along_y = _overlap(grid.y.values, dy, place.y_mm, size_mm)
-    along_x = _overlap(grid.x.values, dx, place.x_mm, size_mm)
+    along_y = overlap(grid.y.values, dy, place.y_mm, size_mm)
+    along_x = overlap(grid.x.values, dx, place.x_mm, size_mm)
     return np.outer(along_y, along_x) / (dy * dx)
 
 
-def _overlap(at: np.ndarray, step: float, centre: float, size_mm: float) -> np.ndarray:
-    """The length of each element within a side of a footprint."""
+def overlap(at: np.ndarray, step: float, centre: Any, size_mm: float) -> np.ndarray:
+    """The length of each element, `at` its centre, within a side of a footprint."""
     half = size_mm / 2
     low = np.maximum(at - step / 2, centre - half)
     high = np.minimum(at + step / 2, centre + half)

@@ -172,4 +172,4 @@ def test_stones_that_do_not_meet_are_refused(lower, pose, problem):
 )
 def test_what_is_no_pose_is_refused_by_its_key(upper, pose, problem):
     with pytest.raises(ConfigError, match=problem):
-        pose_frame(pose, FRAME, upper, size_mm=SIDE, source="active.ply")
+        pose_frame(ActiveTool(upper, pose, 0.0, "active.ply"), FRAME, size_mm=SIDE)
