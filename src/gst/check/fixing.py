@@ -75,8 +75,7 @@ def _of_places(study: Study) -> Iterator[Cure]:
         return
     for row in table.iloc[:-1].itertuples():
         if row.orientation:
-            flip = patches.flip[row.patch]
-            own = mould._replace(flip={"none": None, "": mould.flip}.get(flip, flip))
+            own = mould.of_row(patches.flip[row.patch])
             yield from _alone_laid_right(row.patch, row.orientation, own)
     if together.status == CANNOT_TELL:
         return

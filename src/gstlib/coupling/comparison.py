@@ -72,9 +72,9 @@ class Shift(NamedTuple):
         return self.p_value < _SIGNIFICANCE
 
     @property
-    def along_x_and_y(self) -> tuple[np.ndarray, np.ndarray]:
-        """Shift and errors along x and y, µm."""
-        return 1e3 * self.shift[::-1], 1e3 * self.errors[::-1]
+    def in_um(self) -> np.ndarray:
+        """Shift along x and y, and its standard errors, µm."""
+        return 1e3 * np.concatenate([self.shift[::-1], self.errors[::-1]])
 
 
 class Comparison:
@@ -102,10 +102,10 @@ class Comparison:
         self.spline = spline_of(surface)
         coarse = [resize_local_mean(each.values, _SHAPE) for each in heights]
         self.looks = _looks(np.array(coarse))
-        self.is_few = len(patches) < _FEWEST_PATCHES
+        self.shows_waves = shows_waves(surface, patch_mm)
         self.scan = np.sum(self.looks[:, :1] ** 2, axis=-1, keepdims=True)
         shifts = _SHIFTS * patch_mm
-        self.products, self.mesh = self.products_at(patches, shifts)
+        self.products, self.mesh = self._products_at(patches, shifts)
         maps = self.correlation(self.products[:, :1], self.mesh)
         maps = maps.reshape(-1, _ALONG.size, _ALONG.size)
         self.shared = _shared_shift(maps, patch_mm * _ALONG)
@@ -129,7 +129,7 @@ class Comparison:
         """Side of the square, which lies in the middle of the face."""
         return float(self.surface.x[0] + self.surface.x[-1])
 
-    def products_at(
+    def _products_at(
         self, patches: pd.DataFrame, shifts: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Products of scan and mesh (patches, looks, k), and squares of the mesh (patches, 1, k).
@@ -183,7 +183,7 @@ class Comparison:
         number = len(self.alternatives)
         each = number + len(LOOKS) - 1  # the ways of one patch
         status = np.full(number, CANNOT_TELL, dtype=object)
-        if shows_waves(self.surface, self.patch_mm):
+        if self.shows_waves:
             status[self.alternatives < -self.limit(each)] = AGREES
             status[self.alternatives > self.limit(number * each)] = ELSEWHERE
         return status
@@ -204,25 +204,26 @@ class Comparison:
     def tables(self) -> dict[str, _Table]:
         """The table with the corrected patches for each of `TABLES`."""
         patches = self.patches
-        at = [self.at] if self.is_few else slice(None)
+        at, shifts = slice(None), _FEW_SHIFTS
+        if len(patches) < _FEWEST_PATCHES:
+            at, shifts = [self.at], _FEW_SHIFTS[:1]
         products = self.products[..., at], self.mesh[..., at]
         tables = {"": (patches, self.patch_mm * _SHIFTS[at], *products)}
-        shifts = self.patch_mm * _FEW_SHIFTS[: 1 if self.is_few else None]
         for mistake in [*TABLES][1:]:
             x, y = as_measured(patches.x_mm, patches.y_mm, self.size_mm, mistake)
             right = patches.assign(x_mm=x, y_mm=y)
-            tables[mistake] = right, shifts, *self.products_at(right, shifts)
+            tables[mistake] = self._table(right, self.patch_mm * shifts)
         return tables
+
+    def _table(self, patches: pd.DataFrame, shifts: np.ndarray) -> _Table:
+        return patches, shifts, *self._products_at(patches, shifts)
 
     def _exchanged(self) -> _Table:
         """The table with each scan at the patch that fits it best."""
         fits = self.correlation(*self._products_across())[:, 0]
         _, place = scipy.optimize.linear_sum_assignment(-fits)
-        columns = ["x_mm", "y_mm", "rotation_deg"]
-        positions = self.patches.iloc[place][columns].to_dict("list")
-        patches = self.patches.assign(**positions)
-        shifts = self.patch_mm * _SHIFTS[[self.at]]
-        return patches, shifts, *self.products_at(patches, shifts)
+        patches = self.patches.iloc[place]  # whose names do not matter
+        return self._table(patches, self.patch_mm * _SHIFTS[[self.at]])
 
     def _errors(self) -> tuple[float, np.ndarray]:
         """Gain of the scans over the mesh, and the variance of each patch's error along a wave.
@@ -232,14 +233,14 @@ class Comparison:
         the looks of the mesh differ. The variance is the mean of its own and of the usual variance
         of the patches.
         """
-        best, under = self.fits, self.under
+        ways = [(self.fits, self.patches, self.patch_mm * _SHIFTS[self.at])]
         _, *others = self.tables.values()
         for patches, shifts, *products in (*others, self._exchanged()):
             fits = self.correlation(*products)
             at = fits.max(axis=1).sum(axis=0).argmax()
-            if fits[..., at].max(axis=1).sum() > best.max(axis=1).sum():
-                best = fits[..., at]
-                under = self._under(patches, shifts[at])
+            ways.append((fits[..., at], patches, shifts[at]))
+        best, *place = max(ways, key=lambda way: way[0].max(axis=1).sum())
+        under = self._under(*place)
         laid = self.looks[np.arange(len(best)), best.argmax(axis=1)]
         mesh = np.maximum(np.sum(under**2, axis=-1), _LEAST_VARIANCE)
         gain = float(np.median(np.sum(laid * under, axis=-1) / mesh)) or 1.0
@@ -255,8 +256,8 @@ class Comparison:
 
 def _looks(heights: np.ndarray) -> np.ndarray:
     """Heights (patches, points, points) in each of the `LOOKS`, flat (patches, looks, points)."""
-    turned = [[oriented(one, name) for name in ORIENTATIONS] for one in heights]
-    flat = _flat(np.array(turned))
+    turned = [oriented(heights, name) for name in ORIENTATIONS]
+    flat = _flat(np.stack(turned, axis=1))
     return np.concatenate([flat, -flat], axis=1)
 
 
@@ -273,18 +274,19 @@ def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> Shift:
     The errors are jackknife errors over the patches, and the test is Hotelling's.
     """
     number, total = len(maps), maps.sum(axis=0)
+    unknown = np.full(2, np.nan)
     if number < _FEWEST_PATCHES:
-        unknown = np.full(2, np.nan)
         return Shift(unknown, unknown, np.nan)
     shift = _peak(total, steps)
     without = [_peak(total - one, steps) for one in maps]
     covariance = (number - 1) * np.cov(without, rowvar=False, bias=True)
     errors = np.sqrt(np.diag(covariance))
-    if not errors.all() or np.isnan(errors).any():
-        return Shift(shift, errors, np.nan)
-    hotelling = shift @ np.linalg.solve(covariance, shift)
-    ratio = hotelling / 2 * (number - 2) / (number - 1)
-    return Shift(shift, errors, float(scipy.special.fdtrc(2, number - 2, ratio)))
+    p_value = np.nan
+    if (errors > 0).all():
+        hotelling = shift @ np.linalg.solve(covariance, shift)
+        ratio = hotelling / 2 * (number - 2) / (number - 1)
+        p_value = float(scipy.special.fdtrc(2, number - 2, ratio))
+    return Shift(shift, errors, p_value)
 
 
 def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:

@@ -126,18 +126,18 @@ def draw_contact_moduli(
 
     `material` has ``young_1_MPa, poisson_1, young_2_MPa, poisson_2``.
     """
-    nominal, drawn = [], []
+    drawn = []
     for stone in (1, 2):
         young, ratio = material[f"young_{stone}_MPa"], material[f"poisson_{stone}"]
-        nominal += [young, ratio]
-        drawn.append(
-            young * np.exp(errors.young_log_sd * generator.standard_normal(draws))
-        )
-        ratios = ratio + errors.poisson * generator.standard_normal(draws)
+        # The first is the nominal stone.
+        normal = np.zeros((2, 1 + draws))
+        normal[:, 1:] = generator.standard_normal((2, draws))
+        ratios = ratio + errors.poisson * normal[1]
+        drawn.append(young * np.exp(errors.young_log_sd * normal[0]))
         # Real stones are neither auxetic nor above the ratio of an incompressible body.
         drawn.append(np.clip(ratios, min(0.0, ratio), max(0.5, ratio)))
-    moduli = [contact_modulus(*constants) for constants in zip(*drawn, strict=True)]
-    return np.array(moduli) / contact_modulus(*nominal)
+    nominal, *moduli = map(contact_modulus, *drawn)
+    return np.array(moduli) / nominal
 
 
 def draw_point(
@@ -150,12 +150,11 @@ def draw_point(
 
     `error_mm` is the standard deviation along each axis. The first draw with stone below it counts.
     """
-    y, x = np.transpose(load_point + error_mm * generator.standard_normal((_TRIES, 2)))
-    under = surface.interp(
-        y=xr.DataArray(y, dims="try"), x=xr.DataArray(x, dims="try"), method="nearest"
-    )
-    first = int(np.isfinite(under.values).argmax())
-    return float(y[first]), float(x[first])
+    points = load_point + error_mm * generator.standard_normal((_TRIES, 2))
+    y, x = xr.DataArray(points.T, dims=("axis", "try"))
+    under = surface.interp(y=y, x=x, method="nearest")
+    y_mm, x_mm = points[np.isfinite(under.values).argmax()].tolist()
+    return y_mm, x_mm
 
 
 def pressure_intervals(
@@ -244,9 +243,7 @@ def pressure_intervals(
             # Drawn first, so that the point is the same with and without an active tool.
             point = draw_point(mesh, load_point, errors.load_point_mm, pose)
             if radius_mm is not None:
-                radius_mm *= float(
-                    np.exp(errors.radius_log_sd * pose.standard_normal())
-                )
+                radius_mm *= np.exp(errors.radius_log_sd * pose.standard_normal())
         else:
             point = float(use.y_mm), float(use.x_mm)
             # The wear depends on F R / E* only, and may not give a radius.
@@ -264,7 +261,6 @@ def pressure_intervals(
         for contact, at, use in zip(contacts, places, uses, strict=True)
         if contact is not None
     ]
-    low = high = np.full(len(pressures), np.nan)
     if len(drawn) < count:
         _log.warning(
             "in %d of %d draws the stone does not rest, so the pressure intervals omit these "
@@ -272,23 +268,15 @@ def pressure_intervals(
             count - len(drawn),
             count,
         )
-    if drawn:
-        low, high = np.percentile(drawn, _PERCENTILES, axis=0)
+    drawn = drawn or [np.full(len(pressures), np.nan)]
+    low, high = np.percentile(drawn, _PERCENTILES, axis=0)
     table = pressures[["patch", "pressure_MPa"]].assign(low_MPa=low, high_MPa=high)
-    return (
-        table
-        if macroscale.composite is None
-        else table.assign(**_planes(macroscale.composite))
-    )
-
-
-def _planes(composite: xr.Dataset) -> dict[str, np.ndarray]:
-    """Tilts of the patches, their errors, and the sources of their planes."""
-    return {
-        "tilt_mrad": composite.tilt_mrad.values,
-        "tilt_error_mrad": composite.tilt_error_mrad.values,
-        "plane": np.where(composite.known.values, "mesh", "levelled"),
-    }
+    composite = macroscale.composite
+    if composite is not None:
+        for name in ("tilt_mrad", "tilt_error_mrad"):
+            table[name] = composite[name].values
+        table["plane"] = np.where(composite.known, "mesh", "levelled")
+    return table
 
 
 class _Stone(NamedTuple):
@@ -332,9 +320,10 @@ class _Stone(NamedTuple):
             position, size_mm = PatchPosition(y, x), float(face.size_mm)
             return face_in_pose(counterface, self.mesh, position, size_mm=size_mm)
         over = coarser(face.counterface, _COARSER)
-        if radius_mm is None or self.macroscale.radius_mm is None:
+        stated_mm = self.macroscale.radius_mm
+        if radius_mm is None or stated_mm is None:
             return over
-        return as_round_as(over, self.macroscale.radius_mm, radius_mm)
+        return as_round_as(over, stated_mm, radius_mm)
 
 
 def _likely_uses(
@@ -353,4 +342,4 @@ def _over_strikes(pressures: pd.DataFrame, use: xr.Dataset | None) -> np.ndarray
         return pressures.pressure_MPa.to_numpy()
     added = (use.pressure - use.pressure_at_centre).to_series()
     over = pressures.pressure_MPa + pressures.patch.map(added).fillna(0.0)
-    return over.clip(lower=0.0).to_numpy()
+    return over.to_numpy().clip(0.0)

@@ -1,5 +1,6 @@
 """Mistakes in the orientation of scans and in a patch table, and their remedies."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -24,30 +25,19 @@ ORIENTATIONS = {
 }
 AS_GIVEN, *_OTHERS = ORIENTATIONS
 LOOKS = [*ORIENTATIONS, "inverted", *(f"inverted and {name}" for name in _OTHERS)]
-# Mistakes of a patch table: whether x_mm and y_mm are exchanged, and whether they are then measured
-# from the opposite sides of the square.
-TABLES = {
-    "": (False, False, False),
-    "x_mm measured from the other side": (False, True, False),
-    "y_mm measured from the other side": (False, False, True),
-    "x_mm and y_mm measured from the other sides": (False, True, True),
-    "x_mm and y_mm exchanged": (True, False, False),
-    "x_mm and y_mm exchanged, then x_mm measured from the other side": (
-        True,
-        True,
-        False,
-    ),
-    "x_mm and y_mm exchanged, then y_mm measured from the other side": (
-        True,
-        False,
-        True,
-    ),
-    "x_mm and y_mm exchanged, then both measured from the other sides": (
-        True,
-        True,
-        True,
-    ),
-}
+_MISTAKES = [
+    "",
+    "x_mm measured from the other side",
+    "y_mm measured from the other side",
+    "x_mm and y_mm measured from the other sides",
+    "x_mm and y_mm exchanged",
+    "x_mm and y_mm exchanged, then x_mm measured from the other side",
+    "x_mm and y_mm exchanged, then y_mm measured from the other side",
+    "x_mm and y_mm exchanged, then both measured from the other sides",
+]
+# Mistakes of a patch table: whether x_mm and y_mm are exchanged, and whether then y_mm and x_mm are
+# measured from the opposite sides of the square.
+TABLES = dict(zip(_MISTAKES, itertools.product((False, True), repeat=3), strict=True))
 
 
 class Mould(NamedTuple):
@@ -56,16 +46,21 @@ class Mould(NamedTuple):
     invert: bool
     flip: str | None
 
+    def of_row(self, flip: str) -> "Mould":
+        """The mould of a row of the patch table, whose own `flip` is empty if it has none."""
+        return self._replace(flip={"none": None, "": self.flip}.get(flip, flip))
+
 
 def oriented(heights: np.ndarray, name: str) -> np.ndarray:
-    """Heights (ny, nx) in one of the `ORIENTATIONS`."""
+    """Heights (..., ny, nx) in one of the `ORIENTATIONS`."""
     reversed_x, turn = ORIENTATIONS[name]
-    return np.rot90(heights[:, ::-1] if reversed_x else heights, -turn // 90)
+    laid = heights[..., ::-1] if reversed_x else heights
+    return np.rot90(laid, -turn // 90, axes=(-2, -1))
 
 
 def as_measured(x: Any, y: Any, size_mm: float, mistake: str) -> tuple[Any, Any]:
     """The correct x and y from a patch table that has one of the mistakes in `TABLES`."""
-    is_exchanged, other_x, other_y = TABLES[mistake]
+    is_exchanged, other_y, other_x = TABLES[mistake]
     if is_exchanged:
         x, y = y, x
     return (size_mm - x if other_x else x), (size_mm - y if other_y else y)
@@ -86,14 +81,12 @@ def lying_right(
     laid = orientation.removeprefix("inverted").removeprefix(" and ")
     reversed_x, turn = ORIENTATIONS[laid or AS_GIVEN]
     invert = mould.invert != orientation.startswith("inverted")
-    if is_alone and not reversed_x:
-        return Mould(invert, mould.flip), (turn + 179) % 360 - 179
-    # A reversal along y is a reversal along x and a rotation by 180°.
-    turn += 180 * (mould.flip == "y")
-    if reversed_x == (mould.flip is not None):
-        flip = None
-    else:
-        flip = "x" if turn % 360 in (0, 90) else "y"
+    flip = mould.flip
+    if reversed_x or not is_alone:
+        # A reversal along y is a reversal along x and a rotation by 180°.
+        turn += 180 * (flip == "y")
+        axis = "x" if turn % 360 in (0, 90) else "y"
+        flip = axis if reversed_x != bool(flip) else None
         turn += 180 * (flip == "y")
     return Mould(invert, flip), (turn + 179) % 360 - 179
 
@@ -108,47 +101,38 @@ def remedy_of(
 
     They are keys of the config, or cells in `rows` of the patches. Changes of the `table` follow.
     """
-    whose, invert, flip, none = (
-        "every patch",
-        "scans.mould.invert",
-        "scans.mould.flip",
-        "null",
-    )
-    if rows is not None:
-        own = rows["flip"].iloc[0] if "flip" in rows else ""
-        mould = mould._replace(flip={"none": None, "": mould.flip}.get(own, own))
-        whose = f"patch{'es' * (len(rows) > 1)} {', '.join(rows.patch)}"
-        flip, none = f"flip of {whose}", "none"
     is_alone = rows is not None and len(rows) == 1
+    if rows is None:
+        whose, key, none = "every patch", "scans.mould.flip", "null"
+    else:
+        mould = mould.of_row(rows["flip"].iloc[0] if "flip" in rows else "")
+        whose = f"patch{'es' * (len(rows) > 1)} {', '.join(rows.patch)}"
+        key, none = f"flip of {whose}", "none"
     right, turn = lying_right(orientation, mould, is_alone=is_alone)
-    parts = []
-    if right.invert != mould.invert:
-        key = f"set {invert} to {str(right.invert).lower()}"
-        parts.append(
-            key if rows is None else f"invert the heights in the files of {whose}"
-        )
-    if right.flip != mould.flip:
-        parts.append(f"set {flip} to {right.flip or none}")
-    if turn and rows is not None and is_alone:
-        total = (
-            180 - (180 - rows.rotation_deg.iloc[0] - turn) % 360
-        )  # above -180, up to 180
-        parts.append(f"set rotation_deg of {whose} to {total:g}")
-    elif turn:
-        parts.append(f"add {turn} to the rotation_deg of {whose}")
-    text = ", and ".join([*parts, *table])
+    inverted = f"invert the heights in the files of {whose}"
+    if rows is None:
+        inverted = f"set scans.mould.invert to {str(right.invert).lower()}"
+    turned = f"add {turn} to the rotation_deg of {whose}"
+    if rows is not None and is_alone:
+        total = 180 - (180 - rows.rotation_deg.iloc[0] - turn) % 360  # up to 180
+        turned = f"set rotation_deg of {whose} to {total:g}"
+    changes = {
+        inverted: right.invert != mould.invert,
+        f"set {key} to {right.flip or none}": right.flip != mould.flip,
+        turned: turn,
+    }
+    needed = [change for change, is_needed in changes.items() if is_needed]
+    text = ", and ".join([*needed, *table])
     return f"{text[0].upper()}{text[1:]}."
 
 
 def remedy_of_table(mistake: str, size_mm: float) -> list[str]:
     """Changes of the columns of a patch table that correct a mistake; none if there is none."""
-    is_exchanged, *others = TABLES[mistake]
-    columns = ["x_mm", "y_mm"]
-    sources = columns[::-1] if is_exchanged else columns
-    values = [
-        f"{size_mm:g} - {source}" if is_other else source
-        for source, is_other in zip(sources, others, strict=True)
-    ]
-    pairs = zip(columns, values, strict=True)
-    cells = [f"{column} to {value}" for column, value in pairs if column != value]
+    is_exchanged, other_y, other_x = TABLES[mistake]
+    x, y = ("y_mm", "x_mm") if is_exchanged else ("x_mm", "y_mm")
+    cells = []
+    for column, value, is_other in (("x_mm", x, other_x), ("y_mm", y, other_y)):
+        right = f"{size_mm:g} - {value}" if is_other else value
+        if right != column:
+            cells.append(f"{column} to {right}")
     return [f"set {' and '.join(cells)} in every row"] * bool(cells)

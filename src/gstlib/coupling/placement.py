@@ -29,7 +29,6 @@ from gstlib.coupling.comparison import (
     SHIFTED,
     Comparison,
     Shift,
-    shows_waves,
 )
 from gstlib.coupling.orientations import (
     AS_GIVEN,
@@ -140,15 +139,15 @@ def check_placement(
 def _check_table(patches: pd.DataFrame) -> None:
     """Refuse a patch table without patches, with a name twice, or without a position."""
     names, places = patches.patch, patches[["x_mm", "y_mm", "rotation_deg"]]
-    twice, lost = names[names.duplicated()], names[places.isna().any(axis=1)]
-    problem = "has no patches" if names.empty else ""
-    if len(twice):
-        problem = f"has patch {twice.iloc[0]} twice"
-    elif len(lost):
-        problem = f"has no position (x_mm, y_mm, rotation_deg) of patch {lost.iloc[0]}"
-    if problem:
+    problems = ["has no patches"] * names.empty
+    problems += [f"has patch {name} twice" for name in names[names.duplicated()]]
+    problems += [
+        f"has no position (x_mm, y_mm, rotation_deg) of patch {name}"
+        for name in names[places.isna().any(axis=1)]
+    ]
+    if problems:
         remedy = "Give at least one patch, and each a name and a position of its own."
-        raise InputError("patch table", problem, remedy)
+        raise InputError("patch table", problems[0], remedy)
 
 
 class _Claim(NamedTuple):
@@ -168,14 +167,11 @@ class _Claim(NamedTuple):
 
 def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
     """Claims about all patches together, and whether all are as given."""
-    ways = _ways(compared)
-    stated, _ = ways[AS_GIVEN, ""]
+    (stated, *_), *ways = _ways(compared)
     as_given = min(stated.sum(), compared.as_given.sum())
     anywhere = compared.anywhere.sum()
-    limit = compared.limit(len(ways))
-    _, *others = ways
-    name, mistake = min(others, key=lambda way: ways[way][0].sum())
-    misfits, other = ways[name, mistake]
+    limit = compared.limit(1 + len(ways))
+    misfits, other, name, mistake = min(ways, key=lambda way: way[0].sum())
     is_as_given = bool(min(misfits.sum(), anywhere) - as_given > limit)
     fit = compared.fits[:, 0].mean()
     margin = min(as_given, anywhere) - misfits.sum() - limit
@@ -183,9 +179,8 @@ def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
         table = f" with {mistake}" * bool(mistake)
         orientation = f"{name * (name != AS_GIVEN)}{table}".strip()
         problem = _problem("they fit", orientation, other, fit)
-        remedy = remedy_of(
-            name, mould, table=remedy_of_table(mistake, compared.size_mm)
-        )
+        changes = remedy_of_table(mistake, compared.size_mm)
+        remedy = remedy_of(name, mould, table=changes)
         return [_Claim(None, margin, orientation, problem, remedy)], False
     margin = as_given - anywhere
     if margin > 0 and _contradicts(compared):
@@ -201,15 +196,15 @@ def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
     return [], is_as_given
 
 
-def _ways(compared: Comparison) -> dict[tuple[str, str], tuple[np.ndarray, float]]:
-    """Smallest misfits (patches,) and mean correlation of each look and mistake."""
-    ways = {}
+def _ways(compared: Comparison) -> list[tuple[np.ndarray, float, str, str]]:
+    """Smallest misfits (patches,), mean correlation, look and mistake; first, as given."""
+    ways = []
     for mistake, (_, _, products, mesh) in compared.tables.items():
         misfits = compared.misfit(products, mesh)
         fits = compared.correlation(products, mesh).mean(axis=0)
         shifts = misfits.sum(axis=0).argmin(axis=1)
         for look, at in enumerate(shifts):
-            ways[LOOKS[look], mistake] = misfits[:, look, at], fits[look, at]
+            ways.append((misfits[:, look, at], fits[look, at], LOOKS[look], mistake))
     return ways
 
 
@@ -218,7 +213,7 @@ def _contradicts(compared: Comparison) -> bool:
     ratio = math.sqrt(
         np.median(compared.mesh[..., compared.at]) / np.median(compared.scan)
     )
-    return shows_waves(compared.surface, compared.patch_mm) and ratio > _SMOOTH
+    return compared.shows_waves and ratio > _SMOOTH
 
 
 def _of_instruments(compared: Comparison, mould: Mould) -> list[_Claim]:
@@ -226,12 +221,15 @@ def _of_instruments(compared: Comparison, mould: Mould) -> list[_Claim]:
     patches = compared.patches
     if "t0" not in patches:
         return []
-    kinds = patches.t0.map(lambda name: Path(name).suffix.lower())
-    flips = patches["flip"] if "flip" in patches else kinds.map(lambda _: "")
-    groups = patches.groupby([kinds, flips], sort=True).indices.values()
+    patches = patches.assign(
+        kind=patches.t0.map(lambda name: Path(name).suffix.lower())
+    )
+    keys = [name for name in ("kind", "flip") if name in patches]
+    groups = patches.groupby(keys).indices
+    tests = len(groups) * (len(LOOKS) - 1)
     claims = (
-        _in_another_look(compared, [*rows], mould, tests=len(groups) * (len(LOOKS) - 1))
-        for rows in groups
+        _in_another_look(compared, [*rows], mould, tests=tests)
+        for rows in groups.values()
         if 1 < len(rows) < len(patches)
     )
     return [claim for claim in claims if claim]
@@ -294,27 +292,23 @@ def _exchanged(compared: Comparison) -> Iterator[_Claim]:
     across = compared.across
     # The limit of a longer ring grows with the number of such rings.
     for_each = compared.limit(len(across) ** 2) / 2
-    _, place = scipy.optimize.linear_sum_assignment(across)
-    left = {row for row, at in enumerate(place) if at != row}
-    while left:
-        ring = [left.pop()]
-        while (following := int(place[ring[-1]])) != ring[0]:
-            ring.append(following)
-        left -= {*ring}
-        leads = across[ring, ring] - across[ring, place[ring]]
-        anywhere = max(0.0, compared.lead_anywhere[ring].sum())
-        margin = leads.sum() - anywhere - for_each * len(ring)
+    row, place = scipy.optimize.linear_sum_assignment(across)
+    moves = scipy.sparse.csr_array((place != row, (row, place)))
+    _, rings = scipy.sparse.csgraph.connected_components(moves)
+    names = compared.patches.patch.to_numpy()
+    for ring in np.unique(rings[place != row]):
+        rows = [*np.flatnonzero(rings == ring)]
+        leads = across[rows, rows] - across[rows, place[rows]]
+        anywhere = max(0.0, compared.lead_anywhere[rows].sum())
+        margin = leads.sum() - anywhere - for_each * len(rows)
         if min(margin, *leads) <= 0:
             continue
-        rows = sorted(ring)
-        names = compared.patches.patch
         problem = (
             "their scans fit the mesh at each other's positions, but not at their own (correlation "
             f"{compared.fits[rows, 0].mean():.2f})"
         )
         at = ", ".join(
-            f"{names.iloc[row]} at the position of {names.iloc[place[row]]}"
-            for row in rows
+            f"{names[one]} at the position of {names[place[one]]}" for one in rows
         )
         remedy = f"Exchange their x_mm, y_mm and rotation_deg, or the names of their scans: {at}."
         yield _Claim(rows, margin, "", problem, remedy)
@@ -331,25 +325,24 @@ def _table(
     compared: Comparison, claims: list[_Claim], *, is_as_given: bool
 ) -> pd.DataFrame:
     """The result of `check_placement`."""
-    last = len(compared.scan)
     correlation = compared.fits[:, 0]
     shared = compared.shared
-    table = pd.DataFrame(
+    each = len(correlation)
+    together = SHIFTED if shared.is_sure else AGREES
+    tells = is_as_given and compared.shows_waves
+    orientation = np.array([*each * [""], AS_GIVEN * is_as_given], dtype=object)
+    for claim in claims:
+        orientation[claim.rows or each] = claim.orientation
+    shift = zip(_SHIFT, shared.in_um, strict=True)
+    return pd.DataFrame(
         {
             "patch": [*compared.patches.patch, ALL],
             "correlation": [*correlation, correlation.mean()],
+            **{name: [*each * [np.nan], value] for name, value in shift},
+            "status": [*compared.status, together if tells else CANNOT_TELL],
+            "orientation": orientation,
         }
     )
-    table = table.reindex(columns=[*table, *_SHIFT])
-    table.loc[last, _SHIFT] = np.concatenate(shared.along_x_and_y)
-    tells = is_as_given and shows_waves(compared.surface, compared.patch_mm)
-    together = SHIFTED if shared.is_sure else AGREES
-    table["status"] = [*compared.status, together if tells else CANNOT_TELL]
-    table["orientation"] = ""
-    table.loc[last, "orientation"] = AS_GIVEN if is_as_given else ""
-    for claim in claims:
-        table.loc[claim.rows or last, "orientation"] = claim.orientation
-    return table
 
 
 def _warn_of_places(table: pd.DataFrame, shared: Shift) -> None:
@@ -363,9 +356,12 @@ def _warn_of_places(table: pd.DataFrame, shared: Shift) -> None:
             together.correlation,
         )
     elif shared.is_sure:
-        (x, y), (error_x, error_y) = shared.along_x_and_y
+        x, y, error_x, error_y = shared.in_um
         _log.warning(
             "all patches together fit the macroscale best when shifted in x by %+.0f ± %.0f µm and "
             "y by %+.0f ± %.0f µm. Check square.points_mm, or add this to the patch table",
-            *(x, error_x, y, error_y),
+            x,
+            error_x,
+            y,
+            error_y,
         )

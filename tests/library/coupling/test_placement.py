@@ -40,29 +40,31 @@ def patch_of(stone, y, x, rotation_deg=0.0):
     return laid(stone, PatchPosition(y, x, rotation_deg), SIZE, 64)[0]
 
 
+def table_of(count):
+    """So many of the nine patches."""
+    y, x = np.transpose(NINE[:count])
+    names = [str(number) for number in range(1, count + 1)]
+    return pd.DataFrame({"patch": names, "x_mm": x, "y_mm": y, "rotation_deg": 0.0})
+
+
 def place(square, heights, rotation_deg=0.0, columns=None, **mould):
     """The table by patch, of as many patches as there are heights."""
-    y, x = np.transpose(NINE[: len(heights)])
-    scans = {
-        str(n): height.to_dataset(name="height") for n, height in enumerate(heights, 1)
-    }
-    patches = pd.DataFrame(
-        {"patch": list(scans), "x_mm": x, "y_mm": y} | (columns or {})
-    )
-    patches["rotation_deg"] = rotation_deg
-    return check_placement(square, patches, scans, patch_mm=SIZE, **mould).set_index(
-        "patch"
-    )
+    patches = table_of(len(heights)).assign(rotation_deg=rotation_deg, **columns or {})
+    levels = [height.to_dataset(name="height") for height in heights]
+    scans = dict(zip(patches.patch, levels, strict=True))
+    table = check_placement(square, patches, scans, patch_mm=SIZE, **mould)
+    return table.set_index("patch")
 
 
 def nine(stone, noise_um=0.0, rotation_deg=0.0):
     """Scans with an error of their own, so that what is told is not told for certain."""
-    rng, scans = np.random.default_rng(0), []
-    for y, x in NINE:
-        scan = patch_of(stone, y, x, rotation_deg)
-        error = gaussian_filter(rng.normal(size=scan.shape), 6)
-        scans.append(scan + 0.02 * noise_um * error)
-    return scans
+    scans = [patch_of(stone, y, x, rotation_deg) for y, x in NINE]
+    noise = np.random.default_rng(0).normal(size=(9, 64, 64))
+    errors = gaussian_filter(noise, 6, axes=(1, 2))
+    return [
+        scan + 0.02 * noise_um * error
+        for scan, error in zip(scans, errors, strict=True)
+    ]
 
 
 def fault_of(*arguments, **options):
@@ -75,10 +77,8 @@ def fault_of(*arguments, **options):
 
 def test_a_shift_that_all_share_is_found_whatever_planes_and_scales_are(caplog):
     stone, rotation = stone_of(3), -7.0
-    heights = [patch_of(stone, y + 0.06, x - 0.09, rotation) for y, x in NINE]
-    heights = [
-        2.0 * (height + 0.01 * height.x - 0.02 * height.y + 3) for height in heights
-    ]
+    shifted = [patch_of(stone, y + 0.06, x - 0.09, rotation) for y, x in NINE]
+    heights = [2.0 * (each + 0.01 * each.x - 0.02 * each.y + 3) for each in shifted]
     square = square_of(stone)
     table = place(square + 0.01 * square.y, heights, rotation_deg=rotation)
     row = table.loc[ALL]
@@ -91,21 +91,19 @@ def test_a_shift_that_all_share_is_found_whatever_planes_and_scales_are(caplog):
 
 
 @pytest.mark.parametrize(
-    ("columns", "step", "problem"),
+    ("patches", "problem"),
     [
-        ({"patch": [], "x_mm": [], "y_mm": []}, 1.0, "has no patches"),
-        ({"patch": ["1", "1"]}, 1.0, "has patch 1 twice"),
-        ({"x_mm": [1.2, np.nan]}, 1.0, r"has no position .* of patch 2"),
-        ({}, 2.0, r"patch 1: the map is 1.7 × 1.7 mm, but its place is .* 0.85 mm"),
+        (table_of(2)[:0], "has no patches"),
+        (table_of(2).assign(patch="1"), "has patch 1 twice"),
+        (table_of(2).assign(x_mm=[1.2, np.nan]), "has no position .* of patch 2"),
+        (table_of(2), r"patch 1: the map is 1.7 × 1.7 mm, but its place is .* 0.85 mm"),
     ],
 )
-def test_tables_and_scans_that_cannot_be_compared_are_refused(columns, step, problem):
-    scan = make_surface(np.zeros((64, 64)), step * SIZE / 64)
-    table = {"patch": ["1", "2"], "x_mm": 1.2, "y_mm": 1.2} | columns
-    patches = pd.DataFrame(table).assign(rotation_deg=0.0)
-    scans = {patch: scan.to_dataset(name="height") for patch in "12"}
+def test_tables_and_scans_that_cannot_be_compared_are_refused(patches, problem):
+    scan = make_surface(np.zeros((64, 64)), 2 * SIZE / 64).to_dataset(name="height")
+    square, scans = square_of(stone_of(1)), dict.fromkeys("12", scan)
     with pytest.raises(InputError, match=problem):
-        check_placement(square_of(stone_of(1)), patches, scans, patch_mm=SIZE)
+        check_placement(square, patches, scans, patch_mm=SIZE)
 
 
 def test_a_shared_shift_is_as_certain_as_the_mean_of_the_patches():
@@ -151,12 +149,12 @@ def test_one_patch_in_another_orientation_is_named_with_what_to_set(
     orientation, remedy
 ):
     stone = stone_of(7)
-    heights = nine(stone, 0.5, rotation_deg=10.0)
+    square, heights = square_of(stone), nine(stone, 0.5, rotation_deg=10.0)
     heights[3].values = oriented(heights[3].values, orientation)
-    fault = fault_of(square_of(stone), heights, rotation_deg=10.0)
+    fault = fault_of(square, heights, rotation_deg=10.0)
     assert fault.patches == ("4",)
     assert fault.remedy.startswith(remedy)
-    table = place(square_of(stone), heights, rotation_deg=10.0, accept=[f"{FAULT}:4"])
+    table = place(square, heights, rotation_deg=10.0, accept=[f"{FAULT}:4"])
     assert list(table.index[table.status == ELSEWHERE]) == ["4"]
     assert table.status[ALL] == AGREES
     # what the remedy says takes the fault away
@@ -164,9 +162,7 @@ def test_one_patch_in_another_orientation_is_named_with_what_to_set(
     if right.flip:
         heights[3].values = np.flip(heights[3].values, "yx".index(right.flip))
     rotations = np.where(table.index[:-1] == "4", 10.0 + turn, 10.0)
-    assert (
-        place(square_of(stone), heights, rotation_deg=rotations).status == AGREES
-    ).all()
+    assert (place(square, heights, rotation_deg=rotations).status == AGREES).all()
 
 
 def test_exchanged_scans_are_named():
@@ -184,14 +180,8 @@ def test_exchanged_scans_are_named():
 def test_one_right_study_of_a_hundred_has_a_patch_that_is_called_wrong():
     """Nine patches have sixteen ways each to be better somewhere; fifteen of them are looks."""
     stone = stone_of(6)
-    y, x = np.transpose(NINE)
-    patches = pd.DataFrame({"patch": range(9), "x_mm": x, "y_mm": y})
     compared = Comparison(
-        square_of(stone),
-        patches.assign(rotation_deg=0.0),
-        nine(stone, 0.5),
-        patch_mm=SIZE,
-        placement_um=5.0,
+        square_of(stone), table_of(9), nine(stone), patch_mm=SIZE, placement_um=5.0
     )
     of_one, of_all = compared.limit(9 + 15), compared.limit(9 * (9 + 15))
     leads = [-1.01 * of_one, -0.99 * of_one, 0, 1.01 * of_one, 0.99 * of_all]
@@ -205,9 +195,7 @@ def test_a_patch_that_is_not_shown_is_not_said_to_agree():
     """Where the stone is as smooth as the scans are wrong."""
     stone = stone_of(6)
     heights, square = nine(stone, 0.5), square_of(stone)
-    heights[4] = 0.02 * patch_of(stone, *NINE[4]) + (
-        heights[4] - patch_of(stone, *NINE[4])
-    )
+    heights[4] = heights[4] - 0.98 * patch_of(stone, *NINE[4])
     far = np.maximum(abs(square.y - 2.5), abs(square.x - 2.5)) > 0.6
     table = place(square.where(far, 0.02 * square), heights)
     assert list(table.index[table.status == CANNOT_TELL]) == ["5"]

@@ -1,10 +1,9 @@
 """Intervals of the patches' pressures: each source of error alone, and cases with known answers."""
 
 import numpy as np
-import pandas as pd
 import pytest
 import xarray as xr
-from contacts import around, laid, mesh_face
+from contacts import around, laid, mesh_face, written
 from contacts import pressed as press
 
 from gstlib.coupling.intervals import (
@@ -21,19 +20,13 @@ from gstlib.surfaces.grid import axis_coordinates, coarser, make_surface
 from gstlib.surfaces.leveling import remove_plane
 
 COUNT, SPACING, PATCH = 24, 0.1, 0.6  # the square is 2.4 mm wide
-STONES = {
-    "young_1_MPa": 20000.0,
-    "poisson_1": 0.25,
-    "young_2_MPa": 20000.0,
-    "poisson_2": 0.25,
-}
-PLACES = pd.DataFrame(
-    {
-        "patch": ["1", "2"],
-        "x_mm": [0.8, 1.5],
-        "y_mm": [0.9, 1.4],
-        "rotation_deg": [0.0, 12.0],
-    }
+STONES = {"young_1_MPa": 2e4, "young_2_MPa": 2e4, "poisson_1": 0.25, "poisson_2": 0.25}
+PLACES = written(
+    """
+    patch, x_mm, y_mm, rotation_deg
+    1,     0.8,  0.9,  0
+    2,     1.5,  1.4,  12
+    """
 )
 MODULUS, TARGET, RADIUS = 10000.0, 15.0, 60.0  # MPa, MPa, mm
 MIDDLE = (COUNT * SPACING / 2, COUNT * SPACING / 2)
@@ -50,15 +43,10 @@ def mesh(error=0.0):
     return mesh_face(height, error, 200, seed=4)
 
 
-def pressures(height, over=None, share=1.0, load_point=MIDDLE, places=PLACES):
+def pressures(height, over=None, load_point=MIDDLE, places=PLACES):
     """Of the patches at rest, on elements as wide as those of the draws."""
     faces = [None if face is None else coarser(face, 2) for face in (height, over)]
-    loading = {
-        "modulus": share * MODULUS,
-        "mean_pressure": TARGET,
-        "load_point": load_point,
-    }
-    contact = press(*faces, **loading)
+    contact = press(*faces, mean_pressure=TARGET, load_point=load_point)
     return patch_pressures(contact.pressure, places, size_mm=PATCH).pressure_MPa
 
 
@@ -66,14 +54,12 @@ def pressures(height, over=None, share=1.0, load_point=MIDDLE, places=PLACES):
 def intervals(monkeypatch):
     """Intervals with these contact moduli of the draws, over that of the study."""
 
-    def intervals(shares, face=None, *others, load_point=MIDDLE, **errors):
+    def intervals(shares, *macroscale, load_point=MIDDLE, **errors):
         name = "gstlib.coupling.intervals.draw_contact_moduli"
         monkeypatch.setattr(name, lambda *_, **__: np.asarray(shares))
-        face = mesh() if face is None else face
-        table = PLACES.assign(pressure_MPa=0.0)
         return pressure_intervals(
-            Macroscale(face, *others) if others else Macroscale(face, None, None),
-            table,
+            Macroscale(*macroscale or (mesh(), None, None)),
+            PLACES.assign(pressure_MPa=0.0),
             STONES | {"contact_modulus_MPa": MODULUS},
             NO_ERRORS._replace(**errors),
             force_N=TARGET * (COUNT * SPACING) ** 2,
