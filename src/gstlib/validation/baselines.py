@@ -52,7 +52,12 @@ class Others(NamedTuple):
         """`table` as above; `depths` below the summit of each patch's known points, mm."""
         deepest = max((float(below.max()) for below in depths.values()), default=0.0)
         displacements = deepest * np.linspace(0, 1, _DISPLACEMENTS) ** 2
-        cut = {patch: _volumes(below, displacements) for patch, below in depths.items()}
+        cut = {}
+        for patch, below in depths.items():
+            ordered = np.sort(below, axis=None)
+            summed = np.r_[0.0, np.cumsum(ordered)]
+            reached = np.searchsorted(ordered, displacements)
+            cut[patch] = (reached * displacements - summed[reached]) / ordered.size
         return cls(table, displacements, pd.DataFrame(cut, index=displacements))
 
     def without(self, patch: str) -> "Others":
@@ -60,14 +65,6 @@ class Others(NamedTuple):
         table = self.table.drop(patch, errors="ignore")
         cut = self.cut.drop(columns=patch, errors="ignore")
         return self._replace(table=table, cut=cut)
-
-
-def _volumes(below: np.ndarray, displacements: np.ndarray) -> np.ndarray:
-    """Mean depth that rigid flats remove from points `below` a summit; in any unit of length."""
-    ordered = np.sort(below, axis=None)
-    summed = np.r_[0.0, np.cumsum(ordered)]
-    reached = np.searchsorted(ordered, displacements)
-    return (reached * displacements - summed[reached]) / ordered.size
 
 
 def baseline_depths(

@@ -152,9 +152,9 @@ def spatial_p_value(
     counts. The test is two-sided; the p-value is NaN with fewer than 4 patches.
     `places` (n, 2) are the coordinates of the patches, in any unit.
     """
-    x, y = scipy.stats.rankdata([x, y], axis=1)
     if x.size < 4:
         return math.nan
+    x, y = scipy.stats.rankdata([x, y], axis=1)
     freedom = max(_effective_patches(x, y, places), _FEWEST_EFFECTIVE) - 2
     correlation = float(np.clip(np.corrcoef(x, y)[0, 1], -1, 1))
     spread = math.sqrt((1 - correlation**2) / freedom)

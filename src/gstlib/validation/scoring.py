@@ -42,8 +42,8 @@ _BANDS = 4
 class ScoredPatch:
     """Scores of one patch."""
 
-    # Of validation_patches.csv, without what depends on other patches. ``untested`` says why chance
-    # is not tested: "noise" or "undefined"; empty if it is.
+    # Of validation_patches.csv. ``untested`` says why chance is not tested: "noise" or "undefined";
+    # empty if it is.
     row: dict[str, Any]
     models: list[dict[str, Any]]  # rows of wear.csv
     bands: list[dict[str, Any]]  # rows of wear_profile.csv
@@ -88,6 +88,7 @@ def score_patch(
     *,
     pressure_MPa: float,
     above_noise: bool = True,
+    in_statistics: bool = True,
 ) -> ScoredPatch:
     """Score the predicted loss of one patch against the measured loss, known at some points.
 
@@ -108,6 +109,8 @@ def score_patch(
         Pressure of the patch before use.
     above_noise : bool
         Whether the loss exceeds the noise. If not, it is not tested against chance.
+    in_statistics : bool
+        Whether the patch is in the statistics.
     """
     valid = np.isfinite(change.change.values)
     lost = -change.change.values[valid]
@@ -154,6 +157,7 @@ def score_patch(
     is_defined = math.isfinite(chosen["mcc"]) and mask.any()
     row = {
         "patch": patch,
+        "in_statistics": in_statistics,
         "contact_fraction": float((contact.pressure.values > 0).mean()),
         "predicted_loss_um": chosen["predicted_volume_um3"]
         / (element_um3 * 1e-3 * height.size),
@@ -181,20 +185,10 @@ def by_chance(scored: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
     return {patch: swapped_mcc(patch, predicted) for patch in tested}
 
 
-def score_tables(
-    scored: Sequence[ScoredPatch], in_statistics: Mapping[str, bool]
-) -> dict[str, pd.DataFrame]:
-    """The tables ``patches``, ``wear`` and ``profile``; empty without patches.
-
-    `in_statistics` marks the patches of the statistics.
-    """
-    patches = []
-    for one in scored:
-        patch = one.row["patch"]
-        first = {"patch": patch, "in_statistics": in_statistics[patch]}
-        patches.append(first | one.row)
+def score_tables(scored: Sequence[ScoredPatch]) -> dict[str, pd.DataFrame]:
+    """The tables ``patches``, ``wear`` and ``profile``; empty without patches."""
     rows = {
-        "patches": patches,
+        "patches": [one.row for one in scored],
         "wear": [row for one in scored for row in one.models],
         "profile": [row for one in scored for row in one.bands],
     }

@@ -67,14 +67,13 @@ def drawn_surfaces(
     `face` and `scans` are the inputs from which `gstlib.macroscale.composite.compose_surface` made
     the `composite` on the macroscale grid. Detail between the scans is drawn from `seed`.
     """
-    patches = composite.patch.values
     size_mm = float(face.size_mm)
-    count = round(size_mm / spacing_of(scans[patches[0]].height)[0])
+    count = round(size_mm / spacing_of(scans[composite.patch.values[0]].height)[0])
     fine = make_surface(np.zeros((count, count)), size_mm / count)
     for draw in range(draws):
         yield compose(
             spline_of(face.height),
-            (_laid(composite, scans, patch, s_filter_um) for patch in patches),
+            _laid(composite, scans, s_filter_um),
             float(composite.patch_mm),
             fine,
             composite.density,
@@ -83,16 +82,21 @@ def drawn_surfaces(
 
 
 def _laid(
-    composite: xr.Dataset,
-    scans: Mapping[str, xr.Dataset],
-    patch: str,
-    s_filter_um: float | None,
-) -> tuple[PatchPosition, Plane, np.ndarray]:
-    """Position, plane and filtered heights of a scan, for `compose`."""
-    at = composite.sel(patch=patch)
-    plane = Plane(float(at.offset), float(at.slope_y), float(at.slope_x))
-    heights = s_filtered(scans[patch].height, s_filter_um).values
-    return PatchPosition.from_dataset(at), plane, heights
+    composite: xr.Dataset, scans: Mapping[str, xr.Dataset], s_filter_um: float | None
+) -> Iterator[tuple[PatchPosition, Plane, np.ndarray]]:
+    """Position, plane and filtered heights of each scan, for `compose`."""
+    for patch, place in _places(composite).items():
+        at = composite.sel(patch=patch)
+        plane = Plane(float(at.offset), float(at.slope_y), float(at.slope_x))
+        yield place, plane, s_filtered(scans[patch].height, s_filter_um).values
+
+
+def _places(patches: xr.Dataset) -> dict[str, PatchPosition]:
+    """Position of each patch."""
+    return {
+        patch: PatchPosition.from_dataset(patches.sel(patch=patch))
+        for patch in patches.patch.values
+    }
 
 
 def solve_realisations(
@@ -125,10 +129,7 @@ def solve_realisations(
     patches : xarray.Dataset
         From `patches_of_reference`, by ``draw``.
     """
-    places = {
-        patch: PatchPosition.from_dataset(patches.sel(patch=patch))
-        for patch in patches.patch.values
-    }
+    places = _places(patches)
     scan = scans[next(iter(places))].height
     drawn: list[xr.Dataset] = []
     for heights in surfaces:
@@ -218,25 +219,20 @@ def patches_of_reference(
     touching, mean = [], []
     dy, dx = spacing_of(pressure)
     for place in places.values():
-        y, x = place.points(v[:, None], u)
+        y, x = np.broadcast_arrays(*place.points(v[:, None], u))
         rows = (y - pressure.y.values[0]) / dy
         columns = (x - pressure.x.values[0]) / dx
         values = scipy.ndimage.map_coordinates(
-            pressure.values,
-            np.broadcast_arrays(rows, columns),
-            order=0,
-            mode="grid-constant",
+            pressure.values, [rows, columns], order=0, mode="grid-constant"
         )
         touching.append(values > 0)
         mean.append(values.mean(dtype=float))  # of numbers in single precision
     variables = {
-        "contact": (("patch", "y", "x"), np.array(touching)),
-        "pressure": ("patch", np.array(mean)),
+        "contact": (("patch", "y", "x"), touching),
+        "pressure": ("patch", mean),
     }
-    on_scans = xr.Dataset(
-        variables, coords={"patch": list(places), "y": scan.y, "x": scan.x}
-    )
-    return described(on_scans, _VARIABLES)
+    coordinates = {"patch": [*places], "y": scan.y, "x": scan.x}
+    return described(xr.Dataset(variables, coordinates), _VARIABLES)
 
 
 def two_scales_table(
@@ -267,12 +263,10 @@ def two_scales_table(
             true, pressure_MPa = at.contact.values, float(at.pressure.mean())
             touching = np.broadcast_to(contact.pressure.values > 0, true.shape)
             highest = _highest(contact.interface.laid.values, true)
-            for name, mask, pressure in (
-                (variant, touching, contact.mean_pressure),
-                (f"highest_{variant}", highest, np.nan),
-            ):
-                counts = mask_counts(mask, true)
-                rows.append((patch, name, pressure, pressure_MPa, *counts))
+            own = patch, variant, contact.mean_pressure, pressure_MPa
+            other = patch, f"highest_{variant}", np.nan, pressure_MPa
+            rows.append((*own, *mask_counts(touching, true)))
+            rows.append((*other, *mask_counts(highest, true)))
     keys = ["patch", "variant", "pressure_MPa", "reference_pressure_MPa"]
     table = pd.DataFrame(rows, columns=[*keys, *_COUNTS])
     parts = []
@@ -280,11 +274,10 @@ def two_scales_table(
         pooled = pd.DataFrame([of_variant[_COUNTS].sum()])
         parts += [of_variant, pooled.assign(patch=ALL, variant=name)]
     table = pd.concat(parts, ignore_index=True)
-    hits, predicted, touching, points = table[_COUNTS].to_numpy().T
-    scores = mask_scores(hits, predicted, touching, points)
+    scores = mask_scores(*table[_COUNTS].to_numpy().T)
     return table[keys].assign(
-        contact_fraction=predicted / points,
-        reference_contact_fraction=touching / points,
+        contact_fraction=table.predicted / table.points,
+        reference_contact_fraction=table.touching / table.points,
         **{name: scores[name] for name in ("precision", "recall", "f1")},
     )
 

@@ -14,6 +14,7 @@ Every row of the summary is a statistic with its interval, p-value, number of pa
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -61,8 +62,8 @@ _RANKED += ["contact_fraction"]
 # An interlayer is detected if its error out of contact is below this fraction of the bare stone's.
 ERROR_TO_BEAT = 0.98
 
-# model, statistic, estimate, against
-_Row = tuple[str, str, Estimate, str]
+# Model, statistic, the numbers of its `Estimate`, and against what it is.
+_Row = tuple[Any, ...]
 
 
 def summarise(
@@ -129,16 +130,12 @@ def summarise(
     if expected_most_worn:
         rows += [_worst(in_statistics, expected_most_worn, name) for name in _RANKED]
     if len(scored):  # last: the draws of the others stay as they were
-        for model in by_patch.map_error_um.columns.intersection(
-            _PREDICTIONS, sort=False
-        ):
-            relative = _relative_to_best(by_patch.map_error_um, model, draws)
+        errors = by_patch.map_error_um
+        for model in [name for name in _PREDICTIONS if name in errors]:
+            relative = _relative_to_best(errors, model, draws)
             rows.append((model, "relative_to_best(map_error)", *relative))
     columns = ["model", "statistic", *Estimate._fields, "against"]
-    named = [
-        (model, name, *estimate, against) for model, name, estimate, against in rows
-    ]
-    return separated(pd.DataFrame(named, columns=columns))
+    return separated(pd.DataFrame(rows, columns=columns))
 
 
 def separated(summary: pd.DataFrame) -> pd.DataFrame:
@@ -208,19 +205,19 @@ def _model_rows(by_patch: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
     for model in (*_PREDICTIONS, *BASELINES, ORACLE):
         if model not in mcc:
             continue
-        yield model, "mean(mcc)", mean_of(mcc[model], draws), ""
+        yield model, "mean(mcc)", *mean_of(mcc[model], draws), ""
         if model in _PREDICTIONS:
             reached = mean_of(attainable[model], draws)
-            yield model, "mean(attainable_mcc)", reached, "any mask of its area"
+            yield model, "mean(attainable_mcc)", *reached, "any mask of its area"
             gain = mcc[model] - mcc[best or model]
             p = _against_best(gain, draws)
-            yield model, "gain(mcc)", mean_of(gain, draws, p), best
+            yield model, "gain(mcc)", *mean_of(gain, draws, p), best
         if model != _NONE:
             relative = _relative(map_error[model], map_error[_NONE], draws)
-            yield model, "relative(map_error)", relative, _NONE
+            yield model, "relative(map_error)", *relative, _NONE
         if model in _PREDICTIONS:
-            relative_to_best = _relative_to_best(volume, model, draws)
-            yield model, "relative(volume_error)", *relative_to_best
+            of_volume = _relative_to_best(volume, model, draws)
+            yield model, "relative(volume_error)", *of_volume
 
 
 def _relative(error: pd.Series, other: pd.Series, draws: Draws) -> Estimate:
@@ -229,13 +226,11 @@ def _relative(error: pd.Series, other: pd.Series, draws: Draws) -> Estimate:
     return ratio_of_sums(error, other, draws, p)
 
 
-def _relative_to_best(
-    errors: pd.DataFrame, model: str, draws: Draws
-) -> tuple[Estimate, str]:
+def _relative_to_best(errors: pd.DataFrame, model: str, draws: Draws) -> _Row:
     """Summed errors (patches, models) of a model over the best baseline's, and its name."""
     best = str(errors[[*BASELINES]].sum().idxmin())
     p = _against_best(errors[best] - errors[model], draws)
-    return ratio_of_sums(errors[model], errors[best], draws, p), best
+    return *ratio_of_sums(errors[model], errors[best], draws, p), best
 
 
 def _against_best(gain: pd.Series, draws: Draws) -> float:
@@ -255,7 +250,7 @@ def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:
         drawn = [draws.generator.choice(null[1:], draws.resamples) for null in nulls]
         p = p_value(float(values.mean()), np.mean(drawn, axis=0))
     mean = mean_of(values, draws, p)
-    return own, "tested_mean(mcc)", mean, "other patches' predictions"
+    return own, "tested_mean(mcc)", *mean, "other patches' predictions"
 
 
 def _interlayer_rows(
@@ -267,14 +262,14 @@ def _interlayer_rows(
     """
     error = errors.fillna(0.0)
     relative = _relative(error[INTERLAYER], ERROR_TO_BEAT * error[BARE], draws)
-    yield INTERLAYER, "relative(out_of_contact)", relative, BARE
+    yield INTERLAYER, "relative(out_of_contact)", *relative, BARE
     misfit = interlayer.misfit.transpose("patch", "ratio").values
     drawn = draws.generator.integers(0, len(misfit), (draws.resamples, len(misfit)))
     samples = interlayer.ratio.values[misfit[drawn].sum(axis=1).argmin(axis=1)]
     interval = percentile_interval(samples, len(misfit))
     value = float(interlayer.ratio_of_all)
-    estimate = Estimate(value, *interval, math.nan, len(misfit))
-    yield INTERLAYER, "interlayer_ratio", estimate, ""
+    estimate = value, *interval, math.nan, len(misfit)
+    yield INTERLAYER, "interlayer_ratio", *estimate, ""
 
 
 def _correlation(
@@ -282,7 +277,7 @@ def _correlation(
 ) -> _Row:
     estimate = rank_correlation(table, predictor, extent, draws)
     against = "other pairings, neighbours alike"
-    return "", f"spearman({predictor}, {extent})", estimate, against
+    return "", f"spearman({predictor}, {extent})", *estimate, against
 
 
 def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> _Row:
@@ -297,8 +292,7 @@ def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> _Row:
         share = within / count
         p = float(scipy.stats.hypergeom.sf(within - 1, len(values), count, count))
     name = f"expected_most_worn({'+'.join(expected)}, {column})"
-    estimate = Estimate(share, math.nan, math.nan, p, len(values))
-    return "", name, estimate, "random ranking"
+    return "", name, share, math.nan, math.nan, p, len(values), "random ranking"
 
 
 def score_wear(
@@ -361,10 +355,11 @@ def score_wear(
                 others,
                 pressure_MPa=row.unseen_MPa,
                 above_noise=row.above_noise,
+                in_statistics=row.in_statistics,
             )
             for row in measured.itertuples()
         ]
-    tables = score_tables(scores, measured.set_index("patch").in_statistics)
+    tables = score_tables(scores)
     tables["summary"] = summarise(
         patch_statistics(tables["patches"], registration, pressures),
         tables["wear"],

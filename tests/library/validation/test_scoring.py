@@ -6,24 +6,21 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from contacts import contact_of
+from contacts import contact_of, written
 
 from gstlib.change.change import height_change
 from gstlib.surfaces.grid import make_surface
 from gstlib.validation.baselines import BASELINES, ORACLE, Others
 from gstlib.validation.scoring import by_chance, other_patches, score_patch
 
-OTHERS = Others.tabulated(
-    pd.DataFrame(
-        {
-            "pressure_MPa": [10.0, 20.0],
-            "loss_mm": [2e-4, 4e-4],
-            "loss_fraction": [0.02, 0.04],
-        },
-        index=["8", "9"],
-    ),
-    {patch: np.linspace(0, 5e-3, 500) for patch in "89"},
-)
+TABLE = written(
+    """
+    patch, pressure_MPa, loss_mm, loss_fraction
+    8,     10,           2e-4,    0.02
+    9,     20,           4e-4,    0.04
+    """
+).set_index("patch")
+OTHERS = Others.tabulated(TABLE, dict.fromkeys("89", np.linspace(0, 5e-3, 500)))
 # A patch that lost height just where it is predicted to, and not at its highest points.
 RNG = np.random.default_rng(3)
 T0 = make_surface(RNG.normal(0, 1e-3, (60, 70)), 1e-3)
@@ -72,24 +69,28 @@ def test_the_study_s_own_prediction_is_that_with_the_interlayer():
 
 
 def test_a_perfect_prediction_is_no_chance_and_a_shifted_one_is():
-    scores = [scored()]
-    scores += [
-        scored(f"of {y}", archard=np.roll(WORN, (9, 5 + y), (0, 1))) for y in range(9)
-    ]
-    nulls = by_chance(scores)
+    shifted = {f"of {by}": np.roll(WORN, (9, 5 + by), (0, 1)) for by in range(9)}
+    others = [scored(name, archard=depth) for name, depth in shifted.items()]
+    own = scored()
+    nulls = by_chance([own, *others])
     assert len(nulls["7"]) == 2 * 10
-    assert nulls["7"][0] == pytest.approx(scores[0].row["mcc"])
+    assert nulls["7"][0] == pytest.approx(own.row["mcc"])
     reached = {name: (null[1:] >= null[0]).sum() for name, null in nulls.items()}
     assert reached.pop("7") == 0
     assert min(reached.values()) > 0  # one of the others is that of patch 7
 
 
 def test_baselines_know_the_losses_of_the_patches_that_the_prediction_is_fitted_to():
-    registration = pd.DataFrame({"patch": ["7", "8", "9"], "loss_fraction": 0.1})
-    registration["mean_wear_depth_um"] = [0.1, 0.2, np.nan]
-    pressures = registration.assign(pressure_MPa=5.0, leave_one_out_MPa=[1.0, 2.0, 3.0])
+    table = written(
+        """
+        patch, loss_fraction, mean_wear_depth_um, pressure_MPa, leave_one_out_MPa
+        7,     0.1,           0.1,                5,            1
+        8,     0.1,           0.2,                5,            2
+        9,     0.1,           ,                   5,            3
+        """
+    )
     contacts, changes = dict.fromkeys("78", CONTACT), dict.fromkeys("78", CHANGE)
-    others = other_patches(pressures, registration, ["7", "8"], contacts, changes)
+    others = other_patches(table, table, ["7", "8"], contacts, changes)
     assert others.table.loss_mm.tolist() == pytest.approx([1e-4, 2e-4])
     # pressures that the patch's own wear has not shaped
     assert others.table.pressure_MPa.tolist() == [1.0, 2.0]
