@@ -104,13 +104,14 @@ def patch_means(
     covered = covered_areas(patches, size_mm)
     rows = []
     for patch, place in places_of(patches).items():
+        area_mm2 = size_mm**2
         if patch in covered:
-            share = element_mm2 / covered[patch].area
+            area_mm2 = covered[patch].area
             weights = area_weights(grid, covered[patch])
         else:
-            share = element_mm2 / size_mm**2
             weights = footprint_weights(grid, place, size_mm)
-        rows.append(scipy.sparse.csr_array(share * weights.reshape(1, -1)))
+        share = element_mm2 / area_mm2 * weights
+        rows.append(scipy.sparse.csr_array(share.reshape(1, -1)))
     if not rows:
         return scipy.sparse.csr_array((0, grid.size))
-    return scipy.sparse.csr_array(scipy.sparse.vstack(rows))
+    return scipy.sparse.vstack(rows, format="csr")

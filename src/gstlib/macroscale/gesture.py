@@ -213,7 +213,7 @@ def press_poses(
         gesture.case(height, pose, contact_modulus_MPa) for pose in poses.itertuples()
     )
     contacts = press_each(cases, tolerance=tolerance, source="gesture", in_order=True)
-    pressure_sum, touched_sum, exposed, highest = np.zeros((4, *height.shape))
+    sums, highest = np.zeros((3, *height.shape)), np.zeros(height.shape)
     by_pose, kept = [], {}
     for pose, contact in zip(poses.itertuples(), contacts, strict=True):
         pressure, displacement = np.zeros(height.shape), np.nan
@@ -228,32 +228,32 @@ def press_poses(
         turned_mm = np.radians(pose.turning_deg) * from_middle
         work = pressure * np.hypot(pose.sliding_mm, turned_mm)
         touched = pressure > 0
-        pressure_sum += pose.weight * pressure
-        touched_sum += pose.weight * touched
-        exposed += pose.weight * work
+        sums += pose.weight * np.stack([pressure, touched, work])
         if pose.weight > 0:
-            np.maximum(highest, pressure, out=highest)
+            highest = np.maximum(highest, pressure)
         if pose.Index in shown:
             kept[pose.Index] = pressure
         on_patches = means @ pressure.ravel(), pose.weight * (means @ work.ravel())
-        by_pose.append((pose.weight, displacement, touched.mean(), *on_patches))
-    weight, displaced, fraction, pressures, exposures = zip(*by_pose, strict=True)
+        by_pose.append((displacement, touched.mean(), *on_patches))
+    displaced, fraction, pressures, exposures = map(list, zip(*by_pose, strict=True))
     element, by_patch = ("y", "x"), ("pose", "patch")
     fields = np.array([*kept.values()]).reshape(-1, *height.shape)
     variables = {
-        "pressure_sum": (element, pressure_sum),
+        "pressure_sum": (element, sums[0]),
         "highest_pressure": (element, highest),
-        "touched_sum": (element, touched_sum),
-        "exposure": (element, exposed),
-        "weight": ("pose", [*weight]),
-        "displacement": ("pose", [*displaced]),
-        "contact_fraction": ("pose", [*fraction]),
-        "patch_pressure": (by_patch, [*pressures]),
-        "patch_exposure": (by_patch, [*exposures]),
+        "touched_sum": (element, sums[1]),
+        "exposure": (element, sums[2]),
+        "weight": ("pose", poses.weight),
+        "displacement": ("pose", displaced),
+        "contact_fraction": ("pose", fraction),
+        "patch_pressure": (by_patch, pressures),
+        "patch_exposure": (by_patch, exposures),
         "pressure": (("shown", *element), fields),
     }
-    posed = xr.Dataset(variables, {"y": height.y, "x": height.x})
-    posed = posed.assign_coords(pose=poses.index, shown=[*kept], patch=[*patches.patch])
+    where = {"y": height.y, "x": height.x, "shown": [*kept]}
+    posed = xr.Dataset(
+        variables, where | {"pose": poses.index, "patch": [*patches.patch]}
+    )
     return described(posed, _VARIABLES)
 
 

@@ -3,10 +3,9 @@
 from dataclasses import astuple
 
 import numpy as np
-import pandas as pd
 import pytest
 import xarray as xr
-from contacts import laid, mesh_face, pressed
+from contacts import laid, mesh_face, pressed, written
 
 from gstlib.coupling.embedding import place_patch
 from gstlib.errors import InputError
@@ -20,20 +19,19 @@ from gstlib.macroscale.composite import (
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import PatchPosition, places_of, spline_of
 from gstlib.surfaces.grid import axis_coordinates, make_surface
-from gstlib.surfaces.leveling import Plane
+from gstlib.surfaces.leveling import Plane, remove_plane
 from gstlib.validation.single_scale import drawn_surfaces, solve_reference
 
 NO_DETAIL = xr.DataArray(
     np.zeros(2), dims="frequency", coords={"frequency": [1.0, 2.0]}
 )
 SIDE, COUNT, PATCH, POINTS = 4.0, 40, 0.8, 64
-PLACES = pd.DataFrame(
-    {
-        "patch": ["a", "b"],
-        "x_mm": [1.0, 2.7],
-        "y_mm": [1.2, 2.5],
-        "rotation_deg": [0.0, 20.0],
-    }
+PLACES = written(
+    """
+    patch, x_mm, y_mm, rotation_deg
+    a,     1.0,  1.2,  0
+    b,     2.7,  2.5,  20
+    """
 )
 
 
@@ -54,34 +52,27 @@ def mesh_surface(error=1e-4):
 
 def scans(detail=1e-3):
     """Levelled scans of the stone, with detail that the mesh lacks."""
-    generator = np.random.default_rng(2)
+    noise = np.random.default_rng(2).standard_normal((2, POINTS, POINTS))
     levels = {}
-    for patch, place in places_of(PLACES).items():
-        noise = make_surface(
-            generator.standard_normal((POINTS, POINTS)), PATCH / POINTS
-        )
-        rough = s_filtered(noise, 60.0).values
-        rough *= detail / rough.std()
-        level, _ = laid(
-            lambda y, x, rough=rough: waves(y, x) + rough, place, PATCH, POINTS
-        )
+    for (patch, place), each in zip(places_of(PLACES).items(), noise, strict=True):
+        rough = s_filtered(make_surface(each, PATCH / POINTS), 60.0)
+        level, _ = laid(waves, place, PATCH, POINTS)
+        level, _ = remove_plane(level + rough * detail / rough.std())
         levels[patch] = level.to_dataset(name="height")
     return levels
 
 
-def composed(detail=1e-3, *, error=1e-4, placement_um=0.0):
-    return on_face(mesh_surface(error), scans(detail), placement_um)
-
-
-def on_face(face, levels, placement_um=10.0):
+def composed(detail=1e-3, *, error=1e-4, placement_um=0.0, levels=None):
     """The composite of scans on a face."""
-    settings = {
-        "patch_mm": PATCH,
-        "s_filter_um": None,
-        "placement_um": placement_um,
-        "seed": 1,
-    }
-    return compose_surface(face, PLACES, levels, **settings)
+    return compose_surface(
+        mesh_surface(error),
+        PLACES,
+        levels or scans(detail),
+        patch_mm=PATCH,
+        s_filter_um=None,
+        placement_um=placement_um,
+        seed=1,
+    )
 
 
 def test_a_scan_gets_back_the_plane_that_levelling_took():
@@ -117,7 +108,7 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
 def test_a_scan_is_not_stretched_over_its_patch():
     wide = {patch: scan.assign_coords(x=2 * scan.x) for patch, scan in scans().items()}
     with pytest.raises(InputError, match=r"patch a: the map is 1\.6 × 0\.8 mm"):
-        on_face(mesh_surface(), wide)
+        composed(levels=wide)
     composite = composed()
     contact = pressed(composite.height, mean_pressure=1.0)
     with pytest.raises(InputError, match=r"patch a: the map is 1\.6 × 0\.8 mm"):
@@ -150,27 +141,29 @@ def test_a_plane_that_the_mesh_does_not_know_is_left_level():
 
 def test_the_error_of_a_plane_is_that_of_mesh_place_and_unseen_waves():
     """The mesh's is above; of a place on a curved stone, and of waves that the scans show."""
-    still, smooth, rough = (
-        composed(detail, error=0.0).tilt_error_mrad for detail in (1e-6, 1e-3, 1e-2)
+    still, smooth, rough, moved, further = (
+        composed(detail, error=0.0, placement_um=placement_um).tilt_error_mrad
+        for detail, placement_um in (
+            (1e-6, 0),
+            (1e-3, 0),
+            (1e-2, 0),
+            (1e-6, 20),
+            (1e-6, 40),
+        )
     )
     np.testing.assert_allclose(rough, 10 * smooth, rtol=0.1)
-    moved, further = (
-        composed(1e-6, error=0.0, placement_um=placement_um).tilt_error_mrad
-        for placement_um in (20.0, 40.0)
-    )
     assert (moved > 5 * still).all()
     np.testing.assert_allclose(further, 2 * moved, rtol=0.1)
 
 
 def test_at_the_scans_resolution_each_draw_has_other_detail_and_the_same_scans():
-    face = mesh_surface()
-    levels = scans()
-    composite = composed()
-    first, other, filtered = (
+    levels, composite = scans(), composed()
+    surfaces = mesh_surface(), composite, levels
+    first, other, filtered, _ = (
         heights.values
-        for s_filter_um, draws in ((None, 2), (60.0, 1))
+        for s_filter_um in (None, 60.0)
         for heights in drawn_surfaces(
-            face, composite, levels, draws=draws, s_filter_um=s_filter_um, seed=1
+            *surfaces, draws=2, s_filter_um=s_filter_um, seed=1
         )
     )
     at = slice(64, 128), slice(48, 112)  # patch a, not turned, about x 1 and y 1.2
@@ -179,9 +172,10 @@ def test_at_the_scans_resolution_each_draw_has_other_detail_and_the_same_scans()
     a = composite.sel(patch="a")
     height = levels["a"].height
     along = axis_coordinates(POINTS, PATCH / POINTS) - PATCH / 2
-    plane = (
-        float(a.offset) + float(a.slope_y) * along[:, None] + float(a.slope_x) * along
+    offset, slope_y, slope_x = (
+        float(a[name]) for name in ("offset", "slope_y", "slope_x")
     )
+    plane = offset + slope_y * along[:, None] + slope_x * along
     np.testing.assert_allclose(first[at] - plane, height, atol=1e-9)
     np.testing.assert_allclose(
         filtered[at] - plane, s_filtered(height, 60.0), atol=1e-9

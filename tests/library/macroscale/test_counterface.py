@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import trimesh
-from contacts import pressed
-from numpy.testing import assert_array_equal
 from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 from trimesh.transformations import rotation_matrix, translation_matrix
@@ -53,35 +51,21 @@ def sheet(heights, up=True):
     return trimesh.Trimesh(vertices, faces if up else faces[:, ::-1], process=False)
 
 
-@pytest.mark.parametrize("radius_mm", [0, np.nan, (50.0, 0), (50.0, 20.0, 9.0)])
+@pytest.mark.parametrize("radius_mm", [0, np.nan, (50.0, 0), np.ones(3)])
 def test_a_tool_of_no_radius_is_refused(radius_mm):
     surface = make_surface(np.zeros((4, 4)), 1.0)
     with pytest.raises(InputError, match="Give one radius or two"):
         rounded_counterface(surface, radius_mm, MIDDLE)
-
-
-def test_two_radii_may_be_an_array():
-    surface = make_surface(np.zeros((4, 4)), 1.0)
-    faces = (
-        rounded_counterface(surface, two((50.0, 20.0)), MIDDLE, 30.0)
-        for two in (tuple, np.array)
-    )
-    assert_array_equal(*faces)
+    rounded_counterface(surface, np.array([50.0, 20.0]), MIDDLE)
 
 
 def gridded(passive, active=None, pose=None):
     """The square with the active tool on it."""
-    return grid_macroscale(
-        passive,
-        points_mm=CORNERS.tolist(),
-        size_mm=SIDE,
-        grid=COUNT,
-        active_tool=FLAT
-        if active is None
-        else ActiveTool(active, pose, 0.0, "active.ply"),
-        source="passive.ply",
-        interpolation="linear",
-    )[0]
+    square = {"points_mm": CORNERS.tolist(), "size_mm": SIDE, "grid": COUNT}
+    tool = ActiveTool(active, pose, 0.0, "active.ply") if active else FLAT
+    return grid_macroscale(passive, active_tool=tool, interpolation="linear", **square)[
+        0
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -107,10 +91,6 @@ def test_halves_of_a_block_fit(lower, upper, pose):
     square = gridded(lower, upper, pose)
     assert np.ptp(square.height.values) > 0.01
     np.testing.assert_allclose(square.height + square.counterface, 0, atol=1e-9)
-    load = {"mean_pressure": 20.0, "load_point": MIDDLE}
-    contact = pressed(square.height, square.counterface, **load)
-    punch = pressed(0 * square.height, **load)
-    np.testing.assert_allclose(contact.pressure, punch.pressure, rtol=1e-4)
     # the mesh that is looked at is back in its place, too
     there = posed_mesh(ActiveTool(upper, pose, 0.0, "upper.ply"), FRAME, size_mm=SIDE)
     np.testing.assert_allclose(there.vertices, lower.vertices, atol=1e-9)
