@@ -103,6 +103,7 @@ class Comparison:
         coarse = [resize_local_mean(each.values, _SHAPE) for each in heights]
         self.looks = _looks(np.array(coarse))
         self.shows_waves = shows_waves(surface, patch_mm)
+        self.ways = len(patches) + len(LOOKS) - 1  # of one patch
         self.scan = np.sum(self.looks[:, :1] ** 2, axis=-1, keepdims=True)
         shifts = _SHIFTS * patch_mm
         self.products, self.mesh = self._products_at(patches, shifts)
@@ -180,12 +181,11 @@ class Comparison:
     @property
     def status(self) -> np.ndarray:
         """Status of each patch."""
-        number = len(self.alternatives)
-        each = number + len(LOOKS) - 1  # the ways of one patch
-        status = np.full(number, CANNOT_TELL, dtype=object)
+        status = np.full(len(self.scan), CANNOT_TELL, dtype=object)
         if self.shows_waves:
-            status[self.alternatives < -self.limit(each)] = AGREES
-            status[self.alternatives > self.limit(number * each)] = ELSEWHERE
+            status[self.alternatives < -self.limit(self.ways)] = AGREES
+            every = self.limit(len(self.scan) * self.ways)
+            status[self.alternatives > every] = ELSEWHERE
         return status
 
     def _under(self, patches: pd.DataFrame, shift: np.ndarray) -> np.ndarray:
@@ -233,14 +233,14 @@ class Comparison:
         the looks of the mesh differ. The variance is the mean of its own and of the usual variance
         of the patches.
         """
-        ways = [(self.fits, self.patches, self.patch_mm * _SHIFTS[self.at])]
+        best, under = self.fits, self.under
         _, *others = self.tables.values()
         for patches, shifts, *products in (*others, self._exchanged()):
             fits = self.correlation(*products)
-            at = fits.max(axis=1).sum(axis=0).argmax()
-            ways.append((fits[..., at], patches, shifts[at]))
-        best, *place = max(ways, key=lambda way: way[0].max(axis=1).sum())
-        under = self._under(*place)
+            totals = fits.max(axis=1).sum(axis=0)
+            at = totals.argmax()
+            if totals[at] > best.max(axis=1).sum():
+                best, under = fits[..., at], self._under(patches, shifts[at])
         laid = self.looks[np.arange(len(best)), best.argmax(axis=1)]
         mesh = np.maximum(np.sum(under**2, axis=-1), _LEAST_VARIANCE)
         gain = float(np.median(np.sum(laid * under, axis=-1) / mesh)) or 1.0

@@ -218,13 +218,11 @@ def pressure_intervals(
     generator = np.random.default_rng(seed)
     moduli = modulus * draw_contact_moduli(material, errors, generator=generator)
     count = len(moduli)
-    forces_N = force_N * np.exp(
-        errors.force_log_sd * np.random.default_rng([seed, 3]).standard_normal(count)
-    )
+    normal = np.random.default_rng([seed, 3]).standard_normal(count)
+    forces_N = force_N * np.exp(errors.force_log_sd * normal)
     mesh = coarser(macroscale.face.height, _COARSER)
-    mesh_errors = draw_mesh_errors(
-        macroscale.face, mesh, count, np.random.default_rng([seed, 2])
-    )
+    drawn = np.random.default_rng([seed, 2])
+    mesh_errors = draw_mesh_errors(macroscale.face, mesh, count, drawn)
     stone = _Stone(macroscale, mesh, errors, patch_mm)
     generators = [np.random.default_rng([seed, 1, draw]) for draw in range(count)]
     places = [stone.misplaced(pressures, each) for each in generators]

@@ -12,7 +12,6 @@ detected to some 45 µm, more than the position errors. A common shift of all pa
 """
 
 import logging
-import math
 from collections.abc import Container, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -183,7 +182,8 @@ def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
         remedy = remedy_of(name, mould, table=changes)
         return [_Claim(None, margin, orientation, problem, remedy)], False
     margin = as_given - anywhere
-    if margin > 0 and _contradicts(compared):
+    rough = np.median(compared.mesh[..., compared.at]) / np.median(compared.scan)
+    if margin > 0 and compared.shows_waves and rough > _SMOOTH**2:
         problem = (
             "they do not match the mesh at their positions in the patch table (mean correlation "
             f"{fit:.2f}, no higher than elsewhere)"
@@ -206,14 +206,6 @@ def _ways(compared: Comparison) -> list[tuple[np.ndarray, float, str, str]]:
         for look, at in enumerate(shifts):
             ways.append((misfits[:, look, at], fits[look, at], LOOKS[look], mistake))
     return ways
-
-
-def _contradicts(compared: Comparison) -> bool:
-    """Whether the mesh is fine and rough enough to contradict all scans together."""
-    ratio = math.sqrt(
-        np.median(compared.mesh[..., compared.at]) / np.median(compared.scan)
-    )
-    return compared.shows_waves and ratio > _SMOOTH
 
 
 def _of_instruments(compared: Comparison, mould: Mould) -> list[_Claim]:
@@ -240,7 +232,7 @@ def _of_patches(compared: Comparison, mould: Mould) -> list[_Claim]:
 
     The latter require that as many others agree. If few agree, the error may concern all.
     """
-    status, number = compared.status, len(compared.scan)
+    status = compared.status
     if (status == CANNOT_TELL).all():
         return []
     claims = [*_exchanged(compared)]
@@ -248,10 +240,18 @@ def _of_patches(compared: Comparison, mould: Mould) -> list[_Claim]:
     wrong = set(np.flatnonzero(status == ELSEWHERE)) - {*exchanged}
     if len(wrong) > len(exchanged) + (status == AGREES).sum():
         return claims
+    tests = len(status) * compared.ways
     for row in sorted(map(int, wrong)):
-        tests = number * (number + (len(LOOKS) - 1))
         claim = _in_another_look(compared, [row], mould, tests=tests)
-        claims.append(claim or _not_there(compared, row, tests=tests))
+        if claim is None:
+            problem = (
+                "its scan does not match the mesh at its position in the patch table (correlation "
+                f"{compared.fits[row, 0]:.2f})"
+            )
+            remedy = "Check its x_mm and y_mm, and that its scan does not show another patch."
+            margin = compared.alternatives[row] - compared.limit(tests)
+            claim = _Claim([row], margin, "", problem, remedy)
+        claims.append(claim)
     return claims
 
 
@@ -274,17 +274,6 @@ def _in_another_look(
     if len(rows) == 1:  # a scan of another place may fit by chance
         remedy += " If its x_mm and y_mm may be wrong, check these first."
     return _Claim(rows, margin, orientation, problem, remedy)
-
-
-def _not_there(compared: Comparison, row: int, *, tests: int) -> _Claim:
-    """A patch that does not fit its position, without a clear look."""
-    problem = (
-        "its scan does not match the mesh at its position in the patch table (correlation "
-        f"{compared.fits[row, 0]:.2f})"
-    )
-    remedy = "Check its x_mm and y_mm, and that its scan does not show another patch."
-    margin = compared.alternatives[row] - compared.limit(tests)
-    return _Claim([row], margin, "", problem, remedy)
 
 
 def _exchanged(compared: Comparison) -> Iterator[_Claim]:

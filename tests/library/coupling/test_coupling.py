@@ -1,16 +1,20 @@
 """Coupling: forces are shared out without loss, wherever and however a footprint lies."""
 
 import numpy as np
-import pandas as pd
 import pytest
+from contacts import written
 
 from gstlib.coupling.embedding import surroundings
 from gstlib.coupling.pressures import covered_pressures, patch_pressures, stated, unseen
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import make_surface
 
-PLACES = pd.DataFrame(
-    {"patch": list("ab"), "x_mm": 2.4, "y_mm": 2.6, "rotation_deg": [25.0, 0.0]}
+PLACES = written(
+    """
+    patch, x_mm, y_mm, rotation_deg
+    a,     2.4,  2.6,  25
+    b,     2.4,  2.6,  0
+    """
 )
 
 

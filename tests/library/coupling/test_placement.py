@@ -211,28 +211,30 @@ def test_a_patch_that_is_not_shown_is_not_said_to_agree():
 )
 def test_a_mirrored_table_is_a_fault_and_named(table, remedy):
     stone = stone_of(11)
-    truth = [(1.0, 0.7), (1.2, 2.4), (2.3, 3.9), (3.1, 1.4), (3.9, 3.1), (4.2, 2.0)]
-    heights = [patch_of(stone, y, x) for y, x in truth]
-    x, y = np.transpose([table(x, y) for y, x in truth])
-    fault = fault_of(square_of(stone), heights, columns={"x_mm": x, "y_mm": y})
+    y, x = np.array([(1.0, 1.2, 2.3, 3.1, 3.9, 4.2), (0.7, 2.4, 3.9, 1.4, 3.1, 2.0)])
+    heights = [patch_of(stone, *place) for place in zip(y, x, strict=True)]
+    columns = dict(zip(["x_mm", "y_mm"], table(x, y), strict=True))
+    fault = fault_of(square_of(stone), heights, columns=columns)
     assert fault.remedy.startswith(remedy)
 
 
+FLIPPED = {"invert": True, "flip": "x"}
+NEITHER = "Set scans.mould.invert to false, and set scans.mould.flip to null."
+
+
 @pytest.mark.parametrize(
-    ("wrong", "mould", "remedy"),
+    ("sign", "laid", "mould", "remedy"),
     [
-        (lambda h: h[:, ::-1], {}, "Set scans.mould.flip to x."),
-        (
-            lambda h: -h[:, ::-1],
-            {"invert": True, "flip": "x"},
-            "Set scans.mould.invert to false, and set scans.mould.flip to null.",
-        ),
-        (lambda h: h[::-1, ::-1], {}, "Add 180 to the rotation_deg of every patch."),
+        (1, "reversed along x", {}, "Set scans.mould.flip to x."),
+        (-1, "reversed along x", FLIPPED, NEITHER),
+        (1, "turned by 180°", {}, "Add 180 to the rotation_deg of every patch."),
     ],
 )
-def test_scans_laid_wrongly_are_noticed_and_the_remedy_named(wrong, mould, remedy):
+def test_scans_laid_wrongly_are_noticed_and_the_remedy_named(sign, laid, mould, remedy):
     stone = stone_of(7)
-    heights = [height.copy(data=wrong(height.values)) for height in nine(stone)]
+    heights = nine(stone)
+    for height in heights:
+        height.values = sign * oriented(height.values, laid)
     assert fault_of(square_of(stone), heights, **mould).remedy == remedy
     # one patch is enough
     alone = fault_of(square_of(stone), heights[:1], **mould)
