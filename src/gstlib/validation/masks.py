@@ -27,7 +27,7 @@ def mask_counts(mask: np.ndarray, observed: np.ndarray) -> tuple[int, ...]:
 def mask_scores(hits, predicted, observed, measured) -> dict[str, np.ndarray]:
     """All scores by name, from counts that broadcast."""
     counts = np.broadcast_arrays(hits, predicted, observed, measured)
-    hits, predicted, observed, measured = (count.astype(float) for count in counts)
+    hits, predicted, observed, measured = np.array(counts, dtype=float)
     spread = predicted * (measured - predicted) * observed * (measured - observed)
     product = hits * measured - predicted * observed
     low = np.minimum(predicted, observed)

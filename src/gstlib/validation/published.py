@@ -14,11 +14,11 @@ def figures_to_compare(
     `gstlib.coupling.pressures.couple_scales`. The patch is empty except for patch pressures.
     """
     final = macroscale.iloc[-1]
+    of_patches = pressures.set_index("patch").pressure_MPa
     figures = {
-        ("displacement", ""): float(final.displacement_um),
-        ("mean pressure", ""): float(final.mean_pressure_MPa),
-        ("contact fraction", ""): float(final.contact_fraction),
+        ("displacement", ""): final.displacement_um,
+        ("mean pressure", ""): final.mean_pressure_MPa,
+        ("contact fraction", ""): final.contact_fraction,
+        **{("patch pressure", str(name)): value for name, value in of_patches.items()},
     }
-    for row in pressures.itertuples():
-        figures["patch pressure", str(row.patch)] = float(row.pressure_MPa)
-    return figures
+    return {name: float(value) for name, value in figures.items()}
