@@ -204,9 +204,9 @@ class Comparison:
     def tables(self) -> dict[str, _Table]:
         """The table with the corrected patches for each of `TABLES`."""
         patches = self.patches
-        at, shifts = slice(None), _FEW_SHIFTS
+        at, shifts = np.arange(len(_SHIFTS)), _FEW_SHIFTS
         if len(patches) < _FEWEST_PATCHES:
-            at, shifts = [self.at], _FEW_SHIFTS[:1]
+            at, shifts = at[[self.at]], shifts[:1]
         products = self.products[..., at], self.mesh[..., at]
         tables = {"": (patches, self.patch_mm * _SHIFTS[at], *products)}
         for mistake in [*TABLES][1:]:

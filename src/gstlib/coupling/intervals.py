@@ -114,6 +114,49 @@ class Macroscale(NamedTuple):
     radius_mm: float | None = None
     use: xr.Dataset | None = None
 
+    def with_scans(
+        self,
+        height: xr.DataArray,
+        patches: pd.DataFrame,
+        generator: np.random.Generator,
+    ) -> xr.DataArray:
+        """A surface with the scans, if there are any, and other detail between them."""
+        composite = self.composite
+        if composite is None:
+            return height
+        patch_mm = float(composite.patch_mm)
+        spline, places = spline_of(height), places_of(patches).values()
+        planes = [plane_under(spline, place, patch_mm) for place in places]
+        laid = zip(places, planes, composite.scan.values, strict=True)
+        return compose_grid(height, laid, patch_mm, composite.density, generator)
+
+    def tool(
+        self,
+        height: xr.DataArray,
+        radius_mm: float | None,
+        pose_um: float,
+        generator: np.random.Generator,
+    ) -> xr.DataArray:
+        """The active tool over `height`, with an error of its position if it is a mesh."""
+        if self.counterface is not None:
+            pose = PatchPosition(*(pose_um * 1e-3 * generator.standard_normal(2)))
+            size_mm = float(self.face.size_mm)
+            return face_in_pose(self.counterface, height, pose, size_mm=size_mm)
+        over = coarser(self.face.counterface, _COARSER)
+        if radius_mm is None or self.radius_mm is None:
+            return over
+        return as_round_as(over, self.radius_mm, radius_mm)
+
+    def likely_uses(
+        self, draws: int, generator: np.random.Generator
+    ) -> list[xr.Dataset | None]:
+        """Draws from the posterior of the load case; None if nothing was inferred."""
+        use = self.use
+        if use is None or not use.attrs["adopted"]:
+            return [None] * draws
+        chosen = generator.choice(use.sizes["draw"], draws, p=use.weight.values)
+        return [use.isel(draw=one) for one in chosen]
+
 
 def draw_contact_moduli(
     material: Mapping[str, float],
@@ -221,18 +264,20 @@ def pressure_intervals(
     normal = np.random.default_rng([seed, 3]).standard_normal(count)
     forces_N = force_N * np.exp(errors.force_log_sd * normal)
     mesh = coarser(macroscale.face.height, _COARSER)
-    drawn = np.random.default_rng([seed, 2])
-    mesh_errors = draw_mesh_errors(macroscale.face, mesh, count, drawn)
-    stone = _Stone(macroscale, mesh, errors, patch_mm)
+    of_vertices = np.random.default_rng([seed, 2])
+    mesh_errors = draw_mesh_errors(macroscale.face, mesh, count, of_vertices)
+    uses = macroscale.likely_uses(count, np.random.default_rng([seed, 5]))
     generators = [np.random.default_rng([seed, 1, draw]) for draw in range(count)]
-    places = [stone.misplaced(pressures, each) for each in generators]
-    uses = _likely_uses(macroscale.use, count, np.random.default_rng([seed, 5]))
+    places = []
+    for generator in generators:
+        shifts = generator.standard_normal((2, len(pressures)))
+        x, y = errors.placement_um * 1e-3 * shifts  # drawn along x first
+        places.append(moved(pressures, (y, x), mesh, patch_mm))
 
     def case(draw: int) -> Case:
         # The generator continues, so each draw has another detail.
-        height = stone.with_scans(
-            mesh + mesh_errors[draw], places[draw], generators[draw]
-        )
+        drawn = mesh + mesh_errors[draw], places[draw], generators[draw]
+        height = macroscale.with_scans(*drawn)
         pose = np.random.default_rng([seed, 4, draw])
         point, radius_mm = None, macroscale.radius_mm
         if load_point is None:
@@ -248,7 +293,7 @@ def pressure_intervals(
             if not np.isnan(use.radius_mm):
                 stiffer = moduli[draw] / modulus * force_N / forces_N[draw]
                 radius_mm = float(use.radius_mm * stiffer)
-        over = stone.tool(radius_mm, pose)
+        over = macroscale.tool(mesh, radius_mm, errors.pose_um, pose)
         load = Load.of_force(float(forces_N[draw]), height, point)
         return Case(Interface(height, over), load, float(moduli[draw]))
 
@@ -266,8 +311,8 @@ def pressure_intervals(
             count - len(drawn),
             count,
         )
-    drawn = drawn or [np.full(len(pressures), np.nan)]
-    low, high = np.percentile(drawn, _PERCENTILES, axis=0)
+    none = np.full((1, len(pressures)), np.nan)
+    low, high = np.percentile(drawn or none, _PERCENTILES, axis=0)
     table = pressures[["patch", "pressure_MPa"]].assign(low_MPa=low, high_MPa=high)
     composite = macroscale.composite
     if composite is not None:
@@ -275,63 +320,6 @@ def pressure_intervals(
             table[name] = composite[name].values
         table["plane"] = np.where(composite.known, "mesh", "levelled")
     return table
-
-
-class _Stone(NamedTuple):
-    """The surfaces that are drawn, on the coarser grid of the `mesh`, and their errors."""
-
-    macroscale: Macroscale
-    mesh: xr.DataArray
-    errors: Errors
-    patch_mm: float
-
-    def misplaced(
-        self, patches: pd.DataFrame, generator: np.random.Generator
-    ) -> pd.DataFrame:
-        """The patches with perturbed positions."""
-        shifts = generator.standard_normal((2, len(patches)))
-        x, y = self.errors.placement_um * 1e-3 * shifts  # drawn along x first
-        return moved(patches, (y, x), self.mesh, self.patch_mm)
-
-    def with_scans(
-        self,
-        height: xr.DataArray,
-        patches: pd.DataFrame,
-        generator: np.random.Generator,
-    ) -> xr.DataArray:
-        """A surface with the scans, if there are any, and other detail between them."""
-        composite = self.macroscale.composite
-        if composite is None:
-            return height
-        spline, places = spline_of(height), places_of(patches).values()
-        planes = [plane_under(spline, place, self.patch_mm) for place in places]
-        laid = zip(places, planes, composite.scan.values, strict=True)
-        return compose_grid(height, laid, self.patch_mm, composite.density, generator)
-
-    def tool(
-        self, radius_mm: float | None, generator: np.random.Generator
-    ) -> xr.DataArray:
-        """The active tool, with a perturbed position if it is a mesh."""
-        face, counterface = self.macroscale.face, self.macroscale.counterface
-        if counterface is not None:
-            y, x = self.errors.pose_um * 1e-3 * generator.standard_normal(2)
-            position, size_mm = PatchPosition(y, x), float(face.size_mm)
-            return face_in_pose(counterface, self.mesh, position, size_mm=size_mm)
-        over = coarser(face.counterface, _COARSER)
-        stated_mm = self.macroscale.radius_mm
-        if radius_mm is None or stated_mm is None:
-            return over
-        return as_round_as(over, stated_mm, radius_mm)
-
-
-def _likely_uses(
-    use: xr.Dataset | None, draws: int, generator: np.random.Generator
-) -> list[xr.Dataset | None]:
-    """Draws from the posterior of the load case; None if nothing was inferred."""
-    if use is None or not use.attrs["adopted"]:
-        return [None] * draws
-    chosen = generator.choice(use.sizes["draw"], draws, p=use.weight.values)
-    return [use.isel(draw=one) for one in chosen]
 
 
 def _over_strikes(pressures: pd.DataFrame, use: xr.Dataset | None) -> np.ndarray:
