@@ -151,6 +151,7 @@ def score_patch(
             models[model]["out_of_contact_um"] = _rms_um(error[unworn])
     name = own_model([*own])
     chosen = models[name]
+    area_um2 = element_um3 * 1e-3 * height.size
     no_loss_um = models["none"]["map_error_um"]
     mask = np.zeros(valid.shape, dtype=bool)
     mask[valid] = own[name] > level
@@ -159,8 +160,7 @@ def score_patch(
         "patch": patch,
         "in_statistics": in_statistics,
         "contact_fraction": float((contact.pressure.values > 0).mean()),
-        "predicted_loss_um": chosen["predicted_volume_um3"]
-        / (element_um3 * 1e-3 * height.size),
+        "predicted_loss_um": chosen["predicted_volume_um3"] / area_um2,
         "mcc": chosen["mcc"],
         "attainable_mcc": chosen["attainable_mcc"],
         "map_error": float(ratio(chosen["map_error_um"], no_loss_um)),

@@ -262,7 +262,10 @@ def two_scales_table(
             at = reference.sel(patch=patch)
             true, pressure_MPa = at.contact.values, float(at.pressure.mean())
             touching = np.broadcast_to(contact.pressure.values > 0, true.shape)
-            highest = _highest(contact.interface.laid.values, true)
+            # As many of the highest points as are in contact in each draw.
+            order = np.argsort(-contact.interface.laid.values, axis=None, kind="stable")
+            rank = np.argsort(order).reshape(contact.pressure.shape)
+            highest = rank < true.sum(axis=(1, 2), keepdims=True)
             own = patch, variant, contact.mean_pressure, pressure_MPa
             other = patch, f"highest_{variant}", np.nan, pressure_MPa
             rows.append((*own, *mask_counts(touching, true)))
@@ -280,12 +283,3 @@ def two_scales_table(
         reference_contact_fraction=table.touching / table.points,
         **{name: scores[name] for name in ("precision", "recall", "f1")},
     )
-
-
-def _highest(height: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """As many of the highest points (draws, y, x) as are in contact in each draw."""
-    order = np.argsort(-height, axis=None, kind="stable")
-    highest = np.zeros_like(true)
-    for mask, draw in zip(highest, true, strict=True):
-        mask.flat[order[: draw.sum()]] = True
-    return highest
