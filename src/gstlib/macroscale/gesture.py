@@ -94,8 +94,8 @@ class Gesture(NamedTuple):
         """The case that is pressed in a pose, a row of `poses`."""
         place = PatchPosition(pose.y_mm, pose.x_mm, pose.rotation_deg)
         middle = self.size_mm / 2
-        turned = place.points(*(along - middle for along in self.load_point))
-        at = middle + turned[0], middle + turned[1]
+        tool = place._replace(y_mm=middle + place.y_mm, x_mm=middle + place.x_mm)
+        at = tool.points(*(along - middle for along in self.load_point))
         load = Load.of_force(pose.force_N, height, at)
         over = self.counterface
         if self.mesh is not None:
