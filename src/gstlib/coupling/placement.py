@@ -182,8 +182,9 @@ def _of_all(compared: Comparison, mould: Mould) -> tuple[list[_Claim], bool]:
         remedy = remedy_of(name, mould, table=changes)
         return [_Claim(None, margin, orientation, problem, remedy)], False
     margin = as_given - anywhere
-    rough = np.median(compared.mesh[..., compared.at]) / np.median(compared.scan)
-    if margin > 0 and compared.shows_waves and rough > _SMOOTH**2:
+    squares = np.median(compared.mesh[..., compared.at])
+    is_rough = squares > _SMOOTH**2 * np.median(compared.scan)
+    if margin > 0 and compared.shows_waves and is_rough:
         problem = (
             "they do not match the mesh at their positions in the patch table (mean correlation "
             f"{fit:.2f}, no higher than elsewhere)"
@@ -349,8 +350,5 @@ def _warn_of_places(table: pd.DataFrame, shared: Shift) -> None:
         _log.warning(
             "all patches together fit the macroscale best when shifted in x by %+.0f ± %.0f µm and "
             "y by %+.0f ± %.0f µm. Check square.points_mm, or add this to the patch table",
-            x,
-            error_x,
-            y,
-            error_y,
+            *(x, error_x, y, error_y),
         )
