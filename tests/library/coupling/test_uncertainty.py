@@ -13,9 +13,9 @@ from gstlib.coupling.intervals import (
     pressure_intervals,
 )
 from gstlib.coupling.pressures import patch_pressures
-from gstlib.macroscale.active_tool import face_in_pose, rounded_counterface
+from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.composite import compose_surface
-from gstlib.surfaces.footprints import PatchPosition, places_of
+from gstlib.surfaces.footprints import places_of
 from gstlib.surfaces.grid import axis_coordinates, coarser, make_surface
 from gstlib.surfaces.leveling import remove_plane
 
@@ -125,10 +125,8 @@ def test_detail_between_the_scans_is_drawn_anew(intervals):
 def test_moduli_vary_as_their_stones_do():
     def draw(young_log_sd, poisson, **stones):
         errors = NO_ERRORS._replace(young_log_sd=young_log_sd, poisson=poisson)
-        generator = np.random.default_rng(3)
-        return draw_contact_moduli(
-            STONES | stones, errors, draws=20000, generator=generator
-        )
+        drawn = {"draws": 20000, "generator": np.random.default_rng(3)}
+        return draw_contact_moduli(STONES | stones, errors, **drawn)
 
     # two like stones of half of the compliance each
     assert np.log(draw(0.1, 0.0)).std() == pytest.approx(0.1 / np.sqrt(2), rel=0.02)
@@ -136,9 +134,8 @@ def test_moduli_vary_as_their_stones_do():
     alone = np.log(draw(0.5, 0.0, young_2_MPa=1e15))
     assert [alone.mean(), alone.std()] == pytest.approx([0, 0.5], abs=0.01)
     # d(1 - ν²) = -2ν dν over 1 - ν²
-    assert draw(0.0, 0.02).std() == pytest.approx(
-        0.02 * 0.5 / 0.9375 / np.sqrt(2), rel=0.03
-    )
+    expected = 0.02 * 0.5 / 0.9375 / np.sqrt(2)
+    assert draw(0.0, 0.02).std() == pytest.approx(expected, rel=0.03)
 
 
 def test_an_active_tool_adds_the_error_of_its_pose(intervals):
@@ -148,11 +145,7 @@ def test_an_active_tool_adds_the_error_of_its_pose(intervals):
     def width(along_y, along_x, pose_um):
         heights = stone(along_y * at[:, None], along_x * at)
         over = around(heights, SPACING, COUNT * SPACING)
-        posed = face_in_pose(
-            over, mesh().height, PatchPosition(0.0, 0.0), size_mm=COUNT * SPACING
-        )
-        face = mesh().assign(counterface=posed)
-        table = intervals(np.ones(6), face, None, over, pose_um=pose_um)
+        table = intervals(np.ones(6), mesh(), None, over, pose_um=pose_um)
         return float((table.high_MPa - table.low_MPa).max())
 
     assert max(width(0, 0, 200.0), width(3, 2, 0.0)) < 1e-3
@@ -169,14 +162,10 @@ def under_round_tool():
 
 def certain_use(pressure, at_centre):
     """A use through the middle, of which the wear tells the radius exactly."""
-    by_draw = {"y_mm": MIDDLE[0], "x_mm": MIDDLE[1], "radius_mm": RADIUS, "weight": 1.0}
-    by_both = {"pressure": [pressure], "pressure_at_centre": [at_centre]}
-    return xr.Dataset(
-        {name: ("draw", [value]) for name, value in by_draw.items()}
-        | {name: (("draw", "patch"), values) for name, values in by_both.items()},
-        {"patch": list(PLACES.patch)},
-        {"adopted": 1},
-    )
+    use = {"y_mm": MIDDLE[0], "x_mm": MIDDLE[1], "radius_mm": RADIUS, "weight": 1.0}
+    use |= {"pressure": ("patch", pressure), "pressure_at_centre": ("patch", at_centre)}
+    stored = xr.Dataset(use, {"patch": [*PLACES.patch]}, {"adopted": 1})
+    return stored.expand_dims("draw")
 
 
 def test_wear_that_tells_the_radius_tells_where_a_stronger_force_is_borne(
