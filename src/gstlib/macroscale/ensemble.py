@@ -15,12 +15,7 @@ import xarray as xr
 
 from gstlib.contact import Contact, Interface, Load, contact_at_pressure
 from gstlib.errors import InputError
-from gstlib.surfaces.footprints import (
-    area_weights,
-    covered_areas,
-    footprint_weights,
-    places_of,
-)
+from gstlib.surfaces.footprints import area_weights, covered_areas
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["Case", "patch_means", "press_each"]
@@ -101,17 +96,12 @@ def patch_means(
         Its product with the raveled field contains the means. Areas beyond the grid count as 0.
     """
     element_mm2 = float(np.prod(spacing_of(grid)))
-    covered = covered_areas(patches, size_mm)
-    rows = []
-    for patch, place in places_of(patches).items():
-        area_mm2 = size_mm**2
-        if patch in covered:
-            area_mm2 = covered[patch].area
-            weights = area_weights(grid, covered[patch])
-        else:
-            weights = footprint_weights(grid, place, size_mm)
-        share = element_mm2 / area_mm2 * weights
-        rows.append(scipy.sparse.csr_array(share.reshape(1, -1)))
-    if not rows:
-        return scipy.sparse.csr_array((0, grid.size))
-    return scipy.sparse.vstack(rows, format="csr")
+    means, elements, ends = [], [], [0]
+    for area in covered_areas(patches, size_mm).values():
+        weights = area_weights(grid, area).ravel()
+        inside = np.flatnonzero(weights)
+        means.append(element_mm2 / area.area * weights[inside])
+        elements.append(inside)
+        ends.append(ends[-1] + len(inside))
+    parts = np.concatenate([[], *means]), np.concatenate([[], *elements]).astype(int)
+    return scipy.sparse.csr_array((*parts, ends), shape=(len(means), grid.size))

@@ -24,10 +24,13 @@ __all__ = [
     "stored_frame",
 ]
 
-# Variables of a square that contain its frame.
-FRAME = "origin", "x_axis", "normal"
-
-
+# Variables of a square that contain its frame: unit and meaning.
+_VARIABLES = {
+    "origin": ("mm", "reference corner of the square on the mesh"),
+    "x_axis": ("1", "direction of the square's x on the mesh"),
+    "normal": ("1", "direction out of the stone on the mesh"),
+}
+FRAME = tuple(_VARIABLES)
 # If three points enclose a smaller angle (its sine), they define no direction.
 _IN_LINE = 0.1
 
@@ -62,15 +65,12 @@ class Frame:
 
         Points in the frame times these, plus the origin, are points of the mesh.
         """
-        x = np.asarray(self.x_axis, float)
-        normal = np.asarray(self.normal, float)
-        x, normal = (axis / np.linalg.norm(axis) for axis in (x, normal))
+        x, normal = (axis / np.linalg.norm(axis) for axis in (self.x_axis, self.normal))
         return np.array([x, np.cross(normal, x), normal])
 
     def to_frame(self, points: np.ndarray) -> np.ndarray:
         """Coordinates (x, y, z) in the frame of (n, 3) points of the mesh, mm."""
-        from_corner = np.asarray(points, dtype=float) - np.array(self.origin)
-        return from_corner @ self.axes.T
+        return np.subtract(points, self.origin) @ self.axes.T
 
 
 def frame_from_points(points: Sequence[Sequence[float]]) -> Frame:
@@ -109,15 +109,10 @@ def frame_from_points(points: Sequence[Sequence[float]]) -> Frame:
 
 def frame_variables(frame: Frame) -> dict[str, tuple]:
     """A frame as variables (axis) of a dataset, as `stored_frame` reads them."""
-    described = {
-        "origin": ("mm", frame.origin, "reference corner of the square on the mesh"),
-        "x_axis": ("1", frame.x_axis, "direction of the square's x on the mesh"),
-        "normal": ("1", frame.normal, "direction out of the stone on the mesh"),
-    }
     variables = {}
-    for name, (units, values, long_name) in described.items():
+    for name, (units, long_name) in _VARIABLES.items():
         attrs = {"units": units, "long_name": long_name}
-        variables[name] = ("axis", np.asarray(values, dtype=float), attrs)
+        variables[name] = ("axis", np.asarray(getattr(frame, name), float), attrs)
     return variables
 
 
@@ -143,10 +138,8 @@ def find_frame(
     ConfigError
         The points define no frame, or one is farther from the stone than the square is wide.
     """
-    vertices = np.asarray(mesh.vertices)
     for number, point in enumerate(points_mm, 1):
-        distances = np.linalg.norm(vertices - np.asarray(point), axis=1)
-        away = float(distances.min())
+        away = np.linalg.norm(np.subtract(mesh.vertices, point), axis=1).min()
         if away > size_mm:
             span = " to ".join(str(np.round(end, 4).tolist()) for end in mesh.bounds)
             raise ConfigError(
@@ -180,29 +173,22 @@ def over_face(
     is_over : (n,) ndarray of bool
     """
     places = frame.to_frame(mesh.vertices)
-    half = 0.5 * spacing_of(face)[0]
-    low = np.array([face[axis].values[0] for axis in "xy"]) - half
-    high = np.array([face[axis].values[-1] for axis in "xy"]) + half
-    faces_out = mesh.vertex_normals @ np.array(frame.normal) > 0
     x_and_y, z = places[:, :2], places[:, 2]
-    is_inside = (x_and_y >= low - margin) & (x_and_y <= high + margin)
-    is_over = is_inside.all(axis=1)
-    over = z[is_over & faces_out]
+    corners = np.array([face[axis].values[[0, -1]] for axis in "xy"])
+    middle = corners.mean(axis=1)
+    half = np.ptp(corners, axis=1) / 2 + spacing_of(face)[0] / 2
+    is_inside = (np.abs(x_and_y - middle) <= half + margin).all(axis=1)
+    is_over = is_inside & (mesh.vertex_normals @ np.array(frame.normal) > 0)
     # If an arm of the stone is above or below, the face is on the side nearest to its plane.
-    nearest = over[np.argmin(np.abs(over))]
-    near = np.abs(z - nearest) < (high - low).max()
-    return places, is_over & faces_out & near
+    nearest = min(z[is_over], key=abs)
+    return places, is_over & (np.abs(z - nearest) < 2 * half.max())
 
 
 def on_mesh(field: xr.DataArray, mesh: "trimesh.Trimesh", frame: Frame) -> np.ndarray:
     """A field (y, x) of the face at each vertex of a mesh: the value of its element, or 0."""
     places, is_over = over_face(mesh, frame, field)
-    x, y, _ = places[is_over].T
-    over = field.sel(
-        y=xr.DataArray(y, dims="vertex"),
-        x=xr.DataArray(x, dims="vertex"),
-        method="nearest",
-    )
+    x, y = (xr.DataArray(places[is_over, axis], dims="vertex") for axis in (0, 1))
+    over = field.sel(y=y, x=x, method="nearest")
     at_vertices = np.zeros(len(places))
     at_vertices[is_over] = np.nan_to_num(over.values)
     return at_vertices
