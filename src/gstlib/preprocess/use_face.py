@@ -7,11 +7,13 @@ square.
 """
 
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from gstlib.errors import InputError
 from gstlib.surfaces.frames import Frame
@@ -61,28 +63,25 @@ class Layout:
     @property
     def bounds(self) -> tuple[float, float]:
         """Of the face, along both axes."""
-        return -self.around * self.spacing, self.size_mm + self.around * self.spacing
+        margin = self.around * self.spacing
+        return -margin, self.size_mm + margin
 
     @cached_property
     def along(self) -> np.ndarray:
         """Element centres (n,), along both axes."""
-        return (
-            axis_coordinates(self.grid + 2 * self.around, self.spacing) + self.bounds[0]
-        )
+        count = self.grid + 2 * self.around
+        return axis_coordinates(count, self.spacing) + self.bounds[0]
 
     @cached_property
-    def centres(self) -> tuple[np.ndarray, np.ndarray]:
+    def centres(self) -> list[np.ndarray]:
         """y and x (n, n) of the element centres."""
-        y, x = np.meshgrid(self.along, self.along, indexing="ij")
-        return y, x
+        return np.meshgrid(self.along, self.along, indexing="ij")
 
     @cached_property
     def in_square(self) -> np.ndarray:
         """Mask (n, n)."""
-        mask = np.zeros(2 * (len(self.along),), bool)
-        square = slice(self.around, self.around + self.grid)
-        mask[square, square] = True
-        return mask
+        inside = (self.along > 0) & (self.along < self.size_mm)
+        return np.outer(inside, inside)
 
     def share_of_square(self, mask: np.ndarray) -> str:
         """The share of the square that a mask (n, n) covers, and its position."""
@@ -129,116 +128,122 @@ def find_use_face(
     InputError
         The square misses the stone. The use-face folds over within it, or faces into the stone.
     """
-    crop = _cropped(mesh, frame, layout)
-    hits = _hits(crop, layout)
-    if not layout.in_square.ravel()[hits.element].any():
-        raise _missed(mesh, frame, layout, source)
-    is_own = _side_of_use(crop, hits, layout, source)
-    lowest, highest, below = _heights_met(crop, hits, is_own, layout)
-    folded, bare = highest - lowest > _SAME_HEIGHT, np.isnan(highest)
-    _check_folds(folded, highest - lowest, layout, source)
-    own = crop.faces[is_own]
-    triangles = crop.points[own]
+    vertices = frame.to_frame(mesh.vertices)
+    near = _near(vertices, mesh, layout)
+    hits = _hits(near, layout)
+    if not hits.in_square.any():
+        (x_low, y_low, _), (x_high, y_high, _) = (
+            vertices.min(axis=0),
+            vertices.max(axis=0),
+        )
+        raise InputError(
+            source,
+            f"no part of the mesh lies over the square: in the square's frame the mesh spans "
+            f"x {x_low:.4g} to {x_high:.4g} and y {y_low:.4g} to {y_high:.4g} mm, "
+            f"the square 0 to {layout.size_mm:g} mm",
+            "Check inputs.mesh_unit and square.points_mm in the config.",
+        )
+    use_side = _side_of_use(hits, source)
+    lowest, highest, below = _heights_met(hits, use_side, layout)
+    apart = highest - lowest
+    folded, bare = apart > _SAME_HEIGHT, np.isnan(highest)
+    _check_folds(folded & layout.in_square, apart, layout, source)
+    is_own = near.sides == use_side
+    triangles = near.triangles[is_own]
     edges = triangles - np.roll(triangles, 1, axis=1)
-    has_underside = layout.in_square & ~np.isnan(below)
-    through = (highest - below)[has_underside]
-    thickness = (
-        float(np.percentile(through, _THIN_PERCENTILE)) if len(through) else np.nan
-    )
+    through = (highest - below)[layout.in_square & ~np.isnan(below)]
+    thickness = np.percentile(through, _THIN_PERCENTILE) if len(through) else np.nan
     return UseFace(
-        cloud=crop.points[np.unique(own)],
+        cloud=vertices[np.unique(near.faces[is_own])],
         edge=float(np.linalg.norm(edges, axis=2).mean()),
         ends=(folded | bare) & ~layout.in_square,
         bare=bare & layout.in_square,
-        thickness=thickness,
+        thickness=float(thickness),
     )
 
 
-class _Crop(NamedTuple):
-    """The part of a mesh near a face, in the square's frame (mm).
+class _Near(NamedTuple):
+    """The faces of a mesh near the face of a layout.
 
-    `points` (n, 3), `faces` (m, 3), and their `areas` (m,) projected along the frame's normal,
-    positive if a face points up. `bodies` (m,) numbers the connected parts of the whole mesh.
+    `faces` (m, 3) are numbers of vertices, and `triangles` (m, 3, 3) their places in the square's
+    frame (mm). The `normals` (m, 3) are twice as long as the faces are large. `bodies` (m,) numbers
+    the connected parts of the whole mesh. `sides` (m,) are numbers of the parts of these faces, an
+    even one for faces that look down, and an odd one for faces that look up.
     """
 
-    points: np.ndarray
     faces: np.ndarray
-    areas: np.ndarray
+    triangles: np.ndarray
+    normals: np.ndarray
     bodies: np.ndarray
+    sides: np.ndarray
 
 
-class _Hits(NamedTuple):
-    """Intersections of normals through element centres with a mesh: element, face, height (mm)."""
-
-    element: np.ndarray
-    face: np.ndarray
-    height: np.ndarray
-
-
-def _cropped(mesh: "trimesh.Trimesh", frame: Frame, layout: Layout) -> _Crop:
-    """The faces near the face of the layout."""
-    from trimesh.graph import connected_component_labels
-
-    vertices = frame.to_frame(mesh.vertices)
-    corners = vertices[:, :2][mesh.faces]
+def _near(vertices: np.ndarray, mesh: "trimesh.Trimesh", layout: Layout) -> _Near:
+    """The faces of a mesh, with `vertices` in the square's frame, near the face of the layout."""
     low, high = layout.bounds
+    corners = vertices[:, :2][mesh.faces]
     begins_before = corners.min(axis=1) <= high + _MARGIN_MM
     ends_behind = corners.max(axis=1) >= low - _MARGIN_MM
-    near = (begins_before & ends_behind).all(axis=1)
-    used, inverse = np.unique(mesh.faces[near], return_inverse=True)
-    points, faces = vertices[used], inverse.reshape(-1, 3)
-    a, b, c = (points[faces[:, k], :2] for k in range(3))
-    (bx, by), (cx, cy) = (b - a).T, (c - a).T
-    areas = 0.5 * (bx * cy - by * cx)
-    edges = mesh.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    body = connected_component_labels(edges, len(vertices))
-    return _Crop(points, faces, areas, body[mesh.faces[near, 0]])
+    is_near = (begins_before & ends_behind).all(axis=1)
+    faces = mesh.faces[is_near]
+    triangles = vertices[faces]
+    a, b, c = triangles.swapaxes(0, 1)
+    normals = np.cross(b - a, c - a)
+    bodies = _connected(mesh.faces, len(vertices))[is_near]
+    sides = 2 * _connected(faces, len(vertices)) + (normals[:, 2] > 0)
+    return _Near(faces, triangles, normals, bodies, sides)
 
 
-def _hits(crop: _Crop, layout: Layout) -> _Hits:
-    """Intersections of the normals through the element centres with faces not seen edge-on."""
+def _connected(faces: np.ndarray, vertices: int) -> np.ndarray:
+    """The number (m,) of the connected part of each face (m, 3), of so many vertices."""
+    from trimesh.graph import connected_component_labels
+
+    edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    return connected_component_labels(edges, vertices)[faces[:, 0]]
+
+
+def _hits(near: _Near, layout: Layout) -> pd.DataFrame:
+    """Intersections of the normals through the element centres with faces not seen edge-on.
+
+    The result has the number of the ``element``, ``in_square``, the ``height`` (mm), and the
+    ``body`` and ``side`` of the face.
+    """
     # trimesh's rays miss hits on shared edges or count them twice, and need further packages.
     import shapely
 
     y, x = (centre.ravel() for centre in layout.centres)
-    numbers = np.flatnonzero(np.abs(crop.areas) > _EDGE_ON)
-    triangles = crop.points[crop.faces[numbers]]
-    rings = triangles[:, [0, 1, 2, 0], :2]
+    numbers = np.flatnonzero(np.abs(near.normals[:, 2]) > 2 * _EDGE_ON)
+    rings = near.triangles[numbers][:, [0, 1, 2, 0], :2]
     tree = shapely.STRtree(shapely.polygons(rings))
-    centres = shapely.points(x, y)
-    element, hit = tree.query(centres, predicate="intersects")
-    a, b, c = (triangles[hit, k] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    rise_x = normal[:, 0] * (x[element] - a[:, 0])
-    rise_y = normal[:, 1] * (y[element] - a[:, 1])
-    height = a[:, 2] - (rise_x + rise_y) / normal[:, 2]
-    return _Hits(element, numbers[hit], height)
+    element, hit = tree.query(shapely.points(x, y), predicate="intersects")
+    face = numbers[hit]
+    a, normal = near.triangles[face, 0].T, near.normals[face].T
+    rise = normal[0] * (x[element] - a[0]) + normal[1] * (y[element] - a[1])
+    return pd.DataFrame(
+        {
+            "element": element,
+            "in_square": layout.in_square.ravel()[element],
+            "height": a[2] - rise / normal[2],
+            "body": near.bodies[face],
+            "side": near.sides[face],
+        }
+    )
 
 
-def _side_of_use(crop: _Crop, hits: _Hits, layout: Layout, source: str) -> np.ndarray:
-    """Mask (m,) of the faces of the use-face: one side of one body."""
-    from trimesh.graph import connected_component_labels
-
-    edges = crop.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    body = connected_component_labels(edges, len(crop.points))
-    side = 2 * body[crop.faces[:, 0]] + (crop.areas > 0)
-    within = layout.in_square.ravel()[hits.element]
-    side_hit, height = side[hits.face][within], hits.height[within]
-    cover = np.bincount(side_hit)
+def _side_of_use(hits: pd.DataFrame, source: str) -> int:
+    """The number of the side that is the use-face."""
+    sides = hits[hits.in_square].groupby("side").height.agg(["size", "median"])
     # Specks, flaps and the inside of a hollow scan are no candidates.
-    candidates = np.flatnonzero(cover >= 0.5 * cover.max())
-    heights = np.array([np.median(height[side_hit == one]) for one in candidates])
-    nearest = np.argmin(np.abs(heights))
-    use_side = candidates[nearest]
-    apart = np.abs(heights - heights[nearest])
-    is_alike = (candidates % 2 == use_side % 2) & (candidates != use_side)
-    is_double = is_alike & (apart < _DOUBLE_MM)
-    if is_double.any():
+    heights = sides["median"][sides["size"] >= 0.5 * sides["size"].max()]
+    use_side = heights.abs().idxmin()
+    others = heights[(heights.index % 2 == use_side % 2) & (heights.index != use_side)]
+    apart = (others - heights[use_side]).abs().min()
+    if apart < _DOUBLE_MM:
         _log.warning(
             "%s: the mesh has a second surface over the square, %.2g mm from the one used. "
             "If it was scanned twice, merge the two scans",
             source,
-            apart[is_double].min(),
+            apart,
         )
     if use_side % 2 == 0:
         raise InputError(
@@ -247,54 +252,35 @@ def _side_of_use(crop: _Crop, hits: _Hits, layout: Layout, source: str) -> np.nd
             "Exchange points 2 and 3 of square.points_mm if they do not go anticlockwise as you "
             "look at the stone; if they do, turn the mesh's faces.",
         )
-    return side == use_side
+    return use_side
 
 
 def _heights_met(
-    crop: _Crop, hits: _Hits, is_own: np.ndarray, layout: Layout
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lowest and highest height of the use-face at each element (n, n), and the underside.
+    hits: pd.DataFrame, use_side: int, layout: Layout
+) -> Iterator[np.ndarray]:
+    """Lowest and highest height of the use-face at each element (n, n), and of its underside.
 
     The underside belongs to the body of the use-face. If this body has no underside, as when the
     two sides of a stone were not joined, any other body is used.
     """
-    count = layout.in_square.size
-    lowest, highest, below = (np.full(count, np.nan) for _ in range(3))
-    element, face, height = hits
-    own = is_own[face]
-    np.fmin.at(lowest, element[own], height[own])
-    np.fmax.at(highest, element[own], height[own])
-    looks_down = crop.areas[face] < 0
-    in_square = layout.in_square.ravel()[element]
-    under = in_square & looks_down & (height < highest[element])
-    same = under & np.isin(crop.bodies[face], crop.bodies[is_own])
-    covered = len(np.unique(element[same]))
-    if covered > _JOINED * layout.grid**2:
+    own = hits[hits.side == use_side]
+    highest = own.groupby("element").height.max()
+    is_below = hits.height < hits.element.map(highest)
+    under = hits[hits.in_square & (hits.side % 2 == 0) & is_below]
+    same = under[under.body == own.body.iloc[0]]
+    if same.element.nunique() > _JOINED * layout.grid**2:
         under = same
-    np.fmax.at(below, element[under], height[under])
-    shape = layout.in_square.shape
-    return lowest.reshape(shape), highest.reshape(shape), below.reshape(shape)
-
-
-def _missed(
-    mesh: "trimesh.Trimesh", frame: Frame, layout: Layout, source: str
-) -> InputError:
-    vertices = frame.to_frame(mesh.vertices)
-    lowest, highest = vertices.min(axis=0), vertices.max(axis=0)
-    return InputError(
-        source,
-        f"no part of the mesh lies over the square: in the square's frame the mesh spans "
-        f"x {lowest[0]:.4g} to {highest[0]:.4g} and y {lowest[1]:.4g} to {highest[1]:.4g} mm, "
-        f"the square 0 to {layout.size_mm:g} mm",
-        "Check inputs.mesh_unit and square.points_mm in the config.",
-    )
+    lowest = own.groupby("element").height.min()
+    below = under.groupby("element").height.max()
+    for heights in (lowest, highest, below):
+        every = heights.reindex(range(layout.in_square.size))
+        yield every.to_numpy().reshape(layout.in_square.shape)
 
 
 def _check_folds(
     folded: np.ndarray, apart: np.ndarray, layout: Layout, source: str
 ) -> None:
     """Refuse a square in which more than specks have two heights, so far `apart`."""
-    folded = folded & layout.in_square
     if folded.sum() > _FOLDED_FRACTION * layout.grid**2:
         raise InputError(
             source,
