@@ -83,7 +83,7 @@ class Fit:
             """Heights of the surface minus the fitted scans, without the fitted planes."""
             return np.concatenate([*map(residuals, columns, under(pose))])
 
-        planes = [planes_over(v, u) for v, u in self.points]
+        planes = [planes_over(v, u).T for v, u in self.points]
         columns = [*map(np.column_stack, zip(planes, self.heights, strict=True))]
         count = 3 if is_turned else 2
         y, x, turn = start

@@ -239,7 +239,7 @@ class _Image:
     def window(self, covered: np.ndarray) -> _Window:
         """A window that covers the elements of this mask."""
         y, x = np.nonzero(covered)
-        planes, _ = np.linalg.qr(planes_over(y, x))
+        planes, _ = np.linalg.qr(planes_over(y, x).T)
         ones = np.ones(len(planes))
         squares, absent = self._sums([self.squares, self.absent], ones, covered)
         for plane in planes.T:

@@ -173,7 +173,7 @@ def _change(before: Scan, after: Scan) -> _Change:
         for scan, step in zip((before, after), steps, strict=True)
     ]
     try:
-        registration, change = measured_change(
+        change = measured_change(
             *pair,
             maximum_shift_mm=Settings().registration.maximum_shift_mm,
             minimum_cluster_points=_SPOT,
@@ -182,7 +182,7 @@ def _change(before: Scan, after: Scan) -> _Change:
         return _Change(days, is_comparable=True)
     shares = wear_summary(change)
     loss, gain = shares["loss_fraction"], shares["gain_fraction"]
-    is_found = bool(registration.is_reliable)
+    is_found = bool(change.attrs["registration_found"])
     fell, rose = (
         is_found and bool(is_more(*way)) for way in ((loss, gain), (gain, loss))
     )

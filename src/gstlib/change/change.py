@@ -14,21 +14,19 @@ repeats give a, b and the extent of correlation for all patches, and no patch sc
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from gstlib.change import noise
 from gstlib.change.noise import Detection
-from gstlib.change.registration import (
-    Registration,
-    apply_registration,
-    is_other,
-    register,
-)
+from gstlib.change.registration import apply_registration, is_other, register
 from gstlib.change.search import LEAST_POINTS
 from gstlib.errors import InputError
+from gstlib.surfaces.fitting import planes_over
 from gstlib.surfaces.grid import described, spacing_of
 
 __all__ = [
@@ -73,11 +71,7 @@ _ROUNDED = 0.7
 
 
 def estimate_detection_limit(
-    before: Mapping[str, xr.Dataset],
-    again: Mapping[str, xr.Dataset],
-    *,
-    maximum_shift_mm: float,
-    minimum_cluster_points: int,
+    before: Mapping[str, xr.Dataset], again: Mapping[str, xr.Dataset], **search: Any
 ) -> Detection | None:
     """The error of a height change, from patches that were scanned twice without use in between.
 
@@ -89,8 +83,8 @@ def estimate_detection_limit(
     before, again : mapping of str to xarray.Dataset
         The two prepared scans by patch, as in `measured_change`; each is looked up once. The
         patches are the keys of `again`.
-    maximum_shift_mm, minimum_cluster_points
-        As in `measured_change`.
+    **search
+        ``maximum_shift_mm`` and ``minimum_cluster_points`` of `measured_change`.
 
     Returns
     -------
@@ -112,15 +106,10 @@ def estimate_detection_limit(
     """
     changes, slopes, alike = [], [], []
     for patch in again:
-        first, second = before[patch], again[patch]
+        first = before[patch]
         try:
-            registration, change = measured_change(
-                first,
-                second,
-                maximum_shift_mm=maximum_shift_mm,
-                minimum_cluster_points=minimum_cluster_points,
-            )
-            fault = _no_repeat(registration, change)
+            change = measured_change(first, again[patch], **search)
+            fault = _no_repeat(change)
         except InputError as error:
             fault = error.problem
         if fault is not None:
@@ -134,7 +123,7 @@ def estimate_detection_limit(
         heights = change["change"].values
         compared = np.isfinite(heights)
         changes.append(heights[compared])
-        steepness = np.sum(noise.squared_slopes(first.height), axis=0)
+        steepness = noise.squared_slopes(first.height).sum(axis=0)
         slopes.append(steepness[compared])
         alike.append(change.attrs["alike_um2"] * 1e-6)
     if not changes:
@@ -152,14 +141,15 @@ def estimate_detection_limit(
     return Detection(level, lateral, float(max(alike)), limit)
 
 
-def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
+def _no_repeat(change: xr.Dataset) -> str | None:
     """The reason why a second scan does not show the error of the first, or None."""
-    if not registration.is_reliable:
+    facts = change.attrs
+    if not facts["registration_found"]:
         return "it was not found on t0"
-    if not change.attrs["known_fraction"]:
+    if not facts["known_fraction"]:
         return "almost no point was measured in both scans"
-    if is_other(registration.dale_depth_ratio, _ODD_HEIGHTS):
-        return f"its dales are {registration.dale_depth_ratio:.3g} times as deep as the dales of t0"
+    if is_other(facts["dale_depth_ratio"], _ODD_HEIGHTS):
+        return f"its dales are {facts['dale_depth_ratio']:.3g} times as deep as the dales of t0"
     summary = wear_summary(change)
     lost, gained = summary["loss_fraction"], summary["gain_fraction"]
     if abs(lost - gained) > max(_CHANGED, min(lost, gained)):
@@ -177,32 +167,35 @@ def measured_change(
     maximum_shift_mm: float,
     minimum_cluster_points: int,
     detection: Detection | None = None,
-) -> tuple[Registration, xr.Dataset]:
+) -> xr.Dataset:
     """Register T1 to T0 and compute the height change.
 
     `before` and `after` are prepared scans (`gstlib.preprocess.scans.prepare_scan`): ``height``,
-    ``filled``, ``outlier``. Other parameters are as in `register` and `height_change`, whose
-    results are returned. The whole change is unknown if T1 was not registered.
+    ``filled``, ``outlier``. Other parameters are as in `register` and `height_change`. The result
+    is the result of `height_change`, and its attributes also contain the registration (see
+    `gstlib.change.registration.Registration`). The whole change is unknown if T1 was not
+    registered.
     """
     t0, t1 = before.height, after.height
     registration = register(t0, t1, maximum_shift_mm=maximum_shift_mm)
-    replaced0, replaced1 = (
-        (epoch.filled.astype(bool) | epoch.outlier.astype(bool)).values
-        for epoch in (before, after)
-    )
+    replaced0, replaced1 = map(_replaced, (before, after))
     on_t0, replaced = apply_registration(t1, replaced1, registration, like=t0)
-    measured = ~(replaced0 | replaced) & registration.is_reliable
     errors_mm = registration.shift_y_error_mm, registration.shift_x_error_mm
     change = height_change(
         t0,
         on_t0,
-        measured,
+        ~(replaced0 | replaced) & registration.is_reliable,
         minimum_cluster_points=minimum_cluster_points,
         detection=detection,
-        shift_errors_mm=tuple(np.nan_to_num(errors_mm)),
+        shift_errors_mm=np.nan_to_num(errors_mm),
         rounding_mm=_rounding_mm(before, after),
     )
-    return registration, change
+    return change.assign_attrs(registration.as_attrs())
+
+
+def _replaced(scan: xr.Dataset) -> np.ndarray:
+    """Mask (ny, nx) of the points of a prepared scan whose height was not measured."""
+    return (scan.filled.astype(bool) | scan.outlier.astype(bool)).values
 
 
 def _rounding_mm(before: xr.Dataset, after: xr.Dataset) -> float:
@@ -216,15 +209,12 @@ def register_patch(
     after: xr.Dataset,
     *,
     patch: str,
-    maximum_shift_mm: float,
-    minimum_cluster_points: int,
     detection: Detection | None = None,
+    **search: Any,
 ) -> xr.Dataset:
-    """Register T1 to T0 and compute the height change.
+    """Register T1 to T0 and compute the height change, and warn of odd changes.
 
-    Parameters are as in `measured_change`, and the result is the result of `height_change`. Its
-    attributes also contain the registration, the centre of T1 relative to T0 (``t1_x_um, t1_y_um``)
-    and the size of T1 (``t1_size_x_um, t1_size_y_um``).
+    The parameters are those of `measured_change`, and the name of the `patch`.
 
     Examples
     --------
@@ -240,85 +230,54 @@ def register_patch(
     (-30, 0.09)
     """
     try:
-        registration, change = measured_change(
-            before,
-            after,
-            maximum_shift_mm=maximum_shift_mm,
-            minimum_cluster_points=minimum_cluster_points,
-            detection=detection,
-        )
+        change = measured_change(before, after, detection=detection, **search)
     except InputError as error:  # it names the epoch, but not the patch
         raise error.about(f"patch {patch}, {error.source}", error.problem) from error
-    if registration.is_reliable:
-        _report(patch, registration, before, after, change)
-    if detection is not None and change.attrs["known_fraction"]:
-        _warn_of_scatter(patch, change, detection)
-    place = _place_of_t1(registration, before.height, after.height)
-    return change.assign_attrs(registration.as_attrs() | place)
+    if change.attrs["registration_found"]:
+        for doubt in _doubts(before, after, change, detection):
+            _log.warning("patch %s: %s", patch, doubt)
+    return change
 
 
-def _place_of_t1(
-    registration: Registration, t0: xr.DataArray, t1: xr.DataArray
-) -> dict[str, float]:
-    """The centre of T1 relative to T0, and the size of T1, µm, which may differ from T0."""
-    place = {}
-    for axis, spacing in zip("yx", spacing_of(t1), strict=True):
-        shift_mm = getattr(registration, f"shift_{axis}_mm")
-        centre_mm = float(t1[axis].mean() - t0[axis].mean()) + shift_mm
-        place[f"t1_{axis}_um"] = 1e3 * centre_mm
-        place[f"t1_size_{axis}_um"] = 1e3 * spacing * t1.sizes[axis]
-    return place
-
-
-def _report(
-    patch: str,
-    registration: Registration,
+def _doubts(
     before: xr.Dataset,
     after: xr.Dataset,
     change: xr.Dataset,
-) -> None:
-    """Log unusual properties of a patch whose T1 was registered to its T0."""
-    ratio = registration.dale_depth_ratio
+    detection: Detection | None,
+) -> Iterator[str]:
+    """Warnings about a patch whose T1 was registered to its T0."""
+    facts = change.attrs
+    ratio = facts["dale_depth_ratio"]
     # a larger ratio is a fault, which `selection.other_heights` reports
     if is_other(ratio, _ODD_HEIGHTS) and not is_other(ratio):
-        _log.warning(
-            "patch %s: its dales at T1 are %.3g times as deep as at T0. If the whole patch "
-            "did not wear, one scan has another height calibration, and measured wear is wrong",
-            patch,
-            ratio,
+        yield (
+            f"its dales at T1 are {ratio:.3g} times as deep as at T0. If the whole patch did not "
+            "wear, one scan has another height calibration, and measured wear is wrong"
         )
-    if not change.attrs["known_fraction"]:
-        _log.warning(
-            "patch %s: almost no point was measured at both T0 and T1, so its wear is unknown. Of "
-            "the scans, %.0f %% and %.0f %% are holes or outliers, and T1 covers %.0f %% of T0. "
-            "Scan it again, or leave its t1 empty.",
-            patch,
-            100 * (before.filled | before.outlier).values.mean(),
-            100 * (after.filled | after.outlier).values.mean(),
-            100 * registration.overlap,
+    if not facts["known_fraction"]:
+        holes0, holes1 = (100 * _replaced(scan).mean() for scan in (before, after))
+        yield (
+            "almost no point was measured at both T0 and T1, so its wear is unknown. Of the scans, "
+            f"{holes0:.0f} % and {holes1:.0f} % are holes or outliers, and T1 covers "
+            f"{100 * facts['overlap']:.0f} % of T0. Scan it again, or leave its t1 empty."
         )
+        return
+    detectable_um = facts["level_of_detection_um"]
     limit_um = noise.LEVEL_OF_DETECTION * 1e3 * _rounding_mm(before, after)
-    if limit_um > _ROUNDED * change.attrs["level_of_detection_um"]:
-        _log.warning(
-            "patch %s: its heights are stored in steps of up to %.3g µm, so changes below %.2g µm "
-            "cannot be seen. Export the scans with more digits",
-            patch,
-            max(epoch.attrs["height_step_um"] for epoch in (before, after)),
-            limit_um,
+    if limit_um > _ROUNDED * detectable_um:
+        step_um = max(scan.attrs["height_step_um"] for scan in (before, after))
+        yield (
+            f"its heights are stored in steps of up to {step_um:.3g} µm, so changes below "
+            f"{limit_um:.2g} µm cannot be seen. Export the scans with more digits"
         )
-
-
-def _warn_of_scatter(patch: str, change: xr.Dataset, detection: Detection) -> None:
-    """Warn if T1 scatters more about T0 than repeated scans do."""
-    expected = change.attrs["level_of_detection_um"] / detection.limit
-    scatter = change.attrs["change_sigma_um"] / expected
+    if detection is None:
+        return
+    scatter = facts["change_sigma_um"] * detection.limit / detectable_um
     if scatter > _ODD_SCATTER:
-        _log.warning(
-            "patch %s: its least changed part differs between T0 and T1 by %.3g times the "
-            "error of repeated scans. If the whole patch did not wear, T1 was scanned in "
-            "another way than the repeats, and much of its loss and gain is error",
-            patch,
-            scatter,
+        yield (
+            f"its least changed part differs between T0 and T1 by {scatter:.3g} times the error of "
+            "repeated scans. If the whole patch did not wear, T1 was scanned in another way than "
+            "the repeats, and much of its loss and gain is error"
         )
 
 
@@ -329,7 +288,7 @@ def height_change(
     *,
     minimum_cluster_points: int = 1,
     detection: Detection | None = None,
-    shift_errors_mm: tuple[float, float] = (0.0, 0.0),
+    shift_errors_mm: ArrayLike = (0.0, 0.0),
     rounding_mm: float = 0.0,
 ) -> xr.Dataset:
     """Height change from T0 to T1, levelled on the unchanged part.
@@ -369,56 +328,56 @@ def height_change(
     inside = np.isfinite(difference) & measured
     if inside.sum() < LEAST_POINTS:
         inside[:] = False
-    datum, limit = np.full((2, *t0.shape), np.nan)
-    sigma = lateral = typical = alike_mm2 = math.nan
-    source, cluster = "", minimum_cluster_points
+    datum, change, limit = np.full((3, *t0.shape), np.nan)
+    source, cluster, sigma, typical = "", minimum_cluster_points, np.nan, np.nan
+    error = Detection(*4 * [np.nan])
     if inside.any():
-        places = [np.linspace(-0.5, 0.5, count, endpoint=False) for count in t0.shape]
-        y, x = np.meshgrid(*places, indexing="ij")
-        planes = np.stack([np.ones(t0.shape), y, x])
+        y, x = (np.linspace(-0.5, 0.5, count, endpoint=False) for count in t0.shape)
+        planes = planes_over(y[:, None], x)
         plane, sigma, kept = noise.unchanged_plane(
             planes[:, inside], difference[inside]
         )
         datum = np.einsum("i,ijk->jk", plane, planes)
+        change = np.where(inside, difference - datum, np.nan)
         slopes = noise.squared_slopes(t0)
-        left = np.where(inside, difference - datum, np.nan)
-        resolution = float(noise.RESOLUTION * before[inside].std())
+        resolution = noise.RESOLUTION * before[inside].std()
         smallest = max(resolution, rounding_mm) ** 2
         cell_mm2 = math.prod(spacing_of(t0))
-        source, registered = "repeat", shift_errors_mm
-        if detection is None:  # it has the error of the registration in it
-            source, registered = "own", (0.0, 0.0)
-            detection = noise.own_detection(
-                left, slopes[0] + slopes[1], kept, smallest, cell_mm2
+        if detection is not None:
+            source, error, shift_variance = (
+                "repeat",
+                detection,
+                np.square(shift_errors_mm),
             )
-        level, lateral, alike_mm2, sigmas = detection
-        variance = level + sum(
-            (lateral + error**2) * slope
-            for error, slope in zip(registered, slopes, strict=True)
-        )
-        detectable = sigmas * np.sqrt(np.maximum(variance, smallest))
+        else:
+            source, shift_variance = "own", np.zeros(2)  # the error contains it
+            error = noise.own_detection(
+                change, slopes.sum(axis=0), kept, smallest, cell_mm2
+            )
+        lateral = error.lateral_mm2 + shift_variance
+        variance = error.level_mm2 + np.einsum("i,ijk->jk", lateral, slopes)
+        detectable = error.limit * np.sqrt(np.maximum(variance, smallest))
         limit = np.where(inside, detectable, np.nan)
         typical = np.median(limit[inside])
-        cluster = max(
-            minimum_cluster_points, math.ceil(noise.CLUSTER * alike_mm2 / cell_mm2)
-        )
-    change = np.where(inside, difference - datum, np.nan)
-    loss, gain = (
-        noise.spots(sign * change / limit, minimum_cluster_points, cluster)
-        for sign in (-1, 1)
-    )
-    fields = after - datum, change, limit.astype(np.float32), loss, gain
-    named = zip(_FIELDS, fields, strict=True)
+        alike = math.ceil(noise.CLUSTER * error.alike_mm2 / cell_mm2)
+        cluster = max(minimum_cluster_points, alike)
+    fields = {
+        "t1": after - datum,
+        "change": change,
+        "level_of_detection": limit.astype(np.float32),
+        "loss": noise.spots(-change / limit, minimum_cluster_points, cluster),
+        "gain": noise.spots(change / limit, minimum_cluster_points, cluster),
+    }
     maps = xr.Dataset(
-        {name: (("y", "x"), values) for name, values in named},
+        {name: (("y", "x"), values) for name, values in fields.items()},
         coords={axis: t0[axis] for axis in ("y", "x")},
         attrs={
             "level_of_detection_um": float(typical * 1e3),
             "change_sigma_um": float(sigma * 1e3),
-            "lateral_sigma_um": float(np.sqrt(lateral) * 1e3),
+            "lateral_sigma_um": float(np.sqrt(error.lateral_mm2) * 1e3),
             "known_fraction": float(inside.mean()),
             "detection": source,
-            "alike_um2": float(alike_mm2 * 1e6),
+            "alike_um2": float(error.alike_mm2 * 1e6),
             "cluster_points": int(cluster),
         },
     )
@@ -436,27 +395,22 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
     little gain without loss). Noise raises as often as it lowers, so this ratio is the fraction of
     the loss that noise would explain.
     """
-    dy, dx = spacing_of(registered)
+    cell_mm2 = math.prod(spacing_of(registered))
     change = registered["change"].values
-    inside = np.isfinite(change)
-    loss, gain = (
-        registered[name].values.astype(bool) & inside for name in ("loss", "gain")
-    )
+    loss, gain = (registered[name].values.astype(bool) for name in ("loss", "gain"))
     lost_um = -change[loss] * 1e3
-    share = 1 / inside.sum() if inside.any() else np.nan
+    known = np.isfinite(change).sum()
+    share = 1 / known if known else np.nan
+    lost, gained = loss.sum() * share, gain.sum() * share
+    ratio = np.inf if gained > _CHANGED else np.nan
+    if lost > 0:
+        ratio = gained / lost
     return {
-        "loss_fraction": loss.sum() * share,
-        "loss_area_mm2": float(loss.sum() * dy * dx),
-        "loss_volume_um3": float(lost_um.sum() * dy * dx * 1e6),
+        "loss_fraction": float(lost),
+        "loss_area_mm2": float(loss.sum() * cell_mm2),
+        "loss_volume_um3": float(lost_um.sum() * cell_mm2 * 1e6),
         "mean_depth_where_worn_um": float(lost_um.mean()) if lost_um.size else np.nan,
         "mean_wear_depth_um": float(lost_um.sum() * share),
-        "gain_fraction": float(gain.sum() * share),
-        "gain_to_loss_ratio": _ratio(gain.sum() * share, loss.sum() * share),
+        "gain_fraction": float(gained),
+        "gain_to_loss_ratio": float(ratio),
     }
-
-
-def _ratio(gained: float, lost: float) -> float:
-    """Gain over loss, as fractions of the area; infinite without loss, unless little is gained."""
-    if lost > 0:
-        return float(gained / lost)
-    return np.inf if gained > _CHANGED else np.nan

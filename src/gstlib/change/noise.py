@@ -11,7 +11,7 @@ counts if it is larger than spots of noise (the cluster extent of neuroimaging: 
 Magnetic Resonance in Medicine 33:636).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -19,6 +19,7 @@ import pandas as pd
 import scipy
 import xarray as xr
 
+from gstlib.surfaces.filtering import smooth_rises
 from gstlib.surfaces.fitting import MAD_TO_SIGMA, least_squares, robust_sigma
 from gstlib.surfaces.grid import spacing_of
 
@@ -97,9 +98,8 @@ class Detection(NamedTuple):
     @classmethod
     def from_attrs(cls, attrs: Mapping) -> Self | None:
         """From the attributes of a file; None if they are missing, because no repeat was valid."""
-        if not attrs.keys() >= set(cls._fields):
-            return None
-        return cls(*(float(attrs[name]) for name in cls._fields))
+        stored = [attrs.get(name) for name in cls._fields]
+        return None if None in stored else cls(*map(float, stored))
 
 
 def own_detection(
@@ -132,27 +132,18 @@ def _alike_points(error: np.ndarray) -> float:
         scipy.fft.next_fast_len(count + far, real=True)
         for count, far in zip(error.shape, reach, strict=True)
     ]
-    products = _correlated(centred, size)
-    pairs = _correlated(kept.astype(float), size)
+    spectra = scipy.fft.rfft2([centred, kept], size)
+    products, pairs = scipy.fft.irfft2(np.abs(spectra) ** 2, size)
     lags = np.ix_(*(np.arange(-far, far + 1) for far in reach))
     covariance = products[lags] / np.maximum(pairs[lags], 1.0)
     variance = covariance[*reach]
     return float(np.sum(covariance > _ALIKE * variance) - 1)
 
 
-def _correlated(field: np.ndarray, size: Sequence[int]) -> np.ndarray:
-    """Sums of products of a field and itself, by the lag between them."""
-    spectrum = scipy.fft.rfft2(field, size)
-    return scipy.fft.irfft2(np.abs(spectrum) ** 2, size)
-
-
-def squared_slopes(surface: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared slopes along y and x of smoothed heights, free of noise at single points."""
-    dy, dx = spacing_of(surface)
-    heights = surface.values
-    rise_y = scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=(1, 0))
-    rise_x = scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=(0, 1))
-    return (rise_y / dy) ** 2, (rise_x / dx) ** 2
+def squared_slopes(surface: xr.DataArray) -> np.ndarray:
+    """Squared slopes (2, ny, nx) along y and x of smoothed heights, free of noise at points."""
+    steps = np.reshape(spacing_of(surface), (2, 1, 1))
+    return (smooth_rises(surface.values, _SLOPE_SMOOTHING) / steps) ** 2
 
 
 def variance_by_slope(
@@ -170,13 +161,12 @@ def variance_by_slope(
     edges = np.quantile(steepness, shares)
     group = np.searchsorted(edges, steepness)
     for _ in range(_SLOPE_ROUNDS):
-        points = pd.DataFrame({"slope": steepness[kept], "change": size[kept]})
+        points = pd.DataFrame({"slope": steepness, "change": size})[kept]
         groups = points.groupby(group[kept])
-        is_large = groups.size() >= _GROUP_SIZE / 2
-        typical = groups.agg({"slope": "mean", "change": "median"})[is_large]
+        typical = groups.agg({"slope": "mean", "change": "median"})
+        typical = typical[groups.size() >= _GROUP_SIZE / 2]
         slopes = typical.slope.values
-        sigmas = MAD_TO_SIGMA * typical.change.values
-        variances = sigmas**2
+        variances = (MAD_TO_SIGMA * typical.change.values) ** 2
         if len(typical) < _LEAST_GROUPS or not variances.any():
             break
         scale = float(slopes.max()) or 1.0
@@ -188,8 +178,7 @@ def variance_by_slope(
         (level, lateral), _ = scipy.optimize.nnls(design, weight * variances)
         lateral /= scale
         # Steep points may differ by more than the fit of the plane allows.
-        sigma = np.sqrt(level + lateral * steepness)
-        kept = size <= _TRIM * sigma
+        kept = size <= _TRIM * np.sqrt(level + lateral * steepness)
     return float(level), float(lateral)
 
 
@@ -222,8 +211,7 @@ def unchanged_plane(
         left = values - np.einsum("i,ij->j", plane, design)
         sigma = robust_sigma(left[kept])
         now = np.abs(left) <= _TRIM * sigma
-        is_settled = (now == kept).all()
-        if is_settled or now.sum() < 3:
+        if (now == kept).all() or now.sum() < 3:
             break
         kept = now
         plane = least_squares(design[:, kept], values[kept])

@@ -5,11 +5,12 @@ from the corner of the reference to the corner of the moving surface.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import scipy
 
-__all__ = ["on_moving", "sample", "spline", "turn_back"]
+__all__ = ["on_moving", "sample", "spline", "turned"]
 
 
 def spline(heights: np.ndarray) -> np.ndarray:
@@ -52,15 +53,15 @@ def on_moving(
     """Rows and columns of elements of the reference on the moving surface, which has this shape."""
     shift_y, shift_x, turn = pose
     centre_y, centre_x = ((count - 1) / 2 for count in shape)
-    dy = y - shift_y - centre_y
-    dx = x - shift_x - centre_x
-    cosine, sine = math.cos(turn), math.sin(turn)
-    rows = cosine * dy - sine / aspect * dx + centre_y
-    columns = sine * aspect * dy + cosine * dx + centre_x
-    return rows, columns
+    dy, dx = y - shift_y - centre_y, x - shift_x - centre_x
+    rows, columns = turned(dy, dx, -turn, aspect)
+    return rows + centre_y, columns + centre_x
 
 
-def turn_back(turn: float, aspect: float) -> np.ndarray:
-    """Matrix that turns slopes (y, x) of the moving surface, per element, onto the reference."""
+def turned(y: Any, x: Any, turn: float, aspect: float) -> tuple[Any, Any]:
+    """Offsets (elements) of a point (y, x) on axes that are rotated from x towards y.
+
+    Slopes (y, x), per element, turn with the inverse of the aspect.
+    """
     cosine, sine = math.cos(turn), math.sin(turn)
-    return np.array([[cosine, sine * aspect], [-sine / aspect, cosine]])
+    return cosine * y + sine / aspect * x, cosine * x - sine * aspect * y

@@ -12,14 +12,13 @@ larger (benchmarks/registration.py).
 """
 
 import math
-from typing import NamedTuple, Self
 
 import numpy as np
 import scipy
 
 from gstlib.change.poses import on_moving, sample, spline
 from gstlib.change.search import LEAST_POINTS, Details, Match
-from gstlib.surfaces.fitting import least_squares, robust_sigma
+from gstlib.surfaces.fitting import least_squares, planes_over, robust_sigma
 
 __all__ = ["refine"]
 
@@ -51,7 +50,7 @@ def refine(
     scale = np.array([factor, factor, 1.0])
     best, plane = start, None
     for smoothing, stride in _LEVELS:
-        level = _Level.smoothed(h0, h1, details.aspect, smoothing, stride)
+        level = _Level(h0, h1, details.aspect, smoothing, stride)
         pose, level_plane = level.refined(best.pose * scale, plane)
         refined = details.match(pose / scale)
         moved = _moved(start.pose, refined.pose, details)
@@ -67,60 +66,54 @@ def _moved(one: np.ndarray, other: np.ndarray, details: Details) -> float:
     first = np.maximum(0.0, one[:2])
     end = np.minimum(details.reference.shape, one[:2] + shape)
     y, x = (first + end - 1) / 2
-    places = (np.array(on_moving(pose, y, x, shape, aspect)) for pose in (one, other))
+    places = [on_moving(pose, y, x, shape, aspect) for pose in (one, other)]
     return float(np.hypot(*np.subtract(*places)))
 
 
-class _Level(NamedTuple):
-    """Both surfaces, smoothed, on every `stride`-th element of the reference."""
+class _Level:
+    """Both surfaces, smoothed, on every `stride`-th element of the reference.
 
-    reference: np.ndarray
-    moving: np.ndarray  # spline coefficients, on all of its elements
-    slopes: np.ndarray  # (y or x, rows, columns), of the reference
-    shape: tuple[int, ...]  # of the reference, with all elements
-    aspect: float
-    stride: int
+    `moving` has the spline coefficients on all elements, and `slopes` (y or x, rows, columns) are
+    those of the reference.
+    """
 
-    @classmethod
-    def smoothed(
-        cls,
+    def __init__(
+        self,
         h0: np.ndarray,
         h1: np.ndarray,
         aspect: float,
         smoothing: float,
         stride: int,
-    ) -> Self:
-        smooth0, smooth1 = (
-            scipy.ndimage.gaussian_filter(h, smoothing) for h in (h0, h1)
-        )
-        gradient = np.gradient(smooth0)
-        slopes = np.stack([slope[::stride, ::stride] for slope in gradient])
-        coarse = smooth0[::stride, ::stride]
-        return cls(coarse, spline(smooth1), slopes, h0.shape, aspect, stride)
+    ):
+        self.shape, self.aspect, self.stride = h0.shape, aspect, stride
+        smooth = scipy.ndimage.gaussian_filter(h0, smoothing)
+        self.reference = smooth[::stride, ::stride]
+        self.slopes = np.stack(np.gradient(smooth))[:, ::stride, ::stride]
+        self.moving = spline(scipy.ndimage.gaussian_filter(h1, smoothing))
 
     def refined(
         self, pose: np.ndarray, plane: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """A better pose, and the plane of the difference there, from the last level."""
         pose, half = pose.copy(), max(self.shape) / 2
-        along = [self.stride * np.arange(count) for count in self.reference.shape]
-        y, x = np.meshgrid(*along, indexing="ij")
-        middle_y, middle_x = ((count - 1) / 2 for count in self.moving.shape)
+        places = self.stride * np.indices(self.reference.shape)
+        middle = (np.array(self.moving.shape) - 1) / 2
         for _ in range(_STEPS_PER_LEVEL):
             moved = self._moved(pose)
             inside = np.isfinite(moved)
             if inside.sum() < LEAST_POINTS:
                 break  # the next level takes more points of the same overlap
             residual = (moved - self.reference)[inside]
-            dy = (y[inside] - pose[0] - middle_y) / half
-            dx = (x[inside] - pose[1] - middle_x) / half
+            centre = pose[:2] + middle
+            dy, dx = (places[:, inside] - centre[:, None]) / half
             slope_y, slope_x = self.slopes[:, inside]
             turn = slope_y * dx / self.aspect - slope_x * dy * self.aspect
-            design = np.stack([np.ones_like(dy), dy, dx, slope_y, slope_x, turn])
+            design = np.stack([*planes_over(dy, dx), slope_y, slope_x, turn])
             if plane is None:
                 # The robust fit starts from a plane by reweighted least squares.
                 plane = _robust_plane(design[:3], residual, _STEPS_PER_LEVEL)
-            step = _robust_fit(design, residual, plane)
+            weight = _biweights(_left(design, residual, plane))
+            step = least_squares(design, residual, weight)
             plane = step[:3]
             pose += step[3:] / (1, 1, half)
             if np.abs(step[3:]).max() < _SMALLEST_STEP:
@@ -139,26 +132,23 @@ class _Level(NamedTuple):
         """
         moved = self._moved(pose)
         gradients = np.stack([np.gradient(self.reference), np.gradient(moved)])
-        slopes = gradients / self.stride
-        inside = np.isfinite(slopes).all(axis=(0, 1))
+        inside = np.isfinite(gradients).all(axis=(0, 1))
         if inside.sum() < LEAST_POINTS:
             return np.full(2, math.nan)
-        first, second = slopes[:, :, inside]
-        mean = (first + second) / 2
+        first, second = gradients[:, :, inside] / self.stride
         y, x = np.nonzero(inside)
         ny, nx = inside.shape
-        design = np.stack([np.ones(y.size), y / ny, x / nx])
+        design = planes_over(y / ny, x / nx)
         residual = (moved - self.reference)[inside]
-        plane = _robust_plane(design, residual, _ERROR_STEPS)
-        left = residual - np.einsum("i,ij->j", plane, design)
-        weight = _biweights(left - np.median(left))
+        left = _left(design, residual, _robust_plane(design, residual, _ERROR_STEPS))
+        weight = _biweights(left)
         shared = np.einsum("ik,jk->ij", first * weight, second)
         shared = (shared + shared.T) / 2
         if not np.linalg.eigvalsh(shared)[0] > 0:
             return np.full(2, math.nan)
         block = _BLOCKS * (_BLOCKS * y // ny) + _BLOCKS * x // nx
-        pull = weight * left
-        pulls = [np.bincount(block, pull * slope) for slope in mean]
+        pull = weight * left / 2
+        pulls = [np.bincount(block, pull * slope) for slope in first + second]
         shifts = np.linalg.solve(shared, pulls)
         return np.sqrt(np.sum(shifts**2, axis=1))
 
@@ -167,21 +157,19 @@ def _robust_plane(design: np.ndarray, values: np.ndarray, steps: int) -> np.ndar
     """The plane of reweighted least squares."""
     plane = least_squares(design, values)
     for _ in range(steps):
-        plane = _robust_fit(design, values, plane)
+        weight = _biweights(_left(design, values, plane))
+        plane = least_squares(design, values, weight)
     return plane
 
 
-def _robust_fit(
-    design: np.ndarray, values: np.ndarray, plane: np.ndarray
-) -> np.ndarray:
-    """Least squares with biweights of the residuals of the last plane, the first three rows."""
-    left = values - np.einsum("i,ij->j", plane, design[:3])
-    left -= np.median(left)
-    return least_squares(design, values, _biweights(left))
+def _left(design: np.ndarray, values: np.ndarray, plane: np.ndarray) -> np.ndarray:
+    """Residuals (n,) of a plane, which is in the first three rows of the design."""
+    return values - np.einsum("i,ij->j", plane, design[:3])
 
 
 def _biweights(left: np.ndarray) -> np.ndarray | float:
     """Tukey's weights of residuals."""
+    left = left - np.median(left)
     bound = _BIWEIGHT * robust_sigma(left)
     if not bound > 0:
         return 1.0

@@ -26,14 +26,7 @@ from gstlib.surfaces.fitting import robust_sigma
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = [
-    "OTHER_HEIGHTS",
-    "Registration",
-    "apply_registration",
-    "is_one_way",
-    "is_other",
-    "register",
-]
+__all__ = ["Registration", "apply_registration", "is_one_way", "is_other", "register"]
 
 # The search uses grids on which reference and moving surface have at most this many elements a
 # side. Its peak is accurate to a fraction of a coarse element, which the refinement corrects.
@@ -71,6 +64,10 @@ class Registration:
     shift_y_error_mm: (
         float  # NaN if no slopes that both surfaces share determine the shift
     )
+    t1_x_mm: float  # centre of the moving surface from the centre of the reference
+    t1_y_mm: float
+    t1_size_x_mm: float  # sides of the moving surface
+    t1_size_y_mm: float
     # Whether the details correlate well enough, in every direction, for a reliable result.
     is_reliable: bool
 
@@ -102,7 +99,7 @@ def register(
     InputError
         The spacings differ.
     """
-    spacing = np.asarray(spacing_of(reference))
+    spacing = np.array(spacing_of(reference))
     if not np.allclose(spacing, spacing_of(moving), rtol=1e-3):
         raise InputError(
             "T1",
@@ -115,16 +112,15 @@ def register(
         for h, size in zip((h0, h1), _SEARCH_SIZES, strict=True)
     )
     aspect = float(spacing[0] / spacing[1])
-    details = Details.between(h0, h1, aspect, factor)
-    left = 1 - maximum_shift_mm / spacing / h0.shape
-    match = details.search(max(LEAST_OVERLAP, float(np.prod(np.maximum(left, 0)))))
-    errors, dale_depth_ratio = (
-        np.full(2, math.nan),
-        details.dale_depth_ratio(match.pose),
+    details = Details(h0, h1, aspect, factor)
+    left = np.maximum(1 - maximum_shift_mm / spacing / h0.shape, 0)
+    match, errors = (
+        details.search(max(LEAST_OVERLAP, np.prod(left))),
+        np.full(2, np.nan),
     )
-    if not (match.is_beyond_chance and is_other(dale_depth_ratio)):
+    is_scaled = is_other(details.dale_depth_ratio(match.pose))
+    if not (match.is_beyond_chance and is_scaled):
         match, errors = refine(h0, h1, details, match, factor)
-        dale_depth_ratio = details.dale_depth_ratio(match.pose)
     slope_correlation, _ = details.compare_slopes(match.pose)
     pose = match.pose * (factor, factor, 1.0)
     on_grid = reference.copy(data=sample(spline(h1), pose, h0.shape, aspect))
@@ -132,20 +128,27 @@ def register(
     flat0, flat1 = (
         remove_plane(h.where(inside))[0].values[inside] for h in (reference, on_grid)
     )
-    shift_y, shift_x = pose[:2] * spacing - _corner_offset(reference, moving)
+    shift = pose[:2] * spacing - _corner_offset(reference, moving)
+    middles = [[float(h[axis].mean()) for axis in "yx"] for h in (reference, moving)]
+    t1_y, t1_x = np.subtract(middles[1], middles[0]) + shift
+    t1_size_y, t1_size_x = np.multiply(spacing_of(moving), h1.shape)
     error_y, error_x = errors * spacing
     return Registration(
-        shift_x_mm=float(shift_x),
-        shift_y_mm=float(shift_y),
+        shift_x_mm=float(shift[1]),
+        shift_y_mm=float(shift[0]),
         rotation_deg=math.degrees(pose[2]),
         overlap=float(inside.mean()),
         correlation=pearson(flat0, flat1),
         detail_correlation=match.correlation,
         slope_correlation=slope_correlation,
-        dale_depth_ratio=dale_depth_ratio,
+        dale_depth_ratio=details.dale_depth_ratio(match.pose),
         residual_mm=robust_sigma(flat1 - flat0),
         shift_x_error_mm=float(error_x),
         shift_y_error_mm=float(error_y),
+        t1_x_mm=float(t1_x),
+        t1_y_mm=float(t1_y),
+        t1_size_x_mm=float(t1_size_x),
+        t1_size_y_mm=float(t1_size_y),
         is_reliable=match.is_beyond_chance and slope_correlation >= LEAST_ALONG,
     )
 
@@ -185,6 +188,4 @@ def is_other(dale_depth_ratio: float, times: float = OTHER_HEIGHTS) -> bool:
 
 def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:
     """First coordinates (y, x) of the moving grid minus those of the reference, mm."""
-    return np.array(
-        [float(moving[axis][0]) - float(reference[axis][0]) for axis in "yx"]
-    )
+    return np.array([float(moving[axis][0] - reference[axis][0]) for axis in "yx"])

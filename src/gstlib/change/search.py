@@ -10,12 +10,13 @@ direction correlate, too.
 """
 
 import math
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
-from gstlib.change.poses import sample, turn_back
+from gstlib.change.poses import sample, turned
+from gstlib.surfaces.filtering import smooth_rises
 from gstlib.surfaces.fitting import robust_sigma
 
 __all__ = [
@@ -47,7 +48,6 @@ _BEYOND_CHANCE = 0.35
 # at least 0.25. Reason: Striae match their copy anywhere along their direction.
 LEAST_ALONG = 0.25
 _SLOPE_SMOOTHING = 2.0
-_AXES = (1, 0), (0, 1)  # orders of the derivatives along y and x
 _EDGE = 6  # elements at the edges of a surface where slopes are not known
 # Fewer points are not enough to fit a plane or a pose.
 LEAST_POINTS = 100
@@ -69,17 +69,13 @@ def _slopes(heights: np.ndarray) -> np.ndarray:
     Finite differences, clipped components and mirrored edges would all create slopes along striae
     that run between the axes.
     """
-    rises = [
-        scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=axis)
-        for axis in _AXES
-    ]
-    slopes = np.stack(rises)
-    steepness = np.hypot(*slopes)
+    rises = smooth_rises(heights, _SLOPE_SMOOTHING)
+    steepness = np.hypot(*rises)
     bound = 3 * np.median(steepness)
-    slopes *= np.minimum(1.0, bound / np.maximum(steepness, _TINY))
-    edge = np.ones(heights.shape, dtype=bool)
-    edge[_EDGE:-_EDGE, _EDGE:-_EDGE] = False
-    return np.where(edge, np.nan, slopes)
+    inner = np.s_[:, _EDGE:-_EDGE, _EDGE:-_EDGE]
+    slopes = np.full_like(rises, np.nan)
+    slopes[inner] = (rises * np.minimum(1, bound / np.maximum(steepness, _TINY)))[inner]
+    return slopes
 
 
 class Match(NamedTuple):
@@ -98,28 +94,25 @@ class Match(NamedTuple):
         return self.correlation >= LEAST_CORRELATION and self.strength >= _BEYOND_CHANCE
 
 
-class Details(NamedTuple):
-    """Band-passed heights of the reference and the moving surface, which the search compares."""
+class Details:
+    """Band-passed heights of the reference and the moving surface, which the search compares.
 
-    reference: np.ndarray
-    moving: np.ndarray
-    slopes: list[np.ndarray]  # of both, from `_slopes`
-    aspect: float  # spacing along y over spacing along x
-    longest: float  # longest wave that they contain, elements
+    `longest` is the longest wave that they contain, in elements, of which every `factor`-th of
+    `h0` and `h1` is used. `aspect` is the spacing along y over the spacing along x.
+    """
 
-    @classmethod
-    def between(
-        cls, h0: np.ndarray, h1: np.ndarray, aspect: float, factor: int
-    ) -> Self:
-        longest = math.ceil(max(h0.shape) / factor) * _LONGEST_FRACTION
+    def __init__(self, h0: np.ndarray, h1: np.ndarray, aspect: float, factor: int):
+        self.aspect = aspect
+        self.longest = math.ceil(max(h0.shape) / factor) * _LONGEST_FRACTION
         shortest = max(_NOISE_ELEMENTS, factor / 2)
-        thinned = []
-        for heights in (h0, h1):
-            smooth = scipy.ndimage.gaussian_filter(heights, shortest)
-            thinned.append(smooth[::factor, ::factor])
-        reference, moving = (_detail(heights, longest) for heights in thinned)
-        slopes = [_slopes(heights) for heights in thinned]
-        return cls(reference, moving, slopes, aspect, longest)
+        smooth = (
+            scipy.ndimage.gaussian_filter(heights, shortest) for heights in (h0, h1)
+        )
+        thinned = [heights[::factor, ::factor] for heights in smooth]
+        self.reference, self.moving = (
+            _detail(heights, self.longest) for heights in thinned
+        )
+        self.slopes = [*map(_slopes, thinned)]
 
     def common(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The heights of both surfaces over their overlap."""
@@ -138,11 +131,8 @@ class Details(NamedTuple):
         if not one.size:
             return math.nan
         is_low = one <= np.median(one)
-        squares = []
-        for heights in (one, other):
-            depth = heights[is_low] - np.median(heights)
-            squares.append(float(np.mean(depth**2)))
-        first, second = squares
+        depths = (heights[is_low] - np.median(heights) for heights in (one, other))
+        first, second = (float(np.mean(depth**2)) for depth in depths)
         return math.sqrt(second / first) if first > 0 else math.nan
 
     def search(self, least_overlap: float) -> Match:
@@ -177,24 +167,23 @@ class Details(NamedTuple):
         """The least correlation of slopes along any direction, and this direction (y, x)."""
         first, second = self.slopes
         shape = self.reference.shape
-        moved = np.stack(
-            [sample(slope, pose, shape, self.aspect, order=1) for slope in second]
-        )
+        moved = [sample(slope, pose, shape, self.aspect, order=1) for slope in second]
         inside = np.isfinite(first[0] + moved[0])
-        one = first[:, inside]
-        other = turn_back(pose[2], self.aspect) @ moved[:, inside]
-        if one.shape[1] < LEAST_POINTS:
+        if inside.sum() < LEAST_POINTS:
             return 0.0, np.ones(2)
-        both = np.concatenate([one, other])
+        rises = (slope[inside] for slope in moved)
+        other = turned(*rises, pose[2], 1 / self.aspect)
+        both = np.concatenate([first[:, inside], other])
         both -= both.mean(axis=1, keepdims=True)
         products = np.einsum("ik,jk->ij", both, both)
         traces = []
         for own in (products[:2, :2], products[2:, 2:]):
+            squares, directions = np.linalg.eigh(own)
             traces.append(np.trace(own))
-            _, directions = np.linalg.eigh(own)
-            flattest = directions[:, 0]
-            if not flattest @ own @ flattest > ROUNDING**2 * traces[-1]:
-                return 0.0, flattest  # the rest along this direction is rounding
+            if not squares[0] > ROUNDING**2 * traces[-1]:
+                return 0.0, directions[
+                    :, 0
+                ]  # the rest along this direction is rounding
         own = products[:2, :2] / traces[0] + products[2:, 2:] / traces[1]
         shared = products[:2, 2:] / math.sqrt(math.prod(traces))
         correlations, directions = scipy.linalg.eigh(shared + shared.T, own)
@@ -219,20 +208,15 @@ class Details(NamedTuple):
         middle = shift + np.subtract(b.shape, 1) / 2
         arm = np.clip(middle, 0, np.subtract(a.shape, 1)) - middle
         matches = []
-        y, x = arm
         for turn in np.radians(_TURNS):
-            sine, cosine = math.sin(turn), math.cos(turn)
-            turned_y = cosine * y + sine * x / self.aspect
-            turned_x = cosine * x - sine * y * self.aspect
-            at = shift + arm - (turned_y, turned_x)
-            matches.append(self.match(np.array([*at, turn])))
+            corner = shift + arm - turned(*arm, turn, self.aspect)
+            matches.append(self.match(np.array([*corner, turn])))
         return max(matches, key=lambda match: match.correlation)
 
 
 def pearson(a: np.ndarray, b: np.ndarray) -> float:
     if a.size < 3:
         return 0.0
-    a = a - a.mean()
-    b = b - b.mean()
+    a, b = a - a.mean(), b - b.mean()
     scale = math.sqrt(float(np.sum(a * a)) * float(np.sum(b * b)))
     return float(np.sum(a * b)) / scale if scale > 0 else 0.0

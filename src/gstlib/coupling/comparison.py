@@ -263,7 +263,7 @@ def _looks(heights: np.ndarray) -> np.ndarray:
 
 def _flat(heights: np.ndarray) -> np.ndarray:
     """Heights (..., points, points) without planes, as vectors whose length is their r.m.s."""
-    planes, _ = np.linalg.qr(planes_over(*np.indices(_SHAPE)).reshape(-1, 3))
+    planes, _ = np.linalg.qr(planes_over(*np.indices(_SHAPE)).reshape(3, -1).T)
     flat = heights.reshape(*heights.shape[:-2], -1) / _POINTS
     return flat - flat @ planes @ planes.T
 

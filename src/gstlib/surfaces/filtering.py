@@ -8,7 +8,7 @@ import xarray as xr
 
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["low_pass", "radial_frequency", "s_filtered"]
+__all__ = ["low_pass", "radial_frequency", "s_filtered", "smooth_rises"]
 
 
 def s_filtered(height: xr.DataArray, nesting_um: float | None) -> xr.DataArray:
@@ -78,3 +78,15 @@ def radial_frequency(shape: Sequence[int], spacing: float) -> np.ndarray:
     along_y = scipy.fft.fftfreq(shape[0], spacing)
     along_x = scipy.fft.rfftfreq(shape[1], spacing)
     return np.hypot(along_y[:, None], along_x)
+
+
+def smooth_rises(heights: np.ndarray, smoothing: float) -> np.ndarray:
+    """Rises (2, ny, nx) along y and x, per element, of heights (ny, nx).
+
+    They are smoothed by a Gaussian of this standard deviation, in elements.
+    """
+    rises = [
+        scipy.ndimage.gaussian_filter(heights, smoothing, order=order)
+        for order in ((1, 0), (0, 1))
+    ]
+    return np.stack(rises)

@@ -18,8 +18,8 @@ MAD_TO_SIGMA = 1.4826
 
 
 def planes_over(y: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Columns (..., 3) whose combinations are planes over the points (y, x)."""
-    return np.stack([np.ones_like(y), y, x], axis=-1)
+    """Rows (3, ...) whose combinations are planes over the points (y, x)."""
+    return np.stack(np.broadcast_arrays(1.0, y, x))
 
 
 def residuals(columns: np.ndarray, values: np.ndarray) -> np.ndarray:

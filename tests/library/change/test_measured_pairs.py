@@ -89,11 +89,12 @@ def test_a_repeat_is_registered_where_its_details_match_and_shows_no_wear(repeat
     name, (first, second), settings, shift_mm = repeat
     detection = estimate_detection_limit({"": first}, {"": second}, **settings)
     for limit in (None, detection):
-        match, change = measured_change(first, second, detection=limit, **settings)
+        change = measured_change(first, second, detection=limit, **settings)
         assert not shows_wear(name, change)
-    off_mm = np.array([match.shift_y_mm, match.shift_x_mm]) - shift_mm
+    found = change.attrs
+    off_mm = 1e-3 * np.array([found["shift_y_um"], found["shift_x_um"]]) - shift_mm
     assert np.abs(off_mm).max() < 5 * spacing_of(first.height)[0]
-    assert abs(match.rotation_deg) < 0.5
+    assert abs(found["rotation_deg"]) < 0.5
 
 
 def piece_of(name, corner):

@@ -48,7 +48,7 @@ def test_a_marked_point_marks_those_interpolated_from_it():
     like = make_surface(np.zeros((30, 30)), SPACING)
     mask = np.zeros(like.shape, dtype=bool)
     mask[10, 10] = True
-    shifted = Registration(-3.25 * SPACING, 2.0 * SPACING, 0.0, *8 * [1.0], True)
+    shifted = Registration(-3.25 * SPACING, 2.0 * SPACING, 0.0, *12 * [1.0], True)
     _, carried = apply_registration(like, mask, shifted, like)
     assert np.argwhere(carried).tolist() == [[12, 6], [12, 7]]
 
@@ -108,7 +108,7 @@ def test_slopes_are_turned_with_the_surface():
 
     scans = [scan(ground, (2e-3, 1e-3), turn_deg=turn) for turn in (0.0, 2.0)]
     heights = [each.values for each in scans]
-    details = Details.between(*heights, aspect=2.0, factor=1)
+    details = Details(*heights, aspect=2.0, factor=1)
     correlation, _ = details.compare_slopes(np.array([0.0, 0.0, np.radians(2.0)]))
     assert correlation > 0.99
 
