@@ -372,13 +372,13 @@ def height_change(
         {name: (("y", "x"), values) for name, values in fields.items()},
         coords={axis: t0[axis] for axis in ("y", "x")},
         attrs={
-            "level_of_detection_um": float(typical * 1e3),
-            "change_sigma_um": float(sigma * 1e3),
-            "lateral_sigma_um": float(np.sqrt(error.lateral_mm2) * 1e3),
-            "known_fraction": float(inside.mean()),
+            "level_of_detection_um": typical * 1e3,
+            "change_sigma_um": sigma * 1e3,
+            "lateral_sigma_um": np.sqrt(error.lateral_mm2) * 1e3,
+            "known_fraction": inside.mean(),
             "detection": source,
-            "alike_um2": float(error.alike_mm2 * 1e6),
-            "cluster_points": int(cluster),
+            "alike_um2": error.alike_mm2 * 1e6,
+            "cluster_points": cluster,
         },
     )
     return described(maps, _FIELDS)
@@ -406,11 +406,11 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
     if lost > 0:
         ratio = gained / lost
     return {
-        "loss_fraction": float(lost),
-        "loss_area_mm2": float(loss.sum() * cell_mm2),
-        "loss_volume_um3": float(lost_um.sum() * cell_mm2 * 1e6),
-        "mean_depth_where_worn_um": float(lost_um.mean()) if lost_um.size else np.nan,
-        "mean_wear_depth_um": float(lost_um.sum() * share),
-        "gain_fraction": float(gained),
-        "gain_to_loss_ratio": float(ratio),
+        "loss_fraction": lost,
+        "loss_area_mm2": loss.sum() * cell_mm2,
+        "loss_volume_um3": lost_um.sum() * cell_mm2 * 1e6,
+        "mean_depth_where_worn_um": lost_um.mean() if lost_um.size else np.nan,
+        "mean_wear_depth_um": lost_um.sum() * share,
+        "gain_fraction": gained,
+        "gain_to_loss_ratio": ratio,
     }

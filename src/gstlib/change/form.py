@@ -29,16 +29,12 @@ def form_height(height: xr.DataArray) -> tuple[float, float]:
     thinned = height.values[::every, ::every]
     along = [np.linspace(-1, 1, count) for count in thinned.shape]
     y, x = np.meshgrid(*along, indexing="ij")
-    degrees = np.arange(_DEGREE + 1)
-    degree = np.add.outer(degrees, degrees).ravel()
-    is_used = degree <= _DEGREE
+    degree = np.indices(2 * (_DEGREE + 1,)).sum(axis=0).ravel()
     every_power = legvander2d(y.ravel(), x.ravel(), [_DEGREE, _DEGREE])
-    powers = every_power[:, is_used]
-    is_form = degree[is_used] > 1
-    heights = thinned.ravel()
-    factors, *_ = np.linalg.lstsq(powers, heights, rcond=None)
+    powers, is_form = every_power[:, degree <= _DEGREE], degree[degree <= _DEGREE] > 1
+    factors, *_ = np.linalg.lstsq(powers, thinned.ravel(), rcond=None)
     form = powers[:, is_form] @ factors[is_form]
-    texture = heights - powers @ factors
+    texture = thinned.ravel() - powers @ factors
     return float(form.std()), float(texture.std())
 
 

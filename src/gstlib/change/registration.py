@@ -111,7 +111,7 @@ def register(
         math.ceil(max(h.shape) / size)
         for h, size in zip((h0, h1), _SEARCH_SIZES, strict=True)
     )
-    aspect = float(spacing[0] / spacing[1])
+    aspect = spacing[0] / spacing[1]
     details = Details(h0, h1, aspect, factor)
     left = np.maximum(1 - maximum_shift_mm / spacing / h0.shape, 0)
     match, errors = (
@@ -134,21 +134,21 @@ def register(
     t1_size_y, t1_size_x = np.multiply(spacing_of(moving), h1.shape)
     error_y, error_x = errors * spacing
     return Registration(
-        shift_x_mm=float(shift[1]),
-        shift_y_mm=float(shift[0]),
+        shift_x_mm=shift[1],
+        shift_y_mm=shift[0],
         rotation_deg=math.degrees(pose[2]),
-        overlap=float(inside.mean()),
+        overlap=inside.mean(),
         correlation=pearson(flat0, flat1),
         detail_correlation=match.correlation,
         slope_correlation=slope_correlation,
         dale_depth_ratio=details.dale_depth_ratio(match.pose),
         residual_mm=robust_sigma(flat1 - flat0),
-        shift_x_error_mm=float(error_x),
-        shift_y_error_mm=float(error_y),
-        t1_x_mm=float(t1_x),
-        t1_y_mm=float(t1_y),
-        t1_size_x_mm=float(t1_size_x),
-        t1_size_y_mm=float(t1_size_y),
+        shift_x_error_mm=error_x,
+        shift_y_error_mm=error_y,
+        t1_x_mm=t1_x,
+        t1_y_mm=t1_y,
+        t1_size_x_mm=t1_size_x,
+        t1_size_y_mm=t1_size_y,
         is_reliable=match.is_beyond_chance and slope_correlation >= LEAST_ALONG,
     )
 

@@ -92,20 +92,21 @@ def exchanged_epochs(registration: pd.DataFrame) -> Iterator[FaultError]:
 
     `registration` is from `registration_table`.
     """
-    rose = registration[_rose(registration)]
+    rose, found = registration[_rose(registration)], int(registration.found.sum())
     remedy = "Exchange t0 and t1 in the patch table, or correct scans.mould.invert."
     if 2 * rose.loss_fraction.median() > rose.gain_fraction.median():
         remedy = (
             "If a filter removed long waves from the scans, unworn parts seem to rise. Export the "
             f"scans with at most a plane removed. Otherwise: {remedy}"
         )
-    if 2 * len(rose) > registration.found.sum():
+    if 2 * len(rose) > found:
+        gain, loss = rose.gain_fraction.median(), rose.loss_fraction.median()
         yield FaultError(
             "epochs",
             "t0 and t1",
-            f"on {len(rose)} of {registration.found.sum():.0f} patches more rose than fell from T0 "
-            f"to T1 (medians: {_percent(rose.gain_fraction)} and {_percent(rose.loss_fraction)} of "
-            "the area), but use only removes material",
+            f"on {len(rose)} of {found} patches more rose than fell from T0 to T1 (medians: "
+            f"{100 * gain:.2g} % and {100 * loss:.2g} % of the area), but use only removes "
+            "material",
             remedy,
         )
 
@@ -136,8 +137,8 @@ def rise_warnings(
     `registration` is from `registration_table` with the same `max_gain_to_loss_ratio`.
     """
     is_rise = _rose(registration)
-    rose, noisy = registration[is_rise], registration[~is_rise]
-    noisy = noisy[noisy.gain_to_loss_ratio > max_gain_to_loss_ratio]
+    is_noisy = ~is_rise & (registration.gain_to_loss_ratio > max_gain_to_loss_ratio)
+    rose, noisy = registration[is_rise], registration[is_noisy]
     if 0 < 2 * len(rose) <= registration.found.sum():
         yield (
             f"{_named(rose)}: more rose than fell from T0 to T1 (up to "
@@ -173,10 +174,6 @@ def _named(rows: pd.DataFrame) -> str:
     return f"patch{'es' * (len(rows) > 1)} {', '.join(rows.patch)}"
 
 
-def _percent(shares: pd.Series) -> str:
-    return f"{100 * shares.median():.2g} %"
-
-
 def select_patches(
     pressures: pd.DataFrame, registration: pd.DataFrame, selection: Mapping[str, float]
 ) -> pd.DataFrame:
@@ -208,24 +205,21 @@ def select_patches(
             faults.append("no macroscale contact")
         elif pressure_MPa < least_MPa:
             faults.append(f"pressure {pressure_MPa:.3g} below {least_MPa:g} MPa{by}")
-        match = matches.get(patch, {"found": True})
-        values = {"overlap": match.get("overlap")}
-        if match[
-            "found"
-        ]:  # of the detail: the long waves of a stone match wherever T1 is laid
-            values["correlation"] = match.get("detail_correlation")
-        else:
-            one_way = is_one_way(
-                match["detail_correlation"], match["slope_correlation"]
+        match = matches.get(patch)
+        values = {} if match is None else {"overlap": match["overlap"]}
+        if match and match["found"]:
+            # of the detail: the long waves of a stone match wherever T1 is laid
+            values["correlation"] = match["detail_correlation"]
+        elif match and is_one_way(
+            match["detail_correlation"], match["slope_correlation"]
+        ):
+            faults.append(
+                "T1 was not found on T0: its striae match, but nothing shows where along them"
             )
-            why = (
-                ": its striae match, but nothing shows where along them"
-                if one_way
-                else ""
-            )
-            faults.append(f"T1 was not found on T0{why}")
+        elif match:
+            faults.append("T1 was not found on T0")
         for name, value in values.items():
-            if value is not None and value < (least := selection[f"minimum_{name}"]):
+            if value < (least := selection[f"minimum_{name}"]):
                 faults.append(f"T0/T1 {name} {value:.2f} below {least:.2f}")
         reasons.append("; ".join(faults))
     return pressures.assign(in_study=[not text for text in reasons], reason=reasons)

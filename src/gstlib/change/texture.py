@@ -147,25 +147,22 @@ def texture_rows(
         least = (l_filter_um or s_filter_um) / MM_TO_UM
         if (np.multiply(t0[window].shape, spacing) >= least).all():
             epochs = {"T0": t0[window], "T1": registered["t1"][window]}
-    values = {}
+    table = pd.DataFrame(index=[*_COLUMNS.values()])
     for epoch, surface in epochs.items():
         limited = _scale_limited(surface, s_filter_um, l_filter_um)
-        values[epoch] = _parameters(limited, spacing, s_filter_um)
-    if "T1" in values:
-        before, after = values["T0"], values["T1"]
-        values["change"] = {name: after[name] - before[name] for name in before}
-    size_y, size_x = (
-        n * step for n, step in zip(epochs["T0"].shape, spacing, strict=True)
-    )
+        table[epoch] = _parameters(limited, spacing, s_filter_um)
+    if "T1" in table:
+        table["change"] = table.T1 - table.T0
+    size_y, size_x = np.multiply(epochs["T0"].shape, spacing)
     return [
-        {"epoch": epoch, "size_x_mm": size_x, "size_y_mm": size_y, **of_epoch}
-        for epoch, of_epoch in values.items()
+        {"epoch": epoch, "size_x_mm": size_x, "size_y_mm": size_y, **values}
+        for epoch, values in table.to_dict().items()
     ]
 
 
 def _parameters(
     heights: np.ndarray, spacing: tuple[float, float], s_filter_um: float
-) -> dict[str, float]:
+) -> pd.Series:
     """Parameters of a scale-limited surface (heights in µm, spacing in mm), by column."""
     try:  # here, for its import costs a second, which every job of the study would pay
         from surfalize import Surface
@@ -189,7 +186,7 @@ def _parameters(
         values |= {"Sal": sparse.Sal(), "Str": sparse.Str()}
         for symbol in ("Sa", "Sq", "Sz", "Ssk", "Sku", "Sdq", "Sdr"):
             values[symbol] = getattr(evaluated, symbol)()
-    return {column: float(values[symbol]) for symbol, column in _COLUMNS.items()}
+    return pd.Series({column: values[symbol] for symbol, column in _COLUMNS.items()})
 
 
 def _material_ratio(heights: np.ndarray) -> dict[str, float]:
@@ -248,17 +245,9 @@ def _measured_rectangle(measured: np.ndarray) -> tuple[slice, slice]:
     rectangle with the most unmeasured points is removed until all points are measured.
     """
     top, left, (bottom, right) = 0, 0, measured.shape
-    while bottom > top and right > left:
-        sides = [
-            measured[top, left:right],
-            measured[bottom - 1, left:right],
-            measured[top:bottom, left],
-            measured[top:bottom, right - 1],
-        ]
-        missing = [1 - side.mean() for side in sides]
-        worst = int(np.argmax(missing))
-        if not missing[worst]:
-            break
+    while not (region := measured[top:bottom, left:right]).all():
+        sides = region[0], region[-1], region[:, 0], region[:, -1]
+        worst = np.argmax([1 - side.mean() for side in sides])
         top, bottom = top + (worst == 0), bottom - (worst == 1)
         left, right = left + (worst == 2), right - (worst == 3)
     return slice(top, bottom), slice(left, right)

@@ -14,8 +14,12 @@ from gstlib.errors import InputError
 
 __all__ = ["Comparison", "compare", "interpolate"]
 
-# From the simplest to the smoothest.
-_INTERPOLATIONS = ("linear", "clough-tocher", "cubic")
+# Over the Delaunay triangulation. The cubic is the smoothest of all.
+_TRIANGULATED = {
+    "linear": scipy.interpolate.LinearNDInterpolator,
+    "clough-tocher": scipy.interpolate.CloughTocher2DInterpolator,
+}
+_INTERPOLATIONS = (*_TRIANGULATED, "cubic")
 # Nearest vertices that the cubic radial basis uses for a point.
 _NEIGHBOURS = 50
 # It takes 0.1 ms for a point. It is smooth between vertices, so this many points an edge suffice.
@@ -33,17 +37,14 @@ def interpolate(
     interpolation: str, cloud: np.ndarray, along: np.ndarray, edge: float
 ) -> np.ndarray:
     """Heights (n, n), mm, at points `along` (n,) both axes; `edge` is the mean edge of the mesh."""
-    element = along[1] - along[0]
     wide = edge / _POINTS_PER_EDGE
-    if interpolation != "cubic" or wide <= element:
-        places = _places(along)
-        return _predicted(interpolation, cloud, places)
     first, last = along[0], along[-1]
+    if interpolation != "cubic" or wide <= along[1] - first:
+        return _predicted(interpolation, cloud, _places(along))
     count = int(np.ceil((last - first) / wide)) + 1
     nodes = np.linspace(first, last, max(count, 4))
     coarse = _predicted(interpolation, cloud, _places(nodes))
-    spline = scipy.interpolate.RectBivariateSpline(nodes, nodes, coarse)
-    return spline(along, along)
+    return scipy.interpolate.RectBivariateSpline(nodes, nodes, coarse)(along, along)
 
 
 class Comparison(NamedTuple):
@@ -69,8 +70,7 @@ def compare(
         raise InputError("interpolation", f"is {interpolation!r}", remedy)
     tried = _INTERPOLATIONS if interpolation == "best" else (interpolation,)
     low, high = bounds
-    places = cloud[:, :2]
-    inside = ((places >= low) & (places <= high)).all(axis=1)
+    inside = ((cloud[:, :2] >= low) & (cloud[:, :2] <= high)).all(axis=1)
     vertex, errors = _left_out(cloud, np.flatnonzero(inside), tried)
     rms = np.sqrt((errors**2).mean(axis=1))
     is_good = rms <= (1 + _TIE) * rms.min()
@@ -103,12 +103,8 @@ def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.
     Outside the cloud, all but the cubic are NaN.
     """
     points, heights = cloud[:, :2], cloud[:, 2]
-    if interpolation == "linear":
-        linear = scipy.interpolate.LinearNDInterpolator(points, heights)
-        return linear(places)
-    if interpolation == "clough-tocher":
-        smooth = scipy.interpolate.CloughTocher2DInterpolator(points, heights)
-        return smooth(places)
+    if triangulated := _TRIANGULATED.get(interpolation):
+        return triangulated(points, heights)(places)
     spline = scipy.interpolate.RBFInterpolator(
         points,
         heights,

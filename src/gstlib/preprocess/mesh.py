@@ -16,7 +16,7 @@ from gstlib.errors import FaultError, InputError, refuse
 from gstlib.preprocess.interpolation import compare, interpolate
 from gstlib.preprocess.use_face import Layout, find_use_face
 from gstlib.surfaces.frames import Frame
-from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.grid import described, make_surface
 
 if TYPE_CHECKING:
     import trimesh
@@ -30,6 +30,13 @@ _log = logging.getLogger(__name__)
 _BRIDGED_FRACTION = 1e-2
 # Fewest vertices in the square: from fewer, errors between them cannot be estimated.
 _FEWEST = 30
+# Units and meanings of the errors on left-out vertices.
+_FIELDS = {
+    "vertex_y": ("mm", "y of a left-out vertex"),
+    "vertex_x": ("mm", "x of a left-out vertex"),
+    "left_out_error": ("mm", "height minus its prediction"),
+    "left_out_rms": ("mm", "r.m.s. error on left-out vertices"),
+}
 
 
 def elements_around(size_mm: float, grid: int, face_mm: float | None) -> int:
@@ -105,31 +112,23 @@ def grid_mesh(
     )
     centres = {axis: surface[axis].copy(data=layout.along) for axis in surface.dims}
     x, y, _ = left_out.vertices.T
-    return xr.Dataset(
+    errors = xr.Dataset(
         {
-            "height": surface.assign_coords(centres),
-            "vertex_y": ("vertex", y, _in_mm("y of a left-out vertex")),
-            "vertex_x": ("vertex", x, _in_mm("x of a left-out vertex")),
-            "left_out_error": (
-                "vertex",
-                left_out.errors,
-                _in_mm("height minus its prediction"),
-            ),
-            "left_out_rms": (
-                "candidate",
-                left_out.rms,
-                _in_mm("r.m.s. error on left-out vertices"),
-            ),
+            "vertex_y": ("vertex", y),
+            "vertex_x": ("vertex", x),
+            "left_out_error": ("vertex", left_out.errors),
+            "left_out_rms": ("candidate", left_out.rms),
         },
         coords={"candidate": list(left_out.tried)},
     )
+    return described(errors, _FIELDS).assign(height=surface.assign_coords(centres))
 
 
 def _check_vertices(cloud: np.ndarray, size_mm: float, source: str) -> None:
     """Refuse a mesh that is too coarse to estimate its interpolation error."""
     places = cloud[:, :2]
-    in_square = ((places >= 0) & (places <= size_mm)).all(axis=1)
-    if (count := int(in_square.sum())) < _FEWEST:
+    count = int(((places >= 0) & (places <= size_mm)).all(axis=1).sum())
+    if count < _FEWEST:
         raise InputError(
             source,
             f"the mesh has {count} vertices in the square of {size_mm:g} mm, and at least "
@@ -174,7 +173,3 @@ def gridding_table(square: xr.Dataset) -> pd.DataFrame:
             "chosen": square.candidate.values == square.height.attrs["interpolation"],
         }
     )
-
-
-def _in_mm(long_name: str) -> dict[str, str]:
-    return {"units": "mm", "long_name": long_name}

@@ -86,13 +86,12 @@ def window_outliers(
     )
     rms = np.sqrt(np.maximum(square - mean**2, 0.0))
     rough = measured & (rms > _ROUNDING * np.abs(heights).max())
-    off = np.abs(heights - mean)
-    ratio = np.where(rough, off / np.where(rough, rms, 1.0), 0.0)
+    ratio = np.zeros_like(rms)
+    np.divide(np.abs(heights - mean), rms, out=ratio, where=rough)
     # The paper bisects for k. The threshold to which it converges is a ratio in the map itself.
     allowed = min(int(share * np.count_nonzero(measured)), ratio.size - 1)
     place = -1 - allowed
-    ordered = np.partition(ratio, place, axis=None)
-    k = float(ordered[place])
+    k = float(np.partition(ratio, place, axis=None)[place])
     return ratio > k, k
 
 
@@ -124,8 +123,7 @@ def median_outliers(
     measured = np.isfinite(heights)
     # With half the unmeasured points above everything and half below, the median is the others'.
     above = np.indices(heights.shape).sum(axis=0) % 2 == 1
-    unmeasured = np.where(above, np.inf, -np.inf)
-    entered = np.where(measured, heights, unmeasured)
+    entered = np.where(measured, heights, np.where(above, np.inf, -np.inf))
     off = np.abs(heights - _medians(_windows(entered, half_width)))
     # ASSUME: Lower bound of the local scale. S is at least the value of the whole map, and half of
     # the step in which heights were stored. Reason: Otherwise, the small unevenness of a much
@@ -137,14 +135,12 @@ def median_outliers(
     )
     # Because of that bound only these points can be outliers: few enough to gather their windows.
     at = np.nonzero(off > threshold * scale)
-    points = (2 * half_width + 1) ** 2
-    around = _windows(heights, half_width)[at].reshape(-1, points)
-    median = np.nanmedian(around, axis=1)
-    deviations = np.abs(around - median[:, None])
-    local = MAD_TO_SIGMA * np.nanmedian(deviations, axis=1)
-    limit = threshold * np.maximum(local, scale)
+    around = _windows(heights, half_width)[at]
+    median = np.nanmedian(around, axis=(1, 2))
+    deviations = np.abs(around - median[:, None, None])
+    local = MAD_TO_SIGMA * np.nanmedian(deviations, axis=(1, 2))
     outlier = np.zeros(heights.shape, dtype=bool)
-    outlier[at] = np.abs(heights[at] - median) > limit
+    outlier[at] = np.abs(heights[at] - median) > threshold * np.maximum(local, scale)
     return outlier, scale
 
 

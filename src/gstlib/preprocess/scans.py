@@ -11,7 +11,7 @@ import xarray as xr
 from gstlib.errors import InputError
 from gstlib.io.scans import cut_scan, whole_scan
 from gstlib.preprocess.outliers import height_step, median_outliers, window_outliers
-from gstlib.surfaces.grid import MM_TO_UM, spacing_of, spacing_of_heights
+from gstlib.surfaces.grid import MM_TO_UM, described, spacing_of, spacing_of_heights
 from gstlib.surfaces.leveling import remove_plane
 from gstlib.surfaces.spectrum import shortest_trusted
 
@@ -44,6 +44,16 @@ _DONE = [
     "Sq_after_um",
     "shortest_trusted_um",
 ]
+
+# Units and meanings of the maps of a prepared scan.
+_FIELDS = {
+    "height": ("mm", "height of the stone, level"),
+    "filled": ("1", "unmeasured, filled from around it"),
+    "outlier": ("1", "outlier, replaced from around it"),
+    "measured": ("mm", "height as measured, the mould undone"),
+}
+# Attributes of a scan as read that are not those of its preparation.
+_NOT_KEPT = {"units", "long_name", "unit_stated"}
 
 # ASSUME: Orientation of scans. Once a mould is undone, the rows of a scan run along the square's +y
 # and its columns along +x. The rotation of the patch is added. Reason: The paper states which axis
@@ -109,12 +119,13 @@ def prepare_scan(
     """
     spacing_of_heights(raw)  # refuses what is no surface
     check_unmeasured(raw, maximum_unmeasured)
-    _refuse_unknown(mould_flip, outlier_rule)
-    heights = (
-        raw.values
-        if mould_flip is None
-        else np.flip(raw.values, raw.dims.index(mould_flip))
-    )
+    if mould_flip not in ("x", "y", None):
+        raise InputError("mould_flip", f"is {mould_flip!r}", "Give x, y or None.")
+    if outlier_rule not in ("window", "median"):
+        remedy = "Give window or median."
+        raise InputError("outlier_rule", f"is {outlier_rule!r}", remedy)
+    flipped = () if mould_flip is None else raw.dims.index(mould_flip)
+    heights = np.flip(raw.values, flipped)
     stone = raw.copy(data=-heights if mould_invert else heights)
     unmeasured = ~np.isfinite(stone.values)
     of_rule, step = {}, height_step(stone)
@@ -140,24 +151,15 @@ def prepare_scan(
     # window would differ from the neighbouring points. Alternative: The mean of the window.
     clean = stone.copy(data=interpolate_holes(stone.values, unmeasured | outlier))
     level, plane = remove_plane(clean)
-    level.attrs = {"units": "mm", "long_name": "height of the stone, level"}
-    not_kept = "units", "long_name", "unit_stated"
-    texts = {name: value for name, value in raw.attrs.items() if name not in not_kept}
-    masks = {
-        name: (
-            level.dims,
-            mask,
-            {"units": "1", "long_name": f"{long_name} from around it"},
-        )
-        for name, mask, long_name in (
-            ("filled", unmeasured, "unmeasured, filled"),
-            ("outlier", outlier, "outlier, replaced"),
-        )
-    }
-    return xr.Dataset(
-        {"height": level, **masks, "measured": stone.astype(np.float32)},
+    scan = xr.Dataset(
+        {
+            "height": level,
+            "filled": (level.dims, unmeasured),
+            "outlier": (level.dims, outlier),
+            "measured": stone.astype(np.float32),
+        },
         attrs={
-            **texts,
+            **{name: raw.attrs[name] for name in raw.attrs.keys() - _NOT_KEPT},
             "unmeasured": int(unmeasured.sum()),
             "filled": int(unmeasured.sum()),
             "outliers": int(outlier.sum()),
@@ -171,15 +173,7 @@ def prepare_scan(
             "height_step_um": MM_TO_UM * step,
         },
     )
-
-
-def _refuse_unknown(mould_flip: str | None, outlier_rule: str) -> None:
-    """Refuse an axis or a rule that `prepare_scan` does not have."""
-    if mould_flip not in ("x", "y", None):
-        raise InputError("mould_flip", f"is {mould_flip!r}", "Give x, y or None.")
-    if outlier_rule not in ("window", "median"):
-        remedy = "Give window or median."
-        raise InputError("outlier_rule", f"is {outlier_rule!r}", remedy)
+    return described(scan, _FIELDS)
 
 
 def crop_of(row: Any) -> tuple[float, float] | None:
@@ -187,10 +181,12 @@ def crop_of(row: Any) -> tuple[float, float] | None:
 
     Without a centre, the columns are empty or absent.
     """
-    y, x = (getattr(row, f"crop_{axis}_mm", np.nan) for axis in "yx")
-    if pd.isna(y) and pd.isna(x):
+    centre = [getattr(row, f"crop_{axis}_mm", np.nan) for axis in "yx"]
+    absent = pd.isna(centre)
+    if absent.all():
         return None
-    if pd.isna(y) or pd.isna(x):
+    y, x = centre
+    if absent.any():
         problem = f"has crop_x_mm {x} and crop_y_mm {y}"
         raise InputError("patch table", problem, "Give both of them, or neither.")
     return float(y), float(x)
@@ -204,10 +200,10 @@ def mould_of(mould: Mapping, flip: str) -> Mapping:
 def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
     """The preparation of each scan, from the attributes of its dataset, by patch and epoch."""
     rows = [
-        {"patch": patch, "epoch": epoch} | {name: attrs[name] for name in _DONE}
+        {"patch": patch, "epoch": epoch, **attrs}
         for (patch, epoch), attrs in scans.items()
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=["patch", "epoch", *_DONE])
 
 
 def check_unmeasured(surface: xr.DataArray, maximum_fraction: float) -> None:
@@ -292,8 +288,8 @@ def cut_patch(
     """
     if epoch == "T0":
         return cut_scan(raw, crop, size_mm)
-    whole, middles = whole_scan(raw, size_mm), crop or (0.0, 0.0)
-    for axis, middle, step in zip("yx", middles, spacing_of(raw), strict=True):
+    whole = whole_scan(raw, size_mm)
+    for axis, middle, step in zip("yx", crop or (0, 0), spacing_of(raw), strict=True):
         beyond = (raw.sizes[axis] * step - size_mm) / 2
         if crop or beyond > 0.01 * size_mm:
             start = beyond + (-middle if axis == mould_flip else middle)
