@@ -29,32 +29,30 @@ def stone():
     return remove_plane(heights)[0].values
 
 
-def mould_of(stone, spikes, holes):
-    """A scan of the stone's mould."""
-    seen = np.where(holes, np.nan, stone + 0.03 * spikes)
+def mould_of(stone, spikes):
+    """A scan of the stone's mould, with holes."""
+    seen = np.where(HOLES, np.nan, stone + 0.03 * spikes)
     return make_surface(-seen[:, ::-1], 1e-3, file="a.plu")
 
 
-@pytest.fixture
-def spikes():
+def marked(*places):
+    """A mask of points."""
     mask = np.zeros((128, 128), bool)
-    mask[10:120:12, 7:120:12] = True
+    for place in places:
+        mask[place] = True
     return mask
 
 
-@pytest.fixture
-def holes():
-    mask = np.zeros((128, 128), bool)
-    mask[60:64, 30:40] = mask[100:106, 80:84] = True
-    return mask
+SPIKES = marked(np.s_[10:120:12, 7:120:12])
+HOLES = marked(np.s_[60:64, 30:40], np.s_[100:106, 80:84])
 
 
 @pytest.fixture
-def raw(stone, spikes, holes):
+def raw(stone):
     """Tilted, with spikes and holes."""
     rows, columns = np.indices(stone.shape)
     tilt = 1e-3 * (0.004 * rows - 0.003 * columns)
-    return mould_of(stone + 0.2 + tilt, spikes, holes)
+    return mould_of(stone + 0.2 + tilt, SPIKES)
 
 
 @pytest.mark.parametrize("empty", [{}, {"crop_x_mm": None, "crop_y_mm": np.nan}])
@@ -66,20 +64,18 @@ def test_a_scan_is_cut_where_the_table_has_a_centre(empty):
 
 
 @pytest.mark.parametrize("rule", ["window", "median"])
-def test_the_stone_is_recovered_and_every_step_is_counted(
-    stone, spikes, holes, raw, rule
-):
+def test_the_stone_is_recovered_and_every_step_is_counted(stone, raw, rule):
     scan = prepare_scan(raw, **SETTINGS, outlier_rule=rule)
-    assert_array_equal(scan.filled, holes)
+    assert_array_equal(scan.filled, HOLES)
     assert_array_equal(scan.measured, np.float32(-raw.values[:, ::-1]))
-    outlier, error = scan.outlier.values, scan.height.values - stone
-    assert outlier[spikes & ~holes].all()
-    assert not outlier[holes].any()
+    outlier, error = scan.outlier.values, abs(scan.height.values - stone)
+    assert outlier[SPIKES & ~HOLES].all()
+    assert not outlier[HOLES].any()
     # Where nothing was replaced, only the fit of the plane can differ.
-    assert np.abs(error[~holes & ~outlier]).max() < 0.01 * stone.std()
-    assert np.abs(error[spikes & ~holes]).max() < 0.2 * stone.std()
+    assert error[~HOLES & ~outlier].max() < 0.01 * stone.std()
+    assert error[SPIKES & ~HOLES].max() < 0.2 * stone.std()
     attrs = scan.attrs
-    assert attrs["unmeasured"] == attrs["filled"] == holes.sum()
+    assert attrs["unmeasured"] == attrs["filled"] == HOLES.sum()
     assert attrs["outliers"] == outlier.sum() <= 0.01 * stone.size
     tilt = attrs["tilt_y_mrad"], attrs["tilt_x_mrad"]
     assert tilt == pytest.approx((4.0, -3.0), abs=0.1)
@@ -88,13 +84,12 @@ def test_the_stone_is_recovered_and_every_step_is_counted(
 
 
 @pytest.mark.parametrize("rule", ["window", "median"])
-def test_a_spike_beside_a_hole_does_not_spread_into_it(stone, holes, rule):
-    spikes = np.zeros_like(holes)
-    spikes[59, 33:36] = spikes[64, 32] = spikes[102, 84] = True
-    scan = prepare_scan(mould_of(stone, spikes, holes), **SETTINGS, outlier_rule=rule)
+def test_a_spike_beside_a_hole_does_not_spread_into_it(stone, rule):
+    spikes = marked(np.s_[59, 33:36], np.s_[64, 32], np.s_[102, 84])
+    scan = prepare_scan(mould_of(stone, spikes), **SETTINGS, outlier_rule=rule)
     assert scan.outlier.values[spikes].all()
-    error = scan.height.values - stone
-    assert np.abs(error[holes | spikes]).max() < 0.5 * stone.std()
+    error = abs(scan.height.values - stone)
+    assert error[HOLES | spikes].max() < 0.5 * stone.std()
 
 
 def prepared(raw, crop, size_mm, *, flip="x", own_flip="", epoch="T0"):

@@ -5,27 +5,17 @@ import pytest
 import trimesh
 
 from gstlib.errors import ConfigError
-from gstlib.surfaces.frames import Frame, find_frame
-
-BALL = trimesh.creation.icosphere(subdivisions=4, radius=20)
-
-
-def frame_of(points, mesh=BALL):
-    return find_frame(points, mesh, size_mm=5.0, source="stone.stl")
+from gstlib.surfaces.frames import find_frame
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_coordinates_are_along_the_right_handed_axes_of_the_points(seed):
     rng = np.random.default_rng(seed)
-    normal, other, shift = rng.normal(size=(3, 3))
-    axes = Frame((0, 0, 0), np.cross(normal, other), normal).axes
-    origin = 20 * axes[2] + shift
-    along, beside, up = rng.uniform((0.5, -5, 2.5), (5, 5, 5))
-    in_square = np.array([[0, 0, 0], [along, 0, 0], [beside, up, 0]])
-    points = origin + in_square @ axes
-    mesh = BALL.copy().apply_translation(shift)
-    frame = frame_of(points.tolist(), mesh)
-    assert np.linalg.det(frame.axes) == pytest.approx(1)
+    axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    axes *= np.linalg.det(axes)
+    origin = rng.normal(scale=20, size=3)
+    points = origin + [[0, 0, 0], [2, 0, 0], [-1, 3, 0]] @ axes
+    frame = find_frame(points.tolist(), trimesh.Trimesh(points), size_mm=5.0)
     local = rng.normal(scale=30, size=(5, 3))
     np.testing.assert_allclose(frame.to_frame(origin + local @ axes), local, atol=1e-9)
 
@@ -41,5 +31,6 @@ def test_coordinates_are_along_the_right_handed_axes_of_the_points(seed):
     ],
 )
 def test_points_that_make_no_frame(points, match):
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=20)
     with pytest.raises(ConfigError, match=rf"square\.points_mm: .*{match}"):
-        frame_of(points)
+        find_frame(points, ball, size_mm=5.0, source="stone.stl")
