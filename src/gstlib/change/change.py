@@ -26,7 +26,6 @@ from gstlib.change.noise import Detection
 from gstlib.change.registration import apply_registration, is_other, register
 from gstlib.change.search import LEAST_POINTS
 from gstlib.errors import InputError
-from gstlib.surfaces.fitting import planes_over
 from gstlib.surfaces.grid import described, spacing_of
 
 __all__ = [
@@ -104,7 +103,7 @@ def estimate_detection_limit(
     >>> round(1e3 * detection.level_mm2**0.5, 2)  # µm, of the difference
     0.14
     """
-    changes, slopes, alike = [], [], []
+    repeats, alike_um2 = [], 0.0
     for patch in again:
         first = before[patch]
         try:
@@ -120,25 +119,22 @@ def estimate_detection_limit(
                 fault,
             )
             continue
-        heights = change["change"].values
-        compared = np.isfinite(heights)
-        changes.append(heights[compared])
         steepness = noise.squared_slopes(first.height).sum(axis=0)
-        slopes.append(steepness[compared])
-        alike.append(change.attrs["alike_um2"] * 1e-6)
-    if not changes:
+        heights = change["change"].values
+        repeats.append(np.stack([heights, steepness])[:, np.isfinite(heights)])
+        alike_um2 = max(alike_um2, change.attrs["alike_um2"])
+    if not repeats:
         return None
-    pooled, steepness = np.concatenate(changes), np.concatenate(slopes)
+    pooled, steepness = np.concatenate(repeats, axis=1)
     # ASSUME: Errors of a repeat. A repeat has the errors of T1: taken off, put back, and scanned
     # with the same settings. Its whole surface is unchanged, and points off by more than three
     # standard deviations are outliers. Reason: The tool was not used between the two scans.
-    level, lateral = noise.variance_by_slope(
-        pooled, steepness, np.ones(pooled.size, dtype=bool)
-    )
+    everywhere = np.ones(pooled.size, dtype=bool)
+    level, lateral = noise.variance_by_slope(pooled, steepness, everywhere)
     # The errors of instruments have longer tails than normal errors.
     squares = pooled**2 / np.maximum(level + lateral * steepness, _TINY)
     limit = max(noise.LEVEL_OF_DETECTION, math.sqrt(np.quantile(squares, 0.95)))
-    return Detection(level, lateral, float(max(alike)), limit)
+    return Detection(level, lateral, alike_um2 * 1e-6, limit)
 
 
 def _no_repeat(change: xr.Dataset) -> str | None:
@@ -326,40 +322,28 @@ def height_change(
     before, after = t0.values, t1_on_t0.values
     difference = after - before
     inside = np.isfinite(difference) & measured
-    if inside.sum() < LEAST_POINTS:
-        inside[:] = False
     datum, change, limit = np.full((3, *t0.shape), np.nan)
     source, cluster, sigma, typical = "", minimum_cluster_points, np.nan, np.nan
-    error = Detection(*4 * [np.nan])
-    if inside.any():
-        y, x = (np.linspace(-0.5, 0.5, count, endpoint=False) for count in t0.shape)
-        planes = planes_over(y[:, None], x)
-        plane, sigma, kept = noise.unchanged_plane(
-            planes[:, inside], difference[inside]
-        )
-        datum = np.einsum("i,ijk->jk", plane, planes)
+    if inside.sum() < LEAST_POINTS:
+        inside[:], detection = False, Detection(*4 * [np.nan])
+    else:
+        datum, sigma, kept = noise.unchanged_plane(difference, inside)
         change = np.where(inside, difference - datum, np.nan)
-        slopes = noise.squared_slopes(t0)
-        resolution = noise.RESOLUTION * before[inside].std()
-        smallest = max(resolution, rounding_mm) ** 2
-        cell_mm2 = math.prod(spacing_of(t0))
-        if detection is not None:
-            source, error, shift_variance = (
-                "repeat",
-                detection,
-                np.square(shift_errors_mm),
-            )
-        else:
-            source, shift_variance = "own", np.zeros(2)  # the error contains it
-            error = noise.own_detection(
-                change, slopes.sum(axis=0), kept, smallest, cell_mm2
-            )
-        lateral = error.lateral_mm2 + shift_variance
-        variance = error.level_mm2 + np.einsum("i,ijk->jk", lateral, slopes)
-        detectable = error.limit * np.sqrt(np.maximum(variance, smallest))
+        slopes, cell_mm2 = noise.squared_slopes(t0), math.prod(spacing_of(t0))
+        smallest = max(noise.RESOLUTION * before[inside].std(), rounding_mm) ** 2
+        source = "own" if detection is None else "repeat"
+        if detection is None:
+            steepness, shift_errors_mm = (
+                slopes.sum(axis=0),
+                (0.0, 0.0),
+            )  # it has them in it
+            detection = noise.own_detection(change, steepness, kept, smallest, cell_mm2)
+        lateral = detection.lateral_mm2 + np.square(shift_errors_mm)
+        variance = detection.level_mm2 + np.einsum("i,ijk->jk", lateral, slopes)
+        detectable = detection.limit * np.sqrt(np.maximum(variance, smallest))
         limit = np.where(inside, detectable, np.nan)
         typical = np.median(limit[inside])
-        alike = math.ceil(noise.CLUSTER * error.alike_mm2 / cell_mm2)
+        alike = math.ceil(noise.CLUSTER * detection.alike_mm2 / cell_mm2)
         cluster = max(minimum_cluster_points, alike)
     fields = {
         "t1": after - datum,
@@ -374,10 +358,10 @@ def height_change(
         attrs={
             "level_of_detection_um": typical * 1e3,
             "change_sigma_um": sigma * 1e3,
-            "lateral_sigma_um": np.sqrt(error.lateral_mm2) * 1e3,
+            "lateral_sigma_um": np.sqrt(detection.lateral_mm2) * 1e3,
             "known_fraction": inside.mean(),
             "detection": source,
-            "alike_um2": error.alike_mm2 * 1e6,
+            "alike_um2": detection.alike_mm2 * 1e6,
             "cluster_points": cluster,
         },
     )

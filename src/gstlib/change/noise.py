@@ -20,7 +20,12 @@ import scipy
 import xarray as xr
 
 from gstlib.surfaces.filtering import smooth_rises
-from gstlib.surfaces.fitting import MAD_TO_SIGMA, least_squares, robust_sigma
+from gstlib.surfaces.fitting import (
+    MAD_TO_SIGMA,
+    least_squares,
+    planes_over,
+    robust_sigma,
+)
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = [
@@ -183,20 +188,26 @@ def variance_by_slope(
 
 
 def unchanged_plane(
-    design: np.ndarray, values: np.ndarray
+    change: np.ndarray, inside: np.ndarray
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """Plane through the unchanged points, their robust spread, and a mask of them."""
+    """Plane (ny, nx) through the unchanged points of a map, and their robust spread.
+
+    Also returns which of the points `inside` (ny, nx) they are, (n,).
+    """
     # ASSUME: Unchanged part. The unchanged part is the largest population of height differences,
     # and the fit starts from the shortest half of them. Reason: Wear of nearly half of the area,
     # all on one side, then does not lower the datum. Alternative: A least-squares plane would be
     # lowered by such wear.
+    y, x = (np.linspace(-0.5, 0.5, count, endpoint=False) for count in change.shape)
+    planes = planes_over(y[:, None], x)
+    design, values = planes[:, inside], change[inside]
     plane = np.array([np.median(values), 0.0, 0.0])
     before = kept = np.zeros(values.size, dtype=bool)
     for _ in range(_ROUNDS):
         left = values - np.einsum("i,ij->j", plane, design)
         ordered, half = np.sort(left), left.size // 2
         lengths = ordered[half:] - ordered[: left.size - half]
-        start = int(np.argmin(lengths))
+        start = np.argmin(lengths)
         centre = ordered[start] + lengths[start] / 2
         # Half of a normal population is within 0.6745 sigma of its mean.
         sigma = lengths[start] / 2 / 0.6745
@@ -215,7 +226,7 @@ def unchanged_plane(
             break
         kept = now
         plane = least_squares(design[:, kept], values[kept])
-    return plane, sigma, kept
+    return np.einsum("i,ijk->jk", plane, planes), sigma, kept
 
 
 def spots(

@@ -5,6 +5,7 @@ from the corner of the reference to the corner of the moving surface.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ def spline(heights: np.ndarray) -> np.ndarray:
 
 def sample(
     coefficients: np.ndarray,
-    pose: np.ndarray,
+    pose: Sequence[float] | np.ndarray,
     shape: tuple[int, ...],
     aspect: float,
     *,
@@ -44,7 +45,7 @@ def sample(
 
 
 def on_moving(
-    pose: np.ndarray,
+    pose: Sequence[float] | np.ndarray,
     y: np.ndarray,
     x: np.ndarray,
     shape: tuple[int, ...],

@@ -68,12 +68,15 @@ class Registration:
     t1_y_mm: float
     t1_size_x_mm: float  # sides of the moving surface
     t1_size_y_mm: float
+    # Shift (y, x) in elements, from corner to corner, and rotation in radians.
+    pose: tuple[float, float, float]
     # Whether the details correlate well enough, in every direction, for a reliable result.
     is_reliable: bool
 
     def as_attrs(self) -> dict[str, float]:
         """Attributes for a file: lengths in µm, ``registration_found`` as 1 or 0."""
         attrs = asdict(self)
+        del attrs["pose"]
         attrs["registration_found"] = int(attrs.pop("is_reliable"))
         return {
             name.replace("_mm", "_um"): value * 1e3 if name.endswith("_mm") else value
@@ -128,9 +131,12 @@ def register(
     flat0, flat1 = (
         remove_plane(h.where(inside))[0].values[inside] for h in (reference, on_grid)
     )
-    shift = pose[:2] * spacing - _corner_offset(reference, moving)
-    middles = [[float(h[axis].mean()) for axis in "yx"] for h in (reference, moving)]
-    t1_y, t1_x = np.subtract(middles[1], middles[0]) + shift
+    corners, middles = (
+        [float(at(moving[axis]) - at(reference[axis])) for axis in "yx"]
+        for at in (np.min, np.mean)
+    )
+    shift = pose[:2] * spacing - corners
+    t1_y, t1_x = shift + middles
     t1_size_y, t1_size_x = np.multiply(spacing_of(moving), h1.shape)
     error_y, error_x = errors * spacing
     return Registration(
@@ -149,6 +155,7 @@ def register(
         t1_y_mm=t1_y,
         t1_size_x_mm=t1_size_x,
         t1_size_y_mm=t1_size_y,
+        pose=tuple(pose),
         is_reliable=match.is_beyond_chance and slope_correlation >= LEAST_ALONG,
     )
 
@@ -164,15 +171,13 @@ def apply_registration(
     Heights (mm) are interpolated cubically, and are NaN outside the overlap. A point is marked if
     any of its four neighbours in `marked` (filled points, for example) is marked.
     """
-    shift = np.array([registration.shift_y_mm, registration.shift_x_mm])
     dy, dx = spacing_of(like)
-    elements = (_corner_offset(like, moving) + shift) / (dy, dx)
-    pose = np.array([*elements, math.radians(registration.rotation_deg)])
-    heights = sample(spline(moving.values), pose, like.shape, dy / dx)
+    pose, aspect = registration.pose, dy / dx
+    heights = sample(spline(moving.values), pose, like.shape, aspect)
     # ASSUME: Marks after interpolation. A point is marked if one of the four points around it is.
     # Reason: Among the sixteen points of the cubic interpolation, these four have the largest
     # weights.
-    weight = sample(marked.astype(float), pose, like.shape, dy / dx, order=1)
+    weight = sample(marked.astype(float), pose, like.shape, aspect, order=1)
     return like.copy(data=heights), weight > ROUNDING
 
 
@@ -184,8 +189,3 @@ def is_one_way(detail_correlation: float, slope_correlation: float) -> bool:
 def is_other(dale_depth_ratio: float, times: float = OTHER_HEIGHTS) -> bool:
     """Whether the heights of two surfaces differ by more than this factor."""
     return max(dale_depth_ratio, 1 / dale_depth_ratio) > times
-
-
-def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:
-    """First coordinates (y, x) of the moving grid minus those of the reference, mm."""
-    return np.array([float(moving[axis][0] - reference[axis][0]) for axis in "yx"])

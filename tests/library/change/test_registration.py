@@ -47,7 +47,9 @@ def test_a_marked_point_marks_those_interpolated_from_it():
     like = make_surface(np.zeros((30, 30)), SPACING)
     mask = np.zeros(like.shape, dtype=bool)
     mask[10, 10] = True
-    shifted = Registration(-3.25 * SPACING, 2.0 * SPACING, 0.0, *12 * [1.0], True)
+    shifted = Registration(
+        -3.25 * SPACING, 2.0 * SPACING, 0.0, *12 * [1.0], (2.0, -3.25, 0.0), True
+    )
     _, carried = apply_registration(like, mask, shifted, like)
     assert np.argwhere(carried).tolist() == [[12, 6], [12, 7]]
 
