@@ -197,8 +197,8 @@ class Details:
         shift, _, _ = phase_cross_correlation(
             a,
             b,
-            reference_mask=np.ones(a.shape, dtype=bool),
-            moving_mask=np.ones(b.shape, dtype=bool),
+            reference_mask=np.isfinite(a),
+            moving_mask=np.isfinite(b),
             overlap_ratio=least_overlap,
         )
         # scikit-image measures from centre to centre; the shift here is from corner to corner.

@@ -72,15 +72,16 @@ def registration_table(
     `changes` are the height changes by patch; each is looked up once. A loss is above the noise if
     the area of gain is at most the fraction `max_gain_to_loss_ratio` of the area of loss.
     """
-    rows = []
-    for patch, change in changes.items():
-        row = {**change.attrs, **wear_summary(change), "patch": patch}
-        row["found"] = bool(row["registration_found"])
-        is_noise = row["gain_to_loss_ratio"] > max_gain_to_loss_ratio
-        row["above_noise"] = not is_noise and row["known_fraction"] > 0
-        rows.append(row)
-    # The excluded patches and the reasons follow from the other columns.
+    rows = [
+        {"patch": patch, "found": bool(change.attrs["registration_found"])}
+        | change.attrs
+        | wear_summary(change)
+        for patch, change in changes.items()
+    ]
     table = pd.DataFrame(rows, columns=_REGISTRATION)
+    is_noise = table.gain_to_loss_ratio > max_gain_to_loss_ratio
+    table["above_noise"] = ~is_noise & (table.known_fraction > 0)
+    # The excluded patches and the reasons follow from the other columns.
     # The pressures have a table of their own, so all pass here.
     rules = {**selection, "minimum_pressure_MPa": 0.0}
     scored = select_patches(table.assign(pressure_MPa=1.0), table, rules)

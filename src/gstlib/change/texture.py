@@ -23,17 +23,27 @@ __all__ = ["measure_texture", "texture_rows"]
 
 _log = logging.getLogger(__name__)
 
-# Columns of the table by the symbols of the standard; volumes are per projected area.
-_COLUMNS = {
-    **{symbol: f"{symbol}_um" for symbol in ("Sa", "Sq", "Sz")},
-    **{symbol: symbol for symbol in ("Ssk", "Sku", "Sdq")},
-    "Sdr": "Sdr_percent",
-    "Sal": "Sal_um",
-    "Str": "Str",
-    **{symbol: f"{symbol}_um" for symbol in ("Sk", "Spk", "Svk")},
-    **{symbol: f"{symbol}_percent" for symbol in ("Smr1", "Smr2")},
-    **{symbol: f"{symbol}_um3_per_um2" for symbol in ("Vmp", "Vmc", "Vvc", "Vvv")},
-}
+# Columns of the table: the symbols of the standard, and units. Volumes are per projected area.
+_COLUMNS = [
+    "Sa_um",
+    "Sq_um",
+    "Sz_um",
+    "Ssk",
+    "Sku",
+    "Sdq",
+    "Sdr_percent",
+    "Sal_um",
+    "Str",
+    "Sk_um",
+    "Spk_um",
+    "Svk_um",
+    "Smr1_percent",
+    "Smr2_percent",
+    "Vmp_um3_per_um2",
+    "Vmc_um3_per_um2",
+    "Vvc_um3_per_um2",
+    "Vvv_um3_per_um2",
+]
 
 # Defaults of ISO 25178-3: material ratios (%) that separate peaks from core and core from dales.
 _PEAKS, _DALES = 10.0, 80.0
@@ -68,14 +78,11 @@ def measure_texture(
     >>> table[["epoch", "Sq_um"]].round(3).values.tolist()
     [['T0', 0.707]]
     """
-    rows = []
+    rows, noisy = [], []
     for patch in scans:
-        change = changes.get(patch)
+        scan, change = scans[patch], changes.get(patch)
         of_patch = texture_rows(
-            scans[patch].height,
-            change,
-            s_filter_um=s_filter_um,
-            l_filter_um=l_filter_um,
+            scan.height, change, s_filter_um=s_filter_um, l_filter_um=l_filter_um
         )
         if change is not None and len(of_patch) == 1:
             _log.log(
@@ -85,15 +92,7 @@ def measure_texture(
                 patch,
             )
         rows += [{"patch": patch, **row} for row in of_patch]
-    _warn_of_noise(scans, s_filter_um)
-    return pd.DataFrame(rows)
-
-
-def _warn_of_noise(scans: Mapping[str, xr.Dataset], s_filter_um: float) -> None:
-    """Warn if the noise of single points passes the S-filter of scans from `prepare_scan`."""
-    noisy = []
-    for patch in scans:
-        scan = scans[patch]
+        # Of scans from `prepare_scan`: the shortest waves that exceed the noise of single points.
         shortest_um = scan.attrs.get("shortest_trusted_um", 0.0)
         finest_um = _NYQUIST * MM_TO_UM * max(spacing_of(scan.height))
         if not shortest_um <= max(s_filter_um, finest_um):
@@ -108,6 +107,7 @@ def _warn_of_noise(scans: Mapping[str, xr.Dataset], s_filter_um: float) -> None:
             s_filter_um,
             noisy[0],
         )
+    return pd.DataFrame(rows)
 
 
 def texture_rows(
@@ -147,7 +147,7 @@ def texture_rows(
         least = (l_filter_um or s_filter_um) / MM_TO_UM
         if (np.multiply(t0[window].shape, spacing) >= least).all():
             epochs = {"T0": t0[window], "T1": registered["t1"][window]}
-    table = pd.DataFrame(index=[*_COLUMNS.values()])
+    table = pd.DataFrame(index=_COLUMNS)
     for epoch, surface in epochs.items():
         limited = _scale_limited(surface, s_filter_um, l_filter_um)
         table[epoch] = _parameters(limited, spacing, s_filter_um)
@@ -162,8 +162,8 @@ def texture_rows(
 
 def _parameters(
     heights: np.ndarray, spacing: tuple[float, float], s_filter_um: float
-) -> pd.Series:
-    """Parameters of a scale-limited surface (heights in µm, spacing in mm), by column."""
+) -> list[float]:
+    """Parameters of a scale-limited surface (heights in µm, spacing in mm), in `_COLUMNS`."""
     try:  # here, for its import costs a second, which every job of the study would pay
         from surfalize import Surface
     except ImportError as error:
@@ -186,7 +186,7 @@ def _parameters(
         values |= {"Sal": sparse.Sal(), "Str": sparse.Str()}
         for symbol in ("Sa", "Sq", "Sz", "Ssk", "Sku", "Sdq", "Sdr"):
             values[symbol] = getattr(evaluated, symbol)()
-    return pd.Series({column: values[symbol] for symbol, column in _COLUMNS.items()})
+    return [values[column.partition("_")[0]] for column in _COLUMNS]
 
 
 def _material_ratio(heights: np.ndarray) -> dict[str, float]:

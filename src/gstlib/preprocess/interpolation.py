@@ -83,16 +83,13 @@ def _left_out(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices (n,) of vertices left out, and errors (k, n) on them of each method, mm."""
     inside = inside[:: 1 + len(inside) // _MOST_LEFT_OUT]
-    order = np.random.default_rng(_SEED).permutation(len(inside))
-    group = order % _GROUPS
+    group = np.random.default_rng(_SEED).permutation(len(inside)) % _GROUPS
     errors = np.empty((len(tried), len(inside)))
     for number in range(_GROUPS):
         out = group == number
-        left = cloud[inside[out]]
-        others = np.delete(cloud, inside[out], axis=0)
-        places, heights = left[:, :2], left[:, 2]
+        left, others = cloud[inside[out]], np.delete(cloud, inside[out], axis=0)
         for row, kind in zip(errors, tried, strict=True):
-            row[out] = heights - _predicted(kind, others, places)
+            row[out] = left[:, 2] - _predicted(kind, others, left[:, :2])
     predicted = ~np.isnan(errors).any(axis=0)
     return inside[predicted], errors[:, predicted]
 

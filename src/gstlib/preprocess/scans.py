@@ -1,5 +1,6 @@
 """From a scan as measured to a surface ready for contact, in the same way at both epochs."""
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -231,15 +232,14 @@ def interpolate_holes(heights: np.ndarray, holes: np.ndarray) -> np.ndarray:
     neighbours that are a grid step apart. Every triangle over a hole therefore has its corners on
     the fence of this hole, and only the fences are triangulated.
     """
-    result = heights.copy()
+    result = np.where(holes, np.nan, heights)
     around = scipy.ndimage.binary_dilation(holes, np.ones((3, 3)))
     fence = np.argwhere(around & ~holes)
     fence_heights = heights[tuple(fence.T)]
-    try:
+    # no points, or all on one line
+    with contextlib.suppress(scipy.spatial.QhullError, ValueError):
         linear = scipy.interpolate.LinearNDInterpolator(fence, fence_heights)
         result[holes] = linear(np.argwhere(holes))
-    except (scipy.spatial.QhullError, ValueError):  # no points, or all on one line
-        result[holes] = np.nan
     rest = np.isnan(result)
     if rest.any():
         nearest = scipy.interpolate.NearestNDInterpolator(fence, fence_heights)

@@ -57,8 +57,8 @@ def make_surface(
     >>> surface.y.values, surface.x.values
     (array([0.5, 1.5]), array([0.125, 0.375, 0.625]))
     """
-    given: np.ma.MaskedArray = np.ma.asarray(as_given(heights, spacing)[0], dtype=float)
-    values: np.ndarray = given.filled(np.nan)
+    given = as_given(heights, spacing)[0]
+    values = np.ma.asarray(given, dtype=float).filled(np.nan)
     if values.ndim != 2:
         raise ValueError(f"a surface has 2 dimensions, not {values.ndim}")
     steps = checked_spacing(spacing)

@@ -32,16 +32,15 @@ def radial_spectrum(
     Its frequencies (1/mm) are the multiples of one over the shorter side, up to half the sampling
     rate of the wider spacing (dy, dx). Hann's window makes the map periodic.
     """
-    sides = [count * step for count, step in zip(heights.shape, spacing, strict=True)]
-    tapers = [np.hanning(count + 2)[1:-1] for count in heights.shape]
-    window = np.outer(*tapers)
+    side = min(np.multiply(heights.shape, spacing))
+    window = np.outer(*(np.hanning(count + 2)[1:-1] for count in heights.shape))
     window /= np.sqrt((window**2).mean())
     power = np.abs(scipy.fft.fft2((heights - heights.mean()) * window)) ** 2
     y, x = map(scipy.fft.fftfreq, heights.shape, spacing)
-    ring = np.rint(np.hypot(y[:, None], x) * min(sides)).astype(int).ravel()
+    ring = np.rint(np.hypot(y[:, None], x) * side).astype(int).ravel()
     mean = np.bincount(ring, power.ravel()) / np.bincount(ring)
-    rings = np.arange(1, int(min(sides) / (2 * max(spacing))) + 1)
-    return rings / min(sides), mean[rings] * np.prod(spacing) / heights.size
+    rings = np.arange(1, int(side / (2 * max(spacing))) + 1)
+    return rings / side, mean[rings] * np.prod(spacing) / heights.size
 
 
 def shortest_trusted(surface: xr.DataArray) -> float:
