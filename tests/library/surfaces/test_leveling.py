@@ -14,12 +14,11 @@ def test_a_plane_is_that_of_least_squares_and_points_in_line_have_none(seed):
     rng = np.random.default_rng(seed)
     surface = make_surface(rng.normal(size=(6, 8)), (0.1, 0.3), file="a.plu")
     surface = surface.where(rng.uniform(size=(6, 8)) < 0.6)
-    level, plane = remove_plane(surface)
-    y, x = np.meshgrid(surface.y - 0.3, surface.x - 1.2, indexing="ij")
+    level, _ = remove_plane(surface)
+    y, x = np.meshgrid(surface.y, surface.x, indexing="ij")
     columns = np.stack([np.ones_like(x), y, x], axis=-1)
     measured = np.isfinite(surface.values)
     expected = np.linalg.lstsq(columns[measured], surface.values[measured])[0]
-    assert_allclose((plane.offset, plane.slope_y, plane.slope_x), expected, atol=1e-9)
     assert_allclose(level, surface - columns @ expected, atol=1e-9)
     surface[1:] = np.nan
     with pytest.raises(InputError, match=r"a\.plu: a plane cannot be fitted to"):
