@@ -149,8 +149,7 @@ def texture_rows(
             epochs = {"T0": t0[window], "T1": registered["t1"][window]}
     table = pd.DataFrame(index=_COLUMNS)
     for epoch, surface in epochs.items():
-        limited = _scale_limited(surface, s_filter_um, l_filter_um)
-        table[epoch] = _parameters(limited, spacing, s_filter_um)
+        table[epoch] = _parameters(surface, s_filter_um, l_filter_um)
     if "T1" in table:
         table["change"] = table.T1 - table.T0
     size_y, size_x = np.multiply(epochs["T0"].shape, spacing)
@@ -161,9 +160,9 @@ def texture_rows(
 
 
 def _parameters(
-    heights: np.ndarray, spacing: tuple[float, float], s_filter_um: float
+    surface: xr.DataArray, s_filter_um: float, l_filter_um: float | None
 ) -> list[float]:
-    """Parameters of a scale-limited surface (heights in µm, spacing in mm), in `_COLUMNS`."""
+    """Parameters of a surface (mm) after its filters, in the order of `_COLUMNS`."""
     try:  # here, for its import costs a second, which every job of the study would pay
         from surfalize import Surface
     except ImportError as error:
@@ -172,7 +171,8 @@ def _parameters(
             "texture", problem, "Install it: pip install 'gstlib[texture]'"
         ) from error
 
-    dy, dx = (step * MM_TO_UM for step in spacing)
+    heights = _scale_limited(surface, s_filter_um, l_filter_um)
+    dy, dx = (step * MM_TO_UM for step in spacing_of(surface))
     # Waves that pass the S-filter vary over its nesting index. So two points in that length give
     # the same autocorrelation as all points, at a fraction of the cost.
     halves = (s_filter_um / (2 * step) for step in (dy, dx))

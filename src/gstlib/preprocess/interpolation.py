@@ -71,27 +71,21 @@ def compare(
     tried = _INTERPOLATIONS if interpolation == "best" else (interpolation,)
     low, high = bounds
     inside = ((cloud[:, :2] >= low) & (cloud[:, :2] <= high)).all(axis=1)
-    vertex, errors = _left_out(cloud, np.flatnonzero(inside), tried)
+    vertex = np.flatnonzero(inside)
+    vertex = vertex[:: 1 + len(vertex) // _MOST_LEFT_OUT]
+    group = np.random.default_rng(_SEED).permutation(len(vertex)) % _GROUPS
+    errors = np.empty((len(tried), len(vertex)))
+    for number in range(_GROUPS):
+        out = group == number
+        left, others = cloud[vertex[out]], np.delete(cloud, vertex[out], axis=0)
+        for row, kind in zip(errors, tried, strict=True):
+            row[out] = left[:, 2] - _predicted(kind, others, left[:, :2])
+    predicted = ~np.isnan(errors).any(axis=0)
+    vertex, errors = vertex[predicted], errors[:, predicted]
     rms = np.sqrt((errors**2).mean(axis=1))
     is_good = rms <= (1 + _TIE) * rms.min()
     best = int(np.argmax(is_good))
     return Comparison(tried, rms, tried[best], cloud[vertex], errors[best])
-
-
-def _left_out(
-    cloud: np.ndarray, inside: np.ndarray, tried: tuple[str, ...]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Indices (n,) of vertices left out, and errors (k, n) on them of each method, mm."""
-    inside = inside[:: 1 + len(inside) // _MOST_LEFT_OUT]
-    group = np.random.default_rng(_SEED).permutation(len(inside)) % _GROUPS
-    errors = np.empty((len(tried), len(inside)))
-    for number in range(_GROUPS):
-        out = group == number
-        left, others = cloud[inside[out]], np.delete(cloud, inside[out], axis=0)
-        for row, kind in zip(errors, tried, strict=True):
-            row[out] = left[:, 2] - _predicted(kind, others, left[:, :2])
-    predicted = ~np.isnan(errors).any(axis=0)
-    return inside[predicted], errors[:, predicted]
 
 
 def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.ndarray:

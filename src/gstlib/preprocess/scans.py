@@ -95,8 +95,8 @@ def prepare_scan(
         ``height`` (y, x), mm, level, without NaN. ``filled`` and ``outlier`` (replaced), (y, x)
         bool. ``measured`` (y, x), mm, the heights before this preparation, with the mould undone,
         in single precision. Attributes: ``unmeasured``, ``filled``, ``outliers`` (counts),
-        ``outlier_k`` (the rule's threshold), ``outlier_scale_um`` (of `median_outliers`, with that
-        rule only), ``tilt_x_mrad``, ``tilt_y_mrad`` (of the plane removed), ``Sq_before_um``
+        ``outlier_k`` (the rule's threshold), ``outlier_scale_um`` (of `median_outliers`, NaN with
+        the other rule), ``tilt_x_mrad``, ``tilt_y_mrad`` (of the plane removed), ``Sq_before_um``
         (r.m.s. of the measured heights about their mean), ``Sq_after_um`` (of the prepared
         heights), ``shortest_trusted_um`` (the shortest wavelength at which they exceed the noise of
         single points), ``height_step_um`` (in which heights were stored, 0 if it is too small to be
@@ -129,7 +129,7 @@ def prepare_scan(
     heights = np.flip(raw.values, flipped)
     stone = raw.copy(data=-heights if mould_invert else heights)
     unmeasured = ~np.isfinite(stone.values)
-    of_rule, step = {}, height_step(stone)
+    scale_mm, step = np.nan, height_step(stone)
     if outlier_rule == "window":
         # The paper's windows are full. A spike beside a hole spreads into the points filled here,
         # so these are filled again from the good points once the outliers are known. (Of the
@@ -143,10 +143,9 @@ def prepare_scan(
         )
     else:
         threshold = outlier_median_threshold
-        outlier, scale = median_outliers(
+        outlier, scale_mm = median_outliers(
             stone, half_width=_MEDIAN_HALF_WIDTH, threshold=threshold, step=step
         )
-        of_rule["outlier_scale_um"] = MM_TO_UM * scale
     # ASSUME: Replacement of outliers. An outlier, like an unmeasured point, gets the value that is
     # interpolated linearly from the good points around it. Reason: On a slope, a mean over the
     # window would differ from the neighbouring points. Alternative: The mean of the window.
@@ -160,12 +159,12 @@ def prepare_scan(
             "measured": stone.astype(np.float32),
         },
         attrs={
-            **{name: raw.attrs[name] for name in raw.attrs.keys() - _NOT_KEPT},
+            **{name: raw.attrs[name] for name in raw.attrs if name not in _NOT_KEPT},
             "unmeasured": int(unmeasured.sum()),
             "filled": int(unmeasured.sum()),
             "outliers": int(outlier.sum()),
             "outlier_k": threshold,
-            **of_rule,
+            "outlier_scale_um": MM_TO_UM * scale_mm,
             "tilt_x_mrad": plane.tilt_x_mrad,
             "tilt_y_mrad": plane.tilt_y_mrad,
             "Sq_before_um": MM_TO_UM * float(np.nanstd(raw.values)),

@@ -147,7 +147,15 @@ def find_use_face(
     lowest, highest, below = _heights_met(hits, use_side, layout)
     apart = highest - lowest
     folded, bare = apart > _SAME_HEIGHT, np.isnan(highest)
-    _check_folds(folded & layout.in_square, apart, layout, source)
+    overhang = folded & layout.in_square
+    if overhang.sum() > _FOLDED_FRACTION * layout.grid**2:
+        raise InputError(
+            source,
+            f"the mesh folds over within the square: {layout.share_of_square(overhang)} has two "
+            f"heights, up to {apart[overhang].max():.3g} mm apart",
+            "Move square.points_mm so that the square faces the use-face squarely, or repair "
+            "the mesh.",
+        )
     is_own = near.sides == use_side
     triangles = near.triangles[is_own]
     edges = triangles - np.roll(triangles, 1, axis=1)
@@ -275,17 +283,3 @@ def _heights_met(
     for heights in (lowest, highest, below):
         every = heights.reindex(range(layout.in_square.size))
         yield every.to_numpy().reshape(layout.in_square.shape)
-
-
-def _check_folds(
-    folded: np.ndarray, apart: np.ndarray, layout: Layout, source: str
-) -> None:
-    """Refuse a square in which more than specks have two heights, so far `apart`."""
-    if folded.sum() > _FOLDED_FRACTION * layout.grid**2:
-        raise InputError(
-            source,
-            f"the mesh folds over within the square: {layout.share_of_square(folded)} has two "
-            f"heights, up to {apart[folded].max():.3g} mm apart",
-            "Move square.points_mm so that the square faces the use-face squarely, or repair "
-            "the mesh.",
-        )
