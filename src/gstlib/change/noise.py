@@ -103,8 +103,9 @@ class Detection(NamedTuple):
     @classmethod
     def from_attrs(cls, attrs: Mapping) -> Self | None:
         """From the attributes of a file; None if they are missing, because no repeat was valid."""
-        stored = [attrs.get(name) for name in cls._fields]
-        return None if None in stored else cls(*map(float, stored))
+        if not attrs.keys() >= set(cls._fields):
+            return None
+        return cls(*(float(attrs[name]) for name in cls._fields))
 
 
 def own_detection(

@@ -66,8 +66,8 @@ def _moved(one: np.ndarray, other: np.ndarray, details: Details) -> float:
     first = np.maximum(0.0, one[:2])
     end = np.minimum(details.reference.shape, one[:2] + shape)
     y, x = (first + end - 1) / 2
-    places = [on_moving(pose, y, x, shape, aspect) for pose in (one, other)]
-    return float(np.hypot(*np.subtract(*places)))
+    first, second = (on_moving(pose, y, x, shape, aspect) for pose in (one, other))
+    return math.dist(first, second)
 
 
 class _Level:

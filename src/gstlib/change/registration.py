@@ -118,7 +118,7 @@ def register(
     details = Details(h0, h1, aspect, factor)
     left = np.maximum(1 - maximum_shift_mm / spacing / h0.shape, 0)
     match, errors = (
-        details.search(max(LEAST_OVERLAP, np.prod(left))),
+        details.search(max(LEAST_OVERLAP, float(np.prod(left)))),
         np.full(2, np.nan),
     )
     is_scaled = is_other(details.dale_depth_ratio(match.pose))

@@ -171,8 +171,8 @@ class Details:
         inside = np.isfinite(first[0] + moved[0])
         if inside.sum() < LEAST_POINTS:
             return 0.0, np.ones(2)
-        rises = (slope[inside] for slope in moved)
-        other = turned(*rises, pose[2], 1 / self.aspect)
+        rise_y, rise_x = (slope[inside] for slope in moved)
+        other = turned(rise_y, rise_x, pose[2], 1 / self.aspect)
         both = np.concatenate([first[:, inside], other])
         both -= both.mean(axis=1, keepdims=True)
         products = np.einsum("ik,jk->ij", both, both)
@@ -207,9 +207,9 @@ class Details:
         # nearest edge.
         middle = shift + np.subtract(b.shape, 1) / 2
         arm = np.clip(middle, 0, np.subtract(a.shape, 1)) - middle
-        matches = []
+        matches, (y, x) = [], arm
         for turn in np.radians(_TURNS):
-            corner = shift + arm - turned(*arm, turn, self.aspect)
+            corner = shift + arm - turned(y, x, turn, self.aspect)
             matches.append(self.match(np.array([*corner, turn])))
         return max(matches, key=lambda match: match.correlation)
 

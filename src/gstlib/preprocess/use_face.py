@@ -73,7 +73,7 @@ class Layout:
         return axis_coordinates(count, self.spacing) + self.bounds[0]
 
     @cached_property
-    def centres(self) -> list[np.ndarray]:
+    def centres(self) -> tuple[np.ndarray, ...]:
         """y and x (n, n) of the element centres."""
         return np.meshgrid(self.along, self.along, indexing="ij")
 

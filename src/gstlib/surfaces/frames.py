@@ -65,7 +65,9 @@ class Frame:
 
         Points in the frame times these, plus the origin, are points of the mesh.
         """
-        x, normal = (axis / np.linalg.norm(axis) for axis in (self.x_axis, self.normal))
+        x, normal = (
+            np.divide(axis, np.linalg.norm(axis)) for axis in (self.x_axis, self.normal)
+        )
         return np.array([x, np.cross(normal, x), normal])
 
     def to_frame(self, points: np.ndarray) -> np.ndarray:

@@ -58,7 +58,7 @@ def make_surface(
     (array([0.5, 1.5]), array([0.125, 0.375, 0.625]))
     """
     given = as_given(heights, spacing)[0]
-    values = np.ma.asarray(given, dtype=float).filled(np.nan)
+    values: np.ndarray = np.ma.asarray(given, dtype=float).filled(np.nan)
     if values.ndim != 2:
         raise ValueError(f"a surface has 2 dimensions, not {values.ndim}")
     steps = checked_spacing(spacing)
