@@ -29,12 +29,16 @@ def form_height(height: xr.DataArray) -> tuple[float, float]:
     thinned = height.values[::every, ::every]
     along = [np.linspace(-1, 1, count) for count in thinned.shape]
     y, x = np.meshgrid(*along, indexing="ij")
-    degree = np.indices(2 * (_DEGREE + 1,)).sum(axis=0).ravel()
+    degrees = np.arange(_DEGREE + 1)
+    degree = np.add.outer(degrees, degrees).ravel()
+    is_used = degree <= _DEGREE
     every_power = legvander2d(y.ravel(), x.ravel(), [_DEGREE, _DEGREE])
-    powers, is_form = every_power[:, degree <= _DEGREE], degree[degree <= _DEGREE] > 1
-    factors, *_ = np.linalg.lstsq(powers, thinned.ravel(), rcond=None)
+    powers = every_power[:, is_used]
+    is_form = degree[is_used] > 1
+    heights = thinned.ravel()
+    factors, *_ = np.linalg.lstsq(powers, heights, rcond=None)
     form = powers[:, is_form] @ factors[is_form]
-    texture = thinned.ravel() - powers @ factors
+    texture = heights - powers @ factors
     return float(form.std()), float(texture.std())
 
 

@@ -160,8 +160,7 @@ def variance_by_slope(
     The arrays (n,) contain the known points; `kept` marks the initial unchanged ones.
     """
     size = np.abs(change)
-    spread = MAD_TO_SIGMA * float(np.median(size[kept]))
-    level, lateral = spread**2, 0.0
+    level, lateral = (MAD_TO_SIGMA * np.median(size[kept])) ** 2, 0.0
     count = max(1, min(_SLOPE_GROUPS, change.size // _GROUP_SIZE))
     shares = np.linspace(0, 1, count + 1)[1:-1]
     edges = np.quantile(steepness, shares)

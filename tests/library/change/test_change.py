@@ -60,9 +60,8 @@ def test_a_change_below_the_step_of_stored_heights_is_not_seen(worn, caplog):
         for heights, each in zip((stone, after), noise[1:], strict=True)
     )
     change = register_patch(t0, t1, patch="7", **SEARCH)
-    true = 1e3 * np.mean(stone - after)
     lost = wear_summary(change)["mean_wear_depth_um"]
-    assert lost == pytest.approx(true, rel=0.15, abs=0.002)
+    assert lost == pytest.approx(1e3 * np.mean(stone - after), rel=0.15, abs=0.002)
     assert change.attrs["level_of_detection_um"] == pytest.approx(0.8, rel=0.1)
     assert "steps of up to 1 µm" in caplog.text
 
