@@ -18,8 +18,7 @@ import trimesh
 from runner import RESULTS, options, pooled, save
 from specimens import specimen_config
 
-from gst.check.matching import match_map, match_together
-from gst.check.nearby import match_near
+from gst.check.matching import match_map, match_near, match_together
 from gst.setup.finding import view_of
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.specimen.randomness import SpecimenParameters

@@ -9,8 +9,14 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d
 from stones import FINE, taken
 
 from gst.check.aligning import Fit, Refined
-from gst.check.matching import Match, match_map, match_together
-from gst.check.nearby import _Lying, _Shared, match_near
+from gst.check.matching import (
+    Match,
+    _Lying,
+    _Shared,
+    match_map,
+    match_near,
+    match_together,
+)
 from gst.setup.finding import _laid_alike, find_on_map, find_on_stone
 from gstlib import self_affine_field
 from gstlib.surfaces.footprints import PatchPosition
@@ -191,7 +197,7 @@ def test_the_errors_of_a_place_and_of_the_lever_are_as_large_as_is_said():
         ground = smooth_noise(seed, 120, 3)
         surface = make_surface(ground + 0.3 * smooth_noise(100 + seed, 120, 1.5), 0.05)
         piece = make_surface(ground[30:90, 30:90], 0.05)
-        fit = Fit.on(surface, [piece], np.zeros((1, 2)), False).refined(
+        fit = Fit(surface, [piece], np.zeros((1, 2)), False).refined(
             PatchPosition(3.0, 3.0)
         )
         match = replace(LIKELY, place=fit.place, covariance=fit.covariance)

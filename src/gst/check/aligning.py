@@ -7,8 +7,7 @@ and the variance determines the covariance of position and rotation.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,96 +30,89 @@ _LEAST_SQUARES = 1e-20
 _NORMAL = 1.96
 
 
-@dataclass(frozen=True)
 class Fit:
-    """Scans that are fitted to a surface together; `points` are relative to a common point."""
+    """Scans that are fitted to a surface together, at offsets (n, 2) from a common point, mm."""
 
-    surface: xr.DataArray
-    points: list[tuple[np.ndarray, np.ndarray]]  # (v, u) of each, mm
-    heights: list[np.ndarray]
-    shapes: list[tuple[int, int]]  # of their grids
-    step: float
-
-    @classmethod
-    def on(
-        cls,
+    def __init__(
+        self,
         surface: xr.DataArray,
         scans: Sequence[xr.DataArray],
-        reading: np.ndarray,
+        offsets: np.ndarray,
         mirrored: bool,
-    ) -> "Fit":
+    ):
         side = min(min(sides_of(scan)) for scan in scans)
-        step = max(spacing_of(surface)[0], side / _REFINED)
+        self.surface = surface
+        self.step = step = max(spacing_of(surface)[0], side / _REFINED)
         edge = max(step, surface.attrs.get("mesh_edge_mm", 0.0))
-        points, heights, shapes = [], [], []
-        for scan, (dv, du) in zip(scans, reading, strict=True):
-            template = Template.smoothed(scan, edge)
+        self.points, self.heights, self.shapes = [], [], []
+        for scan, (dv, du) in zip(scans, offsets, strict=True):
+            template = Template(scan, edge)
             along = [
                 np.arange(-side / 2 + step / 2, side / 2, step)
                 for side in template.sides
             ]
-            v, u = (each.ravel() for each in np.meshgrid(*along, indexing="ij"))
-            shapes.append((len(along[0]), len(along[1])))
-            heights.append(template.at(v, u, mirrored))
-            points.append((v + dv, u + (-du if mirrored else du)))
-        return cls(surface, points, heights, shapes, step)
+            grid = np.meshgrid(*along, indexing="ij")
+            v, u = (each.ravel() for each in grid)
+            self.shapes.append(grid[0].shape)
+            self.heights.append(template.at(v, u, mirrored))
+            self.points.append((v + dv, u + (-du if mirrored else du)))
 
     def refined(self, start: PatchPosition, *, is_turned: bool = True) -> "Refined":
         """The best position near a start, with or without a change of the rotation."""
         away = max(np.hypot(v, u).max() for v, u in self.points)
         around = part_around(self.surface, start, away + 5 * self.step)
         spline = spline_of(around)
+        planes = [planes_over(v, u) for v, u in self.points]
+        columns = [*map(np.column_stack, zip(planes, self.heights, strict=True))]
+        count = 3 if is_turned else 2
 
-        def at(pose: np.ndarray) -> PatchPosition:
+        def place_at(pose: np.ndarray) -> PatchPosition:
             y, x, *turn = map(float, pose)
             degrees = math.degrees(turn[0]) if turn else start.rotation_deg
             return PatchPosition(y, x, wrapped(degrees))
 
-        def under(pose: np.ndarray) -> Iterator[np.ndarray]:
-            yield from (spline.ev(*at(pose).points(v, u)) for v, u in self.points)
+        def rest(pose: np.ndarray, fitted: list[np.ndarray]) -> list[np.ndarray]:
+            """Heights of the surface under each scan, minus the fitted columns."""
+            place = place_at(pose)
+            under = (spline.ev(*place.points(v, u)) for v, u in self.points)
+            return [*map(residuals, fitted, under)]
 
-        def residual(pose: np.ndarray) -> np.ndarray:
-            """Heights of the surface minus the fitted scans, without the fitted planes."""
-            return np.concatenate([*map(residuals, columns, under(pose))])
-
-        planes = [planes_over(v, u).T for v, u in self.points]
-        columns = [*map(np.column_stack, zip(planes, self.heights, strict=True))]
-        count = 3 if is_turned else 2
-        y, x, turn = start
-        pose = np.array([y, x, math.radians(turn)])[:count]
-        scale = (self.step, self.step, 0.01)[:count]
-        fit = scipy.optimize.least_squares(residual, pose, x_scale=scale)
-        parts_seen = [*map(residuals, planes, under(fit.x))]
+        pose = np.array([*start[:2], math.radians(start.rotation_deg)])[:count]
+        fit = scipy.optimize.least_squares(
+            lambda pose: np.concatenate(rest(pose, columns)),
+            pose,
+            x_scale=(self.step, self.step, 0.01)[:count],
+        )
+        parts_seen = rest(fit.x, planes)
         parts_own = [*map(residuals, planes, self.heights)]
         seen, own = np.concatenate(parts_seen), np.concatenate(parts_own)
-        common, squares = float(seen @ own), float(own @ own)
+        squares = float(own @ own)
+        freedom = self._independent(rest(fit.x, columns)) - count
         return Refined(
-            at(fit.x),
+            place_at(fit.x),
             correlation=_correlation(seen, own),
             each=np.array([*map(_correlation, parts_seen, parts_own)]),
             shape=np.linalg.pinv(fit.jac.T @ fit.jac),
             squares=float(fit.fun @ fit.fun),
-            freedom=max(
-                1.0, self._independent(fit.fun) - _FITTED * len(self.points) - count
-            ),
-            scale=common / squares if squares > 0 else 0.0,
+            freedom=max(1.0, freedom - _FITTED * len(planes)),
+            scale=float(seen @ own) / squares if squares > 0 else 0.0,
             own=squares,
         )
 
-    def _independent(self, rest: np.ndarray) -> float:
+    def _independent(self, parts: Sequence[np.ndarray]) -> float:
         """Number of independent values in the residuals, as waves of equal power up to some k.
 
         On an area A this number is A k²/4π. The mean squared slope is k²/2 times the mean square.
         A fitted plane takes squares but hardly any slopes, so its parameters are subtracted.
         """
-        slopes, ends = 0.0, np.cumsum([math.prod(shape) for shape in self.shapes])
-        for part, shape in zip(np.split(rest, ends[:-1]), self.shapes, strict=True):
-            field = part.reshape(shape)
-            steps = (np.diff(field, axis=axis) for axis in (0, 1))
-            slopes += len(part) * sum(float(np.mean(each**2)) for each in steps)
-        squares = max(float(rest @ rest), _LEAST_SQUARES)
-        values = slopes / (2 * math.pi) * len(rest) / squares
-        return values - _OF_PLANE * len(self.shapes)
+        slopes = squares = 0.0
+        for part, shape in zip(parts, self.shapes, strict=True):
+            gradient = (np.diff(part.reshape(shape), axis=axis) for axis in (0, 1))
+            slopes += part.size * sum(float(np.mean(each**2)) for each in gradient)
+            squares += float(part @ part)
+        count = sum(part.size for part in parts)
+        values = slopes / (2 * math.pi) * count / max(squares, _LEAST_SQUARES)
+        return values - _OF_PLANE * len(parts)
 
 
 class Refined(NamedTuple):

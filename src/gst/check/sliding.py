@@ -7,11 +7,11 @@ computed by the fast Fourier transform (Lewis 1995, Vision Interface, 120).
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import scipy
 import xarray as xr
 
@@ -32,7 +32,7 @@ _FLAT = 1e-6
 # photogrammetry that averages over its edges.
 _SMOOTHED = 1 / 3
 
-Pose = tuple[bool, float]  # mirrored, and turn in degrees
+_PEAK = ["score", "y", "x", "mirrored", "turn", "reading"]
 
 
 def sides_of(surface: xr.DataArray) -> tuple[float, float]:
@@ -46,15 +46,68 @@ def wrapped(turn: float) -> float:
     return (turn + 180) % 360 - 180
 
 
-@dataclass(frozen=True)
-class Search:
-    """Scans and the surface on which they are searched, with its transforms."""
+class Template:
+    """A scan that can be interpolated on the grid of a surface, smooth like a mesh.
 
-    surface: xr.DataArray
-    templates: Sequence["Template"]
-    step: float  # length of an element, mm
-    count: int  # elements along a window that contains each scan at every rotation
-    image: "_Image"
+    `edge` is the length of the edges of the mesh, mm; `sides` are those of the scan along y and x.
+    """
+
+    def __init__(self, scan: xr.DataArray, edge: float):
+        level = remove_plane(scan)[0]
+        whole = interpolate_holes(level.values, np.isnan(level.values))
+        self.spacing, self.sides = spacing_of(scan), sides_of(scan)
+        sigma = np.divide(_SMOOTHED * edge, self.spacing)
+        self.heights = scipy.ndimage.gaussian_filter(whole, sigma)
+
+    def count(self, step: float) -> int:
+        """Elements along a square window that contains the scan at every rotation."""
+        return math.ceil(math.hypot(*self.sides) / step) | 1
+
+    def at(self, v: np.ndarray, u: np.ndarray, mirrored: bool) -> np.ndarray:
+        """Heights at positions relative to the centre, along the axes of the scan."""
+        offsets = np.array([v, -u if mirrored else u])
+        middle = np.subtract(self.heights.shape, 1) / 2
+        places = (offsets.T / self.spacing + middle).T
+        return scipy.ndimage.map_coordinates(
+            self.heights, places, order=1, mode="nearest"
+        )
+
+
+class _Window(NamedTuple):
+    """The surface under a window, at every position of the window."""
+
+    covered: np.ndarray
+    planes: np.ndarray  # (points, 3) an orthonormal basis of the planes
+    # sums of squared heights minus their plane, NaN beside the stone
+    squares: np.ndarray
+
+
+class _Held(NamedTuple):
+    """Sums of a scan and a surface without their planes, by the first element of the window."""
+
+    products: np.ndarray
+    own: float  # sum of squared heights of the scan
+    under: np.ndarray  # sums of squared heights of the surface, NaN beside the stone
+
+
+class Search:
+    """Scans and the surface on which they are searched, with its transforms.
+
+    `step` is the length of an element, mm, and `count` the number of elements along a window that
+    contains each scan at every rotation.
+    """
+
+    def __init__(self, surface: xr.DataArray, templates: Sequence[Template]):
+        self.surface, self.templates = surface, templates
+        self.step = spacing_of(surface)[0]
+        self.count = max(each.count(self.step) for each in templates)
+        level = remove_plane(surface)[0].values
+        absent = np.isnan(level)
+        heights = np.where(absent, 0.0, level)
+        fields = heights, heights**2, absent
+        self._padded = [scipy.fft.next_fast_len(n, real=True) for n in level.shape]
+        transforms = [scipy.fft.rfft2(field, self._padded) for field in fields]
+        self._heights, self._squares, self._absent = transforms
 
     @classmethod
     def of(cls, surface: xr.DataArray, scans: Sequence[xr.DataArray]) -> "Search":
@@ -70,76 +123,103 @@ class Search:
         times = max(1, int(side / _MOST / step))
         search = coarser(surface, times) if times > 1 else surface
         edge = max(times * step, surface.attrs.get("mesh_edge_mm", 0.0))
-        templates = [Template.smoothed(scan, edge) for scan in scans]
+        templates = [Template(scan, edge) for scan in scans]
         margin = max(each.count(times * step) for each in templates) // 2
-        return cls.on(_with_margin(search, margin), templates)
+        return cls(_with_margin(search, margin), templates)
 
-    @classmethod
-    def on(cls, surface: xr.DataArray, templates: Sequence["Template"]) -> "Search":
-        """A search on the elements of the surface."""
-        step = spacing_of(surface)[0]
-        count = max(each.count(step) for each in templates)
-        return cls(surface, templates, step, count, _Image.transformed(surface))
+    def peaks(self, turns: Iterable[float], readings: np.ndarray) -> pd.DataFrame:
+        """The local maxima of the absolute correlation, at each turn, plus 180°, mirrored or not.
 
-    def slid(self, turns: Iterable[float]) -> Iterator[tuple[Pose, list["Held"]]]:
-        """The sums of each scan: at each rotation, plus 180°, mirrored or not."""
+        `readings` (k, n, 2) are offsets of the scans from a common point, mm. A row has the
+        ``score``, the common point (``y, x``, mm), and ``mirrored, turn, reading``.
+        """
+        peaks = [np.empty((0, len(_PEAK)))]
+        kinds = {each.sides for each in self.templates}
         for turn in turns:
             # a rectangle covers the same elements if it is mirrored or rotated by 180°
-            v, u = self._offsets(turn)
-            windows = {}
-            for high, wide in {each.sides for each in self.templates}:
-                covered = (abs(v) <= high / 2) & (abs(u) <= wide / 2)
-                windows[high, wide] = self.image.window(covered)
+            windows = {sides: self._window(turn, sides) for sides in kinds}
             for mirrored, whole in itertools.product((False, True), (turn, turn + 180)):
-                offsets = self._offsets(whole)
-                held = []
-                for each in self.templates:
-                    window = windows[each.sides]
-                    v, u = offsets[:, window.covered]
-                    heights = each.at(v, u, mirrored)
-                    held.append(self.image.held_against(heights, window))
-                yield (mirrored, whole), held
+                held = [
+                    self._held(each, mirrored, whole, windows[each.sides])
+                    for each in self.templates
+                ]
+                for number, reading in enumerate(readings):
+                    own = self._peaks_at(held, mirrored, whole, reading)
+                    pose = np.tile([mirrored, whole, number], (len(own), 1))
+                    peaks.append(np.hstack([own, pose]))
+        return pd.DataFrame(np.vstack(peaks), columns=_PEAK)
+
+    def _window(self, turn: float, sides: tuple[float, float]) -> _Window:
+        """The window of a scan with these sides."""
+        v, u = np.abs(self._offsets(turn))
+        high, wide = sides
+        covered = (v <= high / 2) & (u <= wide / 2)
+        y, x = np.nonzero(covered)
+        planes, _ = np.linalg.qr(planes_over(y, x))
+        ones = np.ones(len(planes))
+        squares = self._sums(self._squares, ones, covered)
+        for plane in planes.T:
+            squares -= self._sums(self._heights, plane, covered) ** 2
+        absent = self._sums(self._absent, ones, covered)
+        is_stone = (absent < 0.5) & (squares > _FLAT * squares.max(initial=0.0))
+        return _Window(covered, planes, np.where(is_stone, squares, np.nan))
+
+    def _held(
+        self, template: Template, mirrored: bool, turn: float, window: _Window
+    ) -> _Held:
+        """The sums of a scan and the surface, at every position."""
+        v, u = self._offsets(turn)[:, window.covered]
+        heights = template.at(v, u, mirrored)
+        flat = heights - window.planes @ (window.planes.T @ heights)
+        products = self._sums(self._heights, flat, window.covered)
+        return _Held(products, float(flat @ flat), window.squares)
+
+    def _sums(
+        self, transform: np.ndarray, values: np.ndarray, covered: np.ndarray
+    ) -> np.ndarray:
+        """Sums of transformed values times the values of a window, at every shift."""
+        window = np.zeros(covered.shape)
+        window[covered] = values
+        # first along the few rows of the window
+        rows_of = scipy.fft.rfft(window, self._padded[1])
+        factor = np.conj(scipy.fft.fft(rows_of, self._padded[0], axis=0))
+        sums = scipy.fft.irfft2(transform * factor, self._padded)
+        rows, columns = np.maximum(np.subtract(self.surface.shape, self.count) + 1, 0)
+        return sums[:rows, :columns]
 
     def _offsets(self, turn: float) -> np.ndarray:
         """Positions (v, u) of the elements of a window along the axes of a rotated scan, mm."""
         along = (np.arange(self.count) - (self.count - 1) / 2) * self.step
         return np.array(rotated(along[:, None], along[None, :], -turn))
 
-    def centres(self, at: np.ndarray) -> np.ndarray:
-        """Centres (k, 2) of windows, mm, from their first elements (k, 2)."""
+    def _peaks_at(
+        self, held: Sequence[_Held], mirrored: bool, turn: float, reading: np.ndarray
+    ) -> np.ndarray:
+        """Score and common point (k, 3) of the peaks of scans that are at these offsets."""
+        v, u = reading.T
+        places = rotated(v, -u if mirrored else u, turn)
+        at = np.rint(np.transpose(places) / self.step).astype(int)
+        score = _correlation(held, at - at.min(axis=0))
+        size = np.fmax(np.abs(score), 0.0)  # NaN is no peak
+        highest = scipy.ndimage.maximum_filter(size, 3, mode="constant")
+        peaks = np.argwhere((size > 0) & (size == highest))
+        middle = peaks - at.min(axis=0) + (self.count - 1) / 2
         first = [float(self.surface[axis][0]) for axis in ("y", "x")]
-        return (at + (self.count - 1) / 2) * self.step + first
+        return np.column_stack([score[tuple(peaks.T)], middle * self.step + first])
 
 
 def _with_margin(surface: xr.DataArray, count: int) -> xr.DataArray:
     """A surface with a margin of NaN, for windows that extend beyond their rotated scan."""
-    step = spacing_of(surface)[0]
-    along = {}
-    for axis in ("y", "x"):
-        numbers = np.arange(-count, surface.sizes[axis] + count)
-        along[axis] = numbers * step + float(surface[axis][0])
+    # an odd reflection continues equal steps
+    along = {
+        axis: np.pad(surface[axis], count, mode="reflect", reflect_type="odd")
+        for axis in ("y", "x")
+    }
     return surface.pad(y=count, x=count).assign_coords(along)
 
 
-def elements(reading: np.ndarray, pose: Pose, step: float) -> np.ndarray:
-    """Offsets (n, 2) of scans at a pose from their common point, in elements."""
-    mirrored, turn = pose
-    v, u = np.transpose(reading)
-    places = rotated(v, -u if mirrored else u, turn)
-    return np.rint(np.transpose(places) / step).astype(int)
-
-
-class Held(NamedTuple):
-    """Sums of a scan and a surface without their planes, by the first element of the window."""
-
-    products: np.ndarray
-    own: float  # sum of squared heights of the scan
-    under: np.ndarray  # sums of squared heights of the surface, NaN beside the stone
-
-
-def correlation_of(held: Sequence[Held], at: np.ndarray) -> np.ndarray:
-    """Correlation of scans that are shifted from each other by `at` (n, 2) elements."""
-    shifts = at - at.min(axis=0)
+def _correlation(held: Sequence[_Held], shifts: np.ndarray) -> np.ndarray:
+    """Correlation of scans that are shifted from each other by (n, 2) elements, from 0 on."""
     whole = held[0].products.shape
     rows, columns = np.maximum(np.subtract(whole, shifts.max(axis=0)), 0)
     products = np.zeros((rows, columns))
@@ -150,105 +230,3 @@ def correlation_of(held: Sequence[Held], at: np.ndarray) -> np.ndarray:
         under += each.under[part]
     own = sum(each.own for each in held)
     return products / np.sqrt(own * under if own > 0 else np.inf)
-
-
-def peaks_of(score: np.ndarray) -> np.ndarray:
-    """Scores, rows and columns (k, 3) of the local maxima of the absolute score."""
-    size = np.fmax(np.abs(score), 0.0)  # NaN is no peak
-    highest = scipy.ndimage.maximum_filter(size, 3, mode="constant")
-    at = np.argwhere((size > 0) & (size == highest))
-    return np.column_stack([score[tuple(at.T)], at])
-
-
-@dataclass(frozen=True)
-class Template:
-    """A scan that can be interpolated on the grid of the surface, as smooth as the mesh."""
-
-    heights: xr.DataArray  # without holes; coordinates relative to its centre
-    sides: tuple[float, float]  # mm, along y and x
-
-    @classmethod
-    def smoothed(cls, scan: xr.DataArray, edge: float) -> "Template":
-        """A scan, smoothed like a mesh with edges of this length (mm)."""
-        dy, dx = spacing_of(scan)
-        level = remove_plane(scan)[0]
-        whole = interpolate_holes(level.values, np.isnan(level.values))
-        sigma = _SMOOTHED * edge
-        smooth = scipy.ndimage.gaussian_filter(whole, (sigma / dy, sigma / dx))
-        centred = {axis: level[axis] - level[axis].mean() for axis in level.dims}
-        return cls(level.copy(data=smooth).assign_coords(centred), sides_of(scan))
-
-    def count(self, step: float) -> int:
-        """Elements along a square window that contains the scan at every rotation."""
-        return math.ceil(math.hypot(*self.sides) / step) | 1
-
-    def at(self, v: np.ndarray, u: np.ndarray, mirrored: bool) -> np.ndarray:
-        """Heights at positions relative to the centre, along the axes of the scan."""
-        (dy, dx), heights = spacing_of(self.heights), self.heights
-        u = -u if mirrored else u
-        rows = (v - float(heights.y[0])) / dy
-        columns = (u - float(heights.x[0])) / dx
-        return scipy.ndimage.map_coordinates(
-            heights.values, [rows, columns], order=1, mode="nearest"
-        )
-
-
-class _Window(NamedTuple):
-    """The surface under a window, at every position of the window."""
-
-    covered: np.ndarray
-    planes: np.ndarray  # (points, 3) an orthonormal basis of the planes
-    # sums of squared heights minus their plane, NaN beside the stone
-    squares: np.ndarray
-
-
-@dataclass(frozen=True)
-class _Image:
-    """The transforms of a surface, from which sums over windows are computed."""
-
-    shape: tuple[int, ...]
-    padded: tuple[int, ...]
-    heights: np.ndarray  # transforms
-    squares: np.ndarray
-    absent: np.ndarray
-
-    @classmethod
-    def transformed(cls, surface: xr.DataArray) -> "_Image":
-        level = remove_plane(surface)[0].values
-        absent = np.isnan(level)
-        heights = np.where(absent, 0.0, level)
-        padded = tuple(scipy.fft.next_fast_len(n, real=True) for n in level.shape)
-        transforms = (
-            scipy.fft.rfft2(field, padded) for field in (heights, heights**2, absent)
-        )
-        return cls(level.shape, padded, *transforms)
-
-    def _sums(
-        self, transforms: Sequence[np.ndarray], values: np.ndarray, covered: np.ndarray
-    ) -> list[np.ndarray]:
-        """Sums of transformed values times the values of a window, at every shift."""
-        window = np.zeros(covered.shape)
-        window[covered] = values
-        # first along the few rows of the window
-        rows_of = scipy.fft.rfft(window, self.padded[1])
-        factor = np.conj(scipy.fft.fft(rows_of, self.padded[0], axis=0))
-        rows, columns = np.maximum(np.subtract(self.shape, covered.shape) + 1, 0)
-        sums = (scipy.fft.irfft2(each * factor, self.padded) for each in transforms)
-        return [each[:rows, :columns] for each in sums]
-
-    def window(self, covered: np.ndarray) -> _Window:
-        """A window that covers the elements of this mask."""
-        y, x = np.nonzero(covered)
-        planes, _ = np.linalg.qr(planes_over(y, x).T)
-        ones = np.ones(len(planes))
-        squares, absent = self._sums([self.squares, self.absent], ones, covered)
-        for plane in planes.T:
-            squares -= self._sums([self.heights], plane, covered)[0] ** 2
-        is_stone = (absent < 0.5) & (squares > _FLAT * squares.max(initial=0.0))
-        return _Window(covered, planes, np.where(is_stone, squares, np.nan))
-
-    def held_against(self, heights: np.ndarray, window: _Window) -> "Held":
-        """The sums of the heights (points,) of a scan and the surface, at every position."""
-        flat = heights - window.planes @ (window.planes.T @ heights)
-        products = self._sums([self.heights], flat, window.covered)[0]
-        return Held(products, float(flat @ flat), window.squares)

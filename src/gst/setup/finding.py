@@ -17,8 +17,7 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from gst.check.matching import Match, match_map, match_together
-from gst.check.nearby import match_near
+from gst.check.matching import Match, match_map, match_near, match_together
 from gst.check.sliding import sides_of, wrapped
 from gstlib.coupling.comparison import shows_waves
 from gstlib.preprocess.interpolation import interpolate
