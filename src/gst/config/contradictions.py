@@ -119,37 +119,49 @@ def files_read(config: Mapping, patches: pd.DataFrame) -> list[str]:
 
     `config` is whole; `patches` is its patch table.
     """
-    inputs, gesture = config["inputs"] or {}, config["gesture"] or {}
-    files: list[str | Path | None] = [
-        config["patches"],
-        config["published"],
-        gesture.get("table"),
-        inputs.get("mesh"),
-        *_of_active_tool(config).values(),
-    ]
-    if inputs:
-        scans = scan_files(patches, inputs["scan_folder"] or "", None)
-        files += [scan.path for scan in scans]
-    return sorted({str(Path(file)) for file in files if file is not None})
+    return sorted({str(Path(file)) for file in _files(config, patches).values()})
 
 
 def check_files(config: Mapping, patches: pd.DataFrame, source: str) -> None:
-    """Raise a `ConfigError` that lists measured files that are missing, or of unusable names.
+    """Raise a `ConfigError` that lists files that are missing, or of unusable names.
 
-    `config` is whole and has ``inputs``; `patches` is its patch table; `source` names both.
+    `config` is whole; `patches` is its patch table; `source` names both.
     """
-    files = {"mesh": config["inputs"]["mesh"]} | _of_active_tool(config)
-    for scan in scan_files(patches, config["inputs"]["scan_folder"] or "", None):
-        files[at_epoch(scan.patch, scan.epoch)] = str(scan.path)
+    files = _files(config, patches)
     problems = [
-        f"\n  - {name}: {problem}"
-        for name, path in files.items()
+        f"\n  - {kind}: {problem}"
+        for kind, path in files.items()
         if (problem := path_problem(path))
     ]
     if problems:
         problem = f"{len(problems)} of {len(files)} files cannot be used{''.join(problems)}\n "
         remedy = "Put them there, or correct their names. Paths are relative to the working folder."
         raise ConfigError(source, problem, remedy)
+
+
+def _files(config: Mapping, patches: pd.DataFrame) -> dict[str, str]:
+    """The files of the user, by their kind."""
+    files = _named_files(config)
+    if config["inputs"] is not None:
+        for scan in scan_files(patches, config["inputs"]["scan_folder"] or "", None):
+            files[at_epoch(scan.patch, scan.epoch)] = str(scan.path)
+    return files
+
+
+def _named_files(config: Mapping) -> dict[str, str]:
+    """The files that the config itself names, by their kind."""
+    inputs, gesture, tool = (
+        config[name] or {} for name in ("inputs", "gesture", "counterface")
+    )
+    files = {
+        "patch table": config["patches"],
+        "published figures": config["published"],
+        "poses": gesture.get("table"),
+        "mesh": inputs.get("mesh"),
+        "counterface's mesh": tool.get("mesh"),
+        "counterface's scan": tool.get("scan"),
+    }
+    return {kind: file for kind, file in files.items() if file is not None}
 
 
 def path_problem(path: str) -> str | None:
@@ -172,25 +184,10 @@ def path_problem(path: str) -> str | None:
 
 def _input_in_results(config: Mapping) -> str | None:
     """An input of the study, or the working folder, that lies in the folder of the results."""
-    inputs = config["inputs"] or {}
-    files = {
-        "working folder": ".",
-        "patch table": config["patches"],
-        "published figures": config["published"],
-        "mesh": inputs.get("mesh"),
-        "scans": inputs.get("scan_folder"),
-        "poses": (config["gesture"] or {}).get("table"),
-    }
+    scans = (config["inputs"] or {}).get("scan_folder")
+    files = {"working folder": ".", **_named_files(config), "scans": scans}
     folder = os.path.realpath(config["results"])
-    for name, file in (files | _of_active_tool(config)).items():
+    for kind, file in files.items():
         if file is not None and Path(os.path.realpath(file)).is_relative_to(folder):
-            return f"the {name} ({file})"
+            return f"the {kind} ({file})"
     return None
-
-
-def _of_active_tool(config: Mapping) -> dict[str, str]:
-    """Mesh and scan of the active tool, as far as they are given, by their kind."""
-    tool = config["counterface"] or {}
-    return {
-        f"counterface's {name}": tool[name] for name in ("mesh", "scan") if name in tool
-    }

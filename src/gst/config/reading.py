@@ -48,8 +48,8 @@ def read_config_file(path: str | Path) -> dict:
     Raises a `ConfigError` as `gst.config.strict_yaml.read_yaml` does.
     """
     config = read_yaml(path, "Correct its path, or make one with `gst new`.")
-    if problem := next(_impossible_texts(config), None):
-        raise ConfigError(path, problem, "File names cannot contain it.")
+    if problem := next(_unusable(config), None):
+        raise ConfigError(path, problem, "See config/README.md for all keys.")
     return config
 
 
@@ -194,18 +194,22 @@ def refuse_study(config: Mapping, source: str) -> None:
 
 def config_problems(config: Mapping) -> list[str]:
     """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
-    if unusable := [*_unusable_numbers(config)] or [*_to_do(config)]:
-        return unusable
     # the contradictions rely on correct types
-    if errors := _errors(config):
-        # each missing key has an error
-        return list(dict.fromkeys(map(_explain, errors)))
+    if unusable := [*_to_do(config)] or value_problems(config):
+        return unusable
     contradictions = []
     try:
         Settings(**config)
     except SettingsError as error:
         contradictions = [each["msg"] for each in error.errors()]
     return [*contradictions, *file_problems(config)]
+
+
+def value_problems(config: Mapping) -> list[str]:
+    """Problems of single values, in the order of the keys; not of those still to be given."""
+    errors = [error for error in _errors(config) if not is_to_do(error.instance)]
+    # each missing key has an error
+    return [*_unusable(config), *dict.fromkeys(map(_explain, errors))]
 
 
 def _to_do(config: Mapping) -> Iterator[str]:
@@ -233,16 +237,6 @@ def read_unfinished(path: Path) -> dict:
     return config
 
 
-def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:
-    """Problems of the values of these keys, each by itself, regardless of other problems."""
-    problems = [*_unusable_numbers(config), *_impossible_texts(config)]
-    for error in _errors(config):
-        place = ".".join(_order(error))
-        if any(place == key or place.startswith(f"{key}.") for key in keys):
-            problems.append(_explain(error))
-    return problems
-
-
 @functools.cache
 def _schema() -> dict[str, Any]:
     return json_schema()
@@ -250,7 +244,12 @@ def _schema() -> dict[str, Any]:
 
 def _errors(config: Mapping) -> list[ValidationError]:
     """What the schema refuses, in the order of the keys."""
-    return sorted(Draft202012Validator(_schema()).iter_errors(config), key=_order)
+    return sorted(Draft202012Validator(_schema()).iter_errors(config), key=_key)
+
+
+def _key(error: ValidationError) -> str:
+    """The full name of the key at fault."""
+    return ".".join(map(str, error.absolute_path))
 
 
 def _values(
@@ -272,27 +271,22 @@ def values_to_do(config: Mapping) -> list[str]:
     return [key for key, value, _ in _values(config, {}) if is_to_do(value)]
 
 
-def _unusable_numbers(config: Mapping) -> Iterator[str]:
-    """Numbers that are not finite, which no bound of a schema refuses, or far too large."""
+def _unusable(config: Mapping) -> Iterator[str]:
+    """Values that no bound and no type of a schema refuses.
+
+    These are numbers that are not finite or far too large, and texts with characters that no name
+    of a file can have, and that no page can show.
+    """
     for key, value, _ in _values(config, {}):
         if isinstance(value, int | float) and not abs(value) <= _LARGEST_NUMBER:
             yield f"'{key}' is {value}: give a finite number, at most {_LARGEST_NUMBER:g}"
-
-
-def _impossible_texts(config: Mapping) -> Iterator[str]:
-    """Texts with characters that no file's name can have, and that no page can show."""
-    for key, value, _ in _values(config, {}):
         if isinstance(value, str) and (wrong := _IMPOSSIBLE.search(value)):
             yield f"'{key}' is {value!r}: leave out the character U+{ord(wrong[0]):04X}"
 
 
-def _order(error: ValidationError) -> list[str]:
-    return [str(part) for part in error.absolute_path]
-
-
 def _explain(error: ValidationError) -> str:
     """The problem with a value, and the required value."""
-    key, value = ".".join(_order(error)), error.instance
+    key, value = _key(error), error.instance
     if error.validator == "additionalProperties":
         return _unknown_keys(key, set(map(str, value)), error.schema["properties"])
     if error.validator == "required":

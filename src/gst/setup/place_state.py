@@ -337,10 +337,12 @@ def _write_cells(
 
 def _checked(path: Path, values: _Values) -> str:
     """The config's text with these values; a `ConfigError` if one of them cannot be meant."""
-    text = with_values(text_of(path), values)
-    config = complete(parse_yaml(text, path))
-    asked = [key for key, value in values.items() if not is_to_do(value)]
-    refuse_config(value_problems(config, asked), str(path))
+    former = text_of(path)
+    text = with_values(former, values)
+    before, after = (
+        value_problems(complete(parse_yaml(each, path))) for each in (former, text)
+    )
+    refuse_config([each for each in after if each not in before], str(path))
     return text
 
 
