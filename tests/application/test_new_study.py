@@ -109,7 +109,7 @@ def test_what_files_tell_is_written_and_the_rest_is_asked(lab):
     assert "square.points_mm" in refused
     for key in ("load.force_N", "counterface.radius_mm", "material.young_2_MPa"):
         assert f"'{key}' is still TODO" in refused  # only the user knows it
-    assert "x_mm in lines 2 to 4" in refused
+    assert "x_mm in 3 lines from 2 to 4" in refused
 
 
 def test_dates_in_the_files_tell_moulds_from_exchanged_epochs(lab):

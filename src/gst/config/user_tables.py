@@ -167,34 +167,25 @@ def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
             line: row[n] for line, row in lines if n < len(row) and is_to_do(row[n])
         }
         if cells:
-            where = f"line{'s' * (len(cells) > 1)} {_listed([*cells])}"
+            where = f"line {min(cells)}"
+            if len(cells) > 1:
+                where = f"{len(cells)} lines from {min(cells)} to {max(cells)}"
             meaning = rules.get(column, {}).get("description", "")
-            first, *_ = cells.values()
-            yield sentence(f"{path}, {column} in {where},", first, meaning)
-
-
-def _listed(numbers: Sequence[int]) -> str:
-    """Line numbers, of which many are shortened.
-
-    >>> _listed([2, 3, 4]), _listed([2, 4])
-    ('2 to 4', '2, 4')
-    """
-    first, last = numbers[0], numbers[-1]
-    is_whole = 2 < len(numbers) == last - first + 1
-    return f"{first} to {last}" if is_whole else ", ".join(map(str, numbers))
+            likely = cells[min(cells)]
+            yield sentence(f"{path}, {column} in {where},", likely, meaning)
 
 
 def rows_of(name: str, rows: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
     """Rows with every column of a schema, as in `UserTable`."""
-    table = pd.DataFrame(index=[*rows])
-    for column, rule in _schema(name)["properties"].items():
-        is_text = rule["type"] == "string"
-        empty = rule.get("default", "" if is_text else math.nan)
-        values = [row.get(column, empty) for row in rows.values()]
-        cells = pd.Series(values, table.index, object)
-        # what is no number is among the problems
-        numbers = pd.to_numeric(cells, errors="coerce").astype(float)
-        table[column] = cells.astype(str) if is_text else numbers
+    rules = _schema(name)["properties"]
+    table = pd.DataFrame([*rows.values()], [*rows], [*rules], dtype=object)
+    for column, rule in rules.items():
+        if rule["type"] == "string":
+            table[column] = table[column].fillna("").astype(str)
+        else:
+            cells = table[column].fillna(rule.get("default", math.nan))
+            # what is no number is among the problems
+            table[column] = pd.to_numeric(cells, errors="coerce").astype(float)
     return table
 
 
@@ -280,12 +271,9 @@ def records_of(text: str) -> tuple[list[Record], str]:
 
 
 def _sheet(path: Path) -> list[tuple[int, list[str]]]:
-    """The cells of a workbook's first sheet by row, as text.
-
-    Rows without cells are left out, and so are empty cells behind those of the widest row.
-    """
+    """The cells of a workbook's first sheet by row, as text. Rows without cells are left out."""
     try:
-        lines = [*_filled(enumerate(_computed(path), 1))]
+        lines = [*_rows_in_sheet(path)]
     except (MemoryError, ConfigError):
         raise
     except Exception as error:  # openpyxl raises whatever its parsers raise
@@ -301,15 +289,16 @@ def _sheet(path: Path) -> list[tuple[int, list[str]]]:
     return [(n, cells + [""] * (width - len(cells))) for n, cells in lines]
 
 
-def _computed(path: Path) -> Iterator[list[Any]]:
-    """The values of each row of a workbook's first sheet, as its last program computed them.
+def _rows_in_sheet(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Numbers and cells of rows that have any; a `ValueError` if these would fill the memory.
 
-    Raises a `ConfigError` if that program wrote a formula and computed nothing: the cell is not
+    Raises a `ConfigError` if the program that wrote a formula computed nothing: the cell is not
     empty to who opens the workbook.
     """
-    rows = (_first_sheet(path, data_only=data_only) for data_only in (True, False))
-    for values, formulas in zip(*rows, strict=True):
-        for cell, formula in zip(values, formulas, strict=True):
+    letters = 0
+    values, formulas = (_sheet_of(path, data_only=only) for only in (True, False))
+    for number, row in enumerate(zip(values, formulas, strict=True), 1):
+        for cell, formula in zip(*row, strict=True):
             is_empty = cell.value is None and formula.value is not None
             if is_empty and cell.data_type == "n":  # that of an empty text is another
                 raise ConfigError(
@@ -317,11 +306,18 @@ def _computed(path: Path) -> Iterator[list[Any]]:
                     "its formula has no stored value",
                     "Open the workbook in a spreadsheet program, and save it there.",
                 )
-        yield [cell.value for cell in values]
+        cells = ["" if cell.value is None else str(cell.value) for cell in row[0]]
+        if any(cells[_MOST_COLUMNS:]):
+            raise ValueError(f"row {number} has cells beyond column {_MOST_COLUMNS}")
+        letters += len(cells) + sum(map(len, cells))
+        if letters > _MOST_LETTERS:
+            raise ValueError(f"its cells are too long, or too many, at row {number}")
+        if any(cells):
+            yield number, [cell.strip() for cell in cells[:_MOST_COLUMNS]]
 
 
-def _first_sheet(path: Path, *, data_only: bool) -> Iterator[Sequence[Any]]:
-    """The cells of each row of a workbook's first sheet, with values or with formulas."""
+def _sheet_of(path: Path, *, data_only: bool) -> Iterator[Sequence[Any]]:
+    """The rows of a workbook's first sheet, with stored values or with formulas."""
     import openpyxl
 
     book = openpyxl.load_workbook(
@@ -330,23 +326,6 @@ def _first_sheet(path: Path, *, data_only: bool) -> Iterator[Sequence[Any]]:
     sheet = book.worksheets[0]
     sheet.reset_dimensions()  # which may be stated wrongly
     yield from sheet.iter_rows(max_row=_LAST_ROW)
-    book.close()
-
-
-def _filled(
-    rows: Iterable[tuple[int, Sequence[Any]]],
-) -> Iterator[tuple[int, list[str]]]:
-    """Rows that have cells, as text. Raises a `ValueError` if these would fill the memory."""
-    letters = 0
-    for number, row in rows:
-        if any(cell is not None for cell in row[_MOST_COLUMNS:]):
-            raise ValueError(f"row {number} has cells beyond column {_MOST_COLUMNS}")
-        cells = ["" if cell is None else str(cell) for cell in row[:_MOST_COLUMNS]]
-        letters += len(row) + sum(map(len, cells))
-        if letters > _MOST_LETTERS:
-            raise ValueError(f"its cells are too long, or too many, at row {number}")
-        if any(cells):
-            yield number, [cell.strip() for cell in cells]
 
 
 def _is_comment(line: str) -> bool:
