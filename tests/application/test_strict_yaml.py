@@ -68,7 +68,7 @@ def test_a_value_that_programs_read_differently(written):
         ("a: 1\n<<: {b: 2}\n", ["line 2: the key << is not a name"]),
         ("a: &b 1\nc: *b\n", ["line 2: repeats a value by an alias"]),
         ("a: !!str 1\n", ["line 1: has the tag", "without it"]),
-        ("a: 1\n---\nb: 2\n", ["line 2: a second document"]),
+        ("a: 1\n---\nb: 2\n", ["line 2", "another document", "one document a file"]),
         ("a: 01\nb: 02\n", ["\n  - line 1: a is 01", "\n  - line 2: b is 02"]),
     ],
 )

@@ -28,6 +28,7 @@ _LARGEST = 100_000
 _DEEPEST = 20
 # Lines in a message; who has corrected them is shown the next ones.
 _MOST_LISTED = 20
+_REMEDY = "See config/README.md for all keys."
 _TAG = "tag:yaml.org,2002:"
 _DOUBTFUL_NUMBER, _DOUBTFUL_TRUTH = "!number", "!truth"
 # The first pattern that fits decides; a plain scalar that fits none is text.
@@ -54,9 +55,33 @@ _REMEDIES = {
 
 
 class _Loader(yaml.SafeLoader):
+    """Refuses constructs that no config needs, and that hide the meaning."""
+
     yaml_implicit_resolvers: ClassVar[dict] = {
         None: [(tag, re.compile(rf"(?:{form})\Z")) for tag, form in _SCALARS.items()]
     }
+    depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> yaml.Node:
+        event, problem = self.peek_event(), ""
+        if isinstance(event, yaml.AliasEvent):
+            # a few lines of aliases can stand for more values than memory holds
+            problem = (
+                "repeats a value by an alias (*): write each value where it belongs"
+            )
+        elif event.tag:
+            problem = f"has the tag {event.tag}: write the value without it"
+        elif self.depth > _DEEPEST:
+            problem = (
+                f"is nested more than {_DEEPEST} deep: write each list in its own key"
+            )
+        if problem:
+            line = event.start_mark.line + 1
+            raise ConfigError(self.name, f"line {line}: {problem}", _REMEDY)
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
 
 
 class _Dumper(yaml.SafeDumper):
@@ -92,10 +117,11 @@ def parse_yaml(text: str, source: str | Path) -> dict:
     alias, a tag or a second document; or if programs read one of its values differently.
     """
     try:
-        doubts = [*islice(_syntax(text), 1)]  # of very many, the first is enough
-        node = None if doubts else yaml.compose(text, _Loader)
-        doubts += islice(_doubts(node), _MOST_LISTED) if node else []
-        values = None if doubts or not node else _Loader("").construct_document(node)
+        loader = _Loader(text)
+        loader.name = str(source)
+        node = loader.get_single_node()
+        doubts = [*islice(_doubts(node), _MOST_LISTED)] if node else []
+        values = None if doubts or not node else loader.construct_document(node)
     # also of a number with too many digits, or of lists in lists without end
     except (ValueError, RecursionError, yaml.YAMLError) as error:
         raise _not_yaml(source, error) from None
@@ -103,7 +129,7 @@ def parse_yaml(text: str, source: str | Path) -> dict:
         lines = [f"line {line}: {doubt}" for line, doubt in doubts]
         listed = "".join(f"\n  - {line}" for line in lines)
         problem = f"has lines that cannot be used{listed}\n " if lines[1:] else lines[0]
-        raise ConfigError(source, problem, "See config/README.md for all keys.")
+        raise ConfigError(source, problem, _REMEDY)
     if not isinstance(values, dict):
         problem = f"holds {values!r:.40}, not keys with values"
         remedy = "Write one 'key: value' per line, as in config/config.yaml."
@@ -121,36 +147,10 @@ def as_yaml(value: Any, **layout: Any) -> str:
 def _not_yaml(source: str | Path, error: Exception) -> ConfigError:
     problem = f"is not YAML in UTF-8: {' '.join(str(error).split())}"
     remedy = (
-        "Correct that line, or the one before it: put text with a colon in quotes, and "
-        "indent lines with spaces, not tabs."
+        "Correct that line, or the one before it: put text with a colon in quotes, indent lines "
+        "with spaces, not tabs, and write one document a file."
     )
     return ConfigError(source, problem, remedy)
-
-
-def _syntax(text: str) -> Iterator[tuple[int, str]]:
-    """Line and remedy of constructs that no config needs, and that hide the meaning."""
-    documents, depth = 0, 0
-    for event in yaml.parse(text):
-        line = event.start_mark.line + 1
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > _DEEPEST:
-            yield (
-                line,
-                f"is nested more than {_DEEPEST} deep: write each list in its own key",
-            )
-        if isinstance(event, yaml.AliasEvent):
-            # a few lines of aliases can stand for more values than memory holds
-            yield (
-                line,
-                "repeats a value by an alias (*): write each value where it belongs",
-            )
-        elif isinstance(event, yaml.DocumentStartEvent):
-            documents += 1
-            if documents > 1:
-                yield line, "a second document (---) begins: write one document a file"
-        elif tag := getattr(event, "tag", None):
-            yield line, f"has the tag {tag}: write the value without it"
 
 
 def _doubts(node: yaml.Node, key: str = "") -> Iterator[tuple[int, str]]:
