@@ -25,24 +25,14 @@ def summary(
     poses: pd.DataFrame | None,
 ) -> str:
     """The lines on a study and its files."""
-    size_mm, results = config["square"]["size_mm"], Path(config["results"])
-    state = "not there yet"
+    results, state = Path(config["results"]), "not there yet"
     if results.is_dir():
         state = (
             break_in(results, config)
             or other_files(results, files_read(config, patches))
             or "finished, with this config and these files"
         )
-    radii_mm = np.ravel((config["counterface"] or {}).get("radius_mm") or ())
-    other = f"a stone of {' and '.join(f'{radius:g}' for radius in radii_mm)} mm radius"
-    if counterface_mesh(config, "") is not None:
-        other = "an active tool"
-    elif not radii_mm.size:
-        other = "a flat"
-    stone = inputs and inputs.stone
-    has_t0, has_t1, is_repeated = (
-        (patches[name] != "") for name in ("t0", "t1", "repeat")
-    )
+    size_mm, stone = config["square"]["size_mm"], inputs and inputs.stone
     template = Path(__file__).with_suffix(".txt").read_text("utf-8")
     environment = jinja2.Environment(
         trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
@@ -54,14 +44,11 @@ def summary(
         stone=stone,
         scans=inputs and inputs.scans,
         size_mm=size_mm,
-        other=other,
+        tool=counterface_mesh(config, ""),
+        radii_mm=np.ravel((config["counterface"] or {}).get("radius_mm") or ()),
         at_mm=resolved_load_point(config["load"], size_mm),
         force_N=load_force(config["load"], size_mm),
         modulus_MPa=study_modulus(config["material"]),
-        grades=patches.wear_grade.dropna(),
-        has_scans=has_t0.any(),
-        worn=has_t1.sum(),
-        repeats=is_repeated.sum(),
         exposed=COUNTS[EXPOSED],
         control=COUNTS[CONTROL],
         state=state,

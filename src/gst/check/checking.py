@@ -1,13 +1,11 @@
 """Checks a study without running it, and describes a run (`gst check`).
 
-The check is one walk: settings, tables, files, contact, answer. Each station returns the faults
-that it finds; warnings and notes are logged at once.
+The check is one walk: settings, tables, files, contact, answer. Each station notes the faults that
+it finds, and what it read for the later ones; warnings and notes are logged at once.
 """
 
 import logging
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from logging.handlers import BufferingHandler
 from pathlib import Path
@@ -19,7 +17,7 @@ import xarray as xr
 from gst.check.answer import draw, summary
 from gst.check.epochs import epochs_on_each_other
 from gst.check.fixing import Cure, cures_of
-from gst.check.inputs import Asked, Inputs, check_inputs
+from gst.check.inputs import Asked, Inputs, check_inputs, noting
 from gst.config.contradictions import check_files, counterface_mesh, improbable
 from gst.config.patches import overlaps, scan_files
 from gst.config.poses import poses_of, reach_of
@@ -64,16 +62,6 @@ def check_study(path: Path, cures: list[Cure] | None = None) -> None:
     print(f"\nNo problems found{f', but {logged}: see above' * bool(logged)}.")
 
 
-@contextmanager
-def _noted() -> Iterator[list[GstError]]:
-    """Note the error of a step, so that all can be corrected at once."""
-    faults: list[GstError] = []
-    try:
-        yield faults
-    except GstError as error:
-        faults.append(error)
-
-
 @dataclass
 class Walk:
     """A check, with everything that its stations have read so far.
@@ -99,42 +87,39 @@ class Walk:
     def run(self) -> None:
         """Go through all stations, and describe a run. An error lists all faults."""
         for station in (self.settings, self.tables, self.files, self.contact):
-            self.faults += station()
+            station()
         self.answer()
 
-    def settings(self) -> list[GstError]:
+    def settings(self) -> None:
         """The config, and the folder of its results; a config that cannot be used ends the walk."""
         self.config = config = read_config(self.path)
         self.patches = read_study(config, str(self.path))
-        with _noted() as faults:
+        with noting(self.faults):
             check_writable(config["results"])
             check_links(Path(config["results"]))
             self.is_writable = True
             refuse_other_study(config)
-        return faults
 
-    def tables(self) -> list[GstError]:
+    def tables(self) -> None:
         """The patch table, which `settings` could read, and the table of poses."""
         config = self.config
-        unaccepted(
-            improbable(config, self.patches), config["accept"]
-        )  # logs the accepted ones
+        # logs the accepted ones
+        unaccepted(improbable(config, self.patches), config["accept"])
         for one, other, share in overlaps(self.patches, config["scans"]["size_mm"]):
             message = (
                 "%s: patches %s and %s have %.2g %% of their area in common, whose wear counts "
                 "twice. If they lie side by side, correct x_mm and y_mm."
             )
             _log.warning(message, config["patches"], one, other, 100 * share)
-        with _noted() as faults:
+        with noting(self.faults):
             self.reach_mm, self.poses = reach_of(config), poses_of(config)
-        return faults
 
-    def files(self) -> list[GstError]:
+    def files(self) -> None:
         """The mesh and every scan; those that are there are read, whatever else is missing."""
         config, patches = self.config, self.patches
         if (named := config["inputs"]) is None:
-            return []
-        with _noted() as faults:
+            return
+        with noting(self.faults):
             source = ", ".join(filter(None, [str(self.path), config["patches"]]))
             check_files(config, patches, source)
         tool = counterface_mesh(config, "")
@@ -148,24 +133,22 @@ class Walk:
             [scan for scan in scans if scan.path.is_file()],
             Asked(**asked_of_files(config, named["mesh_unit"], tool)),
         )
-        return faults + self.inputs.problems
+        self.faults += self.inputs.problems
 
-    def contact(self) -> list[GstError]:
+    def contact(self) -> None:
         """T1 on T0, the patches on the mesh, and the mesh at rest, on coarse grids."""
-        inputs, faults = self.inputs, []
+        inputs = self.inputs
         if inputs is None or inputs.face is None or inputs.problems:
-            return []
+            return
         study = CoarseStudy(self.config, self.patches, inputs)
         if not self.faults:
             unlike, self.lines["T1 on T0"] = epochs_on_each_other(study)
-            faults += unaccepted(unlike, self.config["accept"])
+            self.faults += unaccepted(unlike, self.config["accept"])
         for part in (study.fit, study.at_rest):
-            with _noted() as refused:
+            with noting(self.faults):
                 self.lines |= part()
-            faults += refused
         if self.cures is not None:
             self.cures += cures_of(study)
-        return faults
 
     def answer(self) -> None:
         """Describe a run, and draw the square. An `InputsError` lists all faults."""
@@ -173,13 +156,11 @@ class Walk:
         print(f"{self.path}: {config['title']}")
         print(summary(config, self.patches, inputs, self.poses), end="")
         if self.is_writable and inputs is not None and inputs.frame is not None:
-            self.lines["picture"] = (
-                "none: move your own check.png from the results first"
-            )
+            line = "none: move your own check.png from the results first"
             if picture := claim_picture(Path(config["results"])):
                 draw(picture, config, self.patches, inputs, self.poses)
-                text = f"{picture}: the square on the stone, and the patches in it"
-                self.lines["picture"] = text
+                line = f"{picture}: the square on the stone, and the patches in it"
+            self.lines["picture"] = line
         for name, text in self.lines.items():
             if text:
                 print(f"  {name:<11} {text}")
