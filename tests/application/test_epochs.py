@@ -55,10 +55,7 @@ def check(after=(), before=(), spacing=SPACING):
 @pytest.mark.parametrize(
     ("lay", "how"),
     [
-        (
-            lambda h: -h[:, ::-1],
-            "with the sign of its heights changed, reversed along x",
-        ),
+        (lambda h: -h[:, ::-1], "inverted and reversed along x"),
         (np.rot90, "turned by -90°"),  # in the file, which is flipped since
     ],
 )

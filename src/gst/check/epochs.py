@@ -3,7 +3,6 @@
 import itertools
 import logging
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -14,7 +13,7 @@ from gst.config.patches import at_epoch
 from gstlib.change.form import form_warning
 from gstlib.change.registration import Registration, is_one_way, register
 from gstlib.change.selection import exchanged_epochs, other_heights, rise_warnings
-from gstlib.coupling.orientations import AS_GIVEN, ORIENTATIONS, oriented
+from gstlib.coupling.orientations import AS_GIVEN, LOOKS, ORIENTATIONS, oriented
 from gstlib.errors import FaultError, GstError, InputError
 from gstlib.preprocess.scans import mould_of
 from gstlib.study import Study
@@ -31,7 +30,8 @@ _MOST_TRIED = 100
 UNMATCHED = "unmatched"  # the fault's name, as which a config accepts it
 # Of so many T1 that do not match as they are, it is tried whether they match if laid otherwise.
 _MOST_LAID = 4
-# Among so many trials, an unrelated scan is found by chance: `_match` seldom exceeds 0.3.
+# Among so many trials, an unrelated scan is found by chance: its correlation, times the root of the
+# overlap, seldom exceeds 0.3.
 _SURE_MATCH = 0.5
 # ASSUME: T1 of another patch. A T1 that shows at least 60 % of the T0 of another patch belongs to
 # that patch. Reason: Scans of different patches overlap less.
@@ -72,69 +72,48 @@ def _unregistered(study: Study) -> Iterator[InputError]:
             yield error.about(files[patch], f"patch {patch}: {error.problem}")
 
 
-class _Way(NamedTuple):
-    """How a T1 lies as it should not."""
-
-    is_inverted: bool
-    orientation: str  # one of `ORIENTATIONS`
-
-    def __str__(self) -> str:
-        inverted = ["with the sign of its heights changed"] * self.is_inverted
-        return ", ".join(inverted + [self.orientation] * (self.orientation != AS_GIVEN))
-
-    def lay(self, surface: xr.DataArray, *, is_flipped: bool = False) -> xr.DataArray:
-        """The surface, laid so; or laid so in its file, if it was flipped since."""
-        is_reversed, turn = ORIENTATIONS[self.orientation]
-        name = self.orientation
-        if is_flipped and turn != 180:  # which reverses the sense of turns
-            name = next(
-                each
-                for each in ORIENTATIONS
-                if ORIENTATIONS[each] == (is_reversed, -turn)
-            )
-        heights, spacing = oriented(surface.values, name), spacing_of(surface)
-        return make_surface(
-            -heights if self.is_inverted else heights,
-            spacing[::-1] if turn % 180 else spacing,
-        )
-
-
-# T1 as it is has been tried.
-_WAYS = [_Way(*way) for way in itertools.product((False, True), ORIENTATIONS)][1:]
-
-
-def _heights(study: Study, patch: str) -> tuple[xr.DataArray, xr.DataArray]:
-    """The prepared scans of a patch before and after use."""
-    return study.prepared[patch, "T0"].height, study.prepared[patch, "T1"].height
-
-
 def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultError]:
     """Faults of the T1 that match otherwise, or nowhere if none matches; warnings of the others."""
     rows = study.patches.set_index("patch")
-    shift_mm = study.config["registration"]["maximum_shift_mm"]
-    doubts: dict[str, str] = {}
     lost = table.patch[~table.found.astype(bool)].tolist()
+    filtered, doubted = set(), set()
     for row in table.itertuples():
-        patch, scans = row.patch, _heights(study, row.patch)
-        if doubt := form_warning(*scans):
-            doubts[patch] = doubt
-        elif removed := _without_long_waves(*scans, shift_mm):
-            lost = [other for other in lost if other != patch]
-            yield _filtered(rows, patch, *removed)
+        patch, doubt = row.patch, form_warning(*_heights(study, row.patch))
+        if doubt is None and (removed := _without_long_waves(study, patch)):
+            filtered.add(patch)
+            epoch, other, length_um = removed
+            yield FaultError(
+                UNMATCHED,
+                f"{rows.loc[patch, epoch.lower()]} ({at_epoch(patch, epoch)})",
+                f"it fits {other} only in waves shorter than {length_um:g} µm, as after a filter "
+                "that removes the longer ones",
+                "Export both scans with no more than a plane removed.",
+                [patch],
+            )
         elif not row.found and is_one_way(
             row.detail_correlation, row.slope_correlation
         ):
-            doubts[patch] = (
+            doubt = doubt or (
                 "its striae match T0, but detail does not fix the position along them. Scan a "
                 "larger area, or one with a pit or a scar"
             )
-        if patch in doubts:
-            _log.warning("%s: patch %s: %s", rows.t1[patch], patch, doubts[patch])
-    without_doubt = [patch for patch in lost if patch not in doubts]
-    for way, patches in _laid_otherwise(study, without_doubt, shift_mm).items():
+        if doubt:
+            doubted.add(patch)
+            _log.warning("%s: patch %s: %s", rows.t1[patch], patch, doubt)
+    lost = [patch for patch in lost if patch not in filtered]
+    laid = _laid_otherwise(study, [patch for patch in lost if patch not in doubted])
+    for look, patches in laid.items():
         lost = [patch for patch in lost if patch not in patches]
-        yield _laid_fault(rows.t1, patches, str(way), len(study.worn))
-    others = _other_patches(study, lost, shift_mm)
+        who = f"T1 of patch {', '.join(patches)} match{'es' * (len(patches) == 1)} T0"
+        if len(patches) == len(study.worn) > 1:
+            who = f"all {len(patches)} T1 match their T0"
+        remedy = (
+            "scans.mould and flip apply to both epochs. Export T1 in the orientation of T0, or "
+            "scan both epochs on the stone, or both on moulds."
+        )
+        files = ", ".join(rows.t1[patches])
+        yield FaultError(UNMATCHED, files, f"{who} only {look}", remedy, patches)
+    others = _other_patches(study, lost)
     for patch, other in others.items():
         problem = (
             f"as T1 of patch {patch}, it is not found on {rows.t0[patch]}, but on T0 of patch "
@@ -150,49 +129,36 @@ def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[FaultErro
     if lost and len(lost) == len(table):
         problem = f"none of the {len(lost)} T1 scans matches its T0"
         yield FaultError(UNMATCHED, ", ".join(rows.t1[lost]), problem, remedy)
-    elif lost := [patch for patch in lost if patch not in doubts]:
+    elif lost := [patch for patch in lost if patch not in doubted]:
         every = "its T1 is" if len(lost) == 1 else "their T1 are"
         problem = f"patch {', '.join(lost)}: {every} not found on T0"
         _log.warning("%s: %s. %s", ", ".join(rows.t1[lost]), problem, remedy)
 
 
-def _filtered(
-    rows: pd.DataFrame, patch: str, epoch: str, length_mm: float
-) -> FaultError:
-    """The fault of a patch, one of whose scans has lost its long waves to a filter."""
-    other, length_um = "T0" if epoch == "T1" else "T1", float(f"{length_mm * 1e3:.2g}")
-    return FaultError(
-        UNMATCHED,
-        f"{rows.loc[patch, epoch.lower()]} ({at_epoch(patch, epoch)})",
-        f"it fits {other} only in waves shorter than {length_um:g} µm, as after a filter that "
-        "removes the longer ones",
-        "Export both scans with no more than a plane removed.",
-        [patch],
-    )
+def _heights(study: Study, patch: str) -> tuple[xr.DataArray, xr.DataArray]:
+    """The prepared scans of a patch before and after use."""
+    return study.prepared[patch, "T0"].height, study.prepared[patch, "T1"].height
 
 
-def _without_long_waves(
-    before: xr.DataArray, after: xr.DataArray, maximum_shift_mm: float
-) -> tuple[str, float] | None:
-    """The epoch whose long waves were removed, and how long these are (mm), if that is so.
+def _without_long_waves(study: Study, patch: str) -> tuple[str, str, float] | None:
+    """The epoch whose long waves were removed, the other, and their length (µm), if that is so.
 
     Then the short waves of both scans lie on each other, as high as they may be.
     """
-    scans, spacing = (before, after), spacing_of(before)
-    side = min(sides_of(before))
+    scans = dict(zip(("T0", "T1"), _heights(study, patch), strict=True))
+    spacing, side = spacing_of(scans["T0"]), min(sides_of(scans["T0"]))
     for cut in _CUTS:
-        long = [low_pass(scan.values, spacing, cut * side) for scan in scans]
-        short = [
-            scan.copy(data=scan.values - waves)
-            for scan, waves in zip(scans, long, strict=True)
-        ]
-        for epoch, (one, other) in {"T0": (0, 1), "T1": (1, 0)}.items():
+        long, short = {}, {}
+        for epoch, scan in scans.items():
+            long[epoch] = low_pass(scan.values, spacing, cut * side)
+            short[epoch] = scan - long[epoch]
+        for one, other in itertools.permutations(scans):
             lower, apart = (_times(waves[one], waves[other]) for waves in (long, short))
             # polish lowers short waves alone, and another unit both alike
             if max(lower, lower / apart) < _MISSING:
-                alike = short[1] / _times(short[1], short[0])
-                if _match(short[0], alike, maximum_shift_mm):
-                    return epoch, cut * side
+                alike = short["T1"] / _times(short["T1"], short["T0"])
+                if _registered(study, short["T0"], alike):
+                    return one, other, float(f"{cut * side * 1e3:.2g}")
     return None
 
 
@@ -201,81 +167,61 @@ def _times(one: np.ndarray | xr.DataArray, other: np.ndarray | xr.DataArray) -> 
     return float(one.std() / max(other.std(), np.finfo(float).tiny))
 
 
-def _laid_otherwise(
-    study: Study, patches: list[str], maximum_shift_mm: float
-) -> dict[_Way, list[str]]:
-    """Patches whose T1 matches its T0 if its file is laid otherwise, by how it then lies."""
-    laid: dict[_Way, list[str]] = {}
+def _laid_otherwise(study: Study, patches: list[str]) -> dict[str, list[str]]:
+    """Patches whose T1 matches its T0 if its file is laid otherwise, by one of the `LOOKS`."""
+    laid: dict[str, list[str]] = {}
     rows, mould = study.patches.set_index("patch"), study.config["scans"]["mould"]
     for number, patch in enumerate(patches):
         before, after = _heights(study, patch)
-        is_flipped = (
-            mould_of(mould, rows.loc[patch].get("flip", ""))["flip"] is not None
-        )
-        matches = {
-            way: _match(before, way.lay(after, is_flipped=is_flipped), maximum_shift_mm)
-            for way in (_WAYS if number < _MOST_LAID else laid)
-        }
-        best = max(matches, key=matches.__getitem__, default=None)
-        if best is not None and matches[best] > _SURE_MATCH:
+        flip = mould_of(mould, rows.loc[patch].get("flip", ""))["flip"]
+        matches = {}
+        # T1 as it is has been tried
+        for look in LOOKS[1:] if number < _MOST_LAID else laid:
+            match = _registered(study, before, _laid(after, look, flip is not None))
+            if match is not None:
+                matches[look] = match.detail_correlation * match.overlap**0.5
+        best = max(matches, key=matches.__getitem__, default="")
+        if best and matches[best] > _SURE_MATCH:
             laid.setdefault(best, []).append(patch)
     return laid
 
 
-def _laid_fault(
-    files: pd.Series, patches: list[str], way: str, count: int
-) -> FaultError:
-    """The fault of T1 that match if they are laid otherwise; `count` is the number of all T1."""
-    who = f"T1 of patch {', '.join(patches)} match{'es' * (len(patches) == 1)} T0"
-    if len(patches) == count > 1:
-        who = f"all {count} T1 match their T0"
-    remedy = (
-        "scans.mould and flip apply to both epochs. Export T1 in the orientation of T0, or scan "
-        "both epochs on the stone, or both on moulds."
-    )
-    return FaultError(
-        UNMATCHED, ", ".join(files[patches]), f"{who} only {way}", remedy, patches
+def _laid(surface: xr.DataArray, look: str, is_flipped: bool) -> xr.DataArray:
+    """The surface with one of the `LOOKS` in its file, which may have been flipped since."""
+    orientation = look.removeprefix("inverted").removeprefix(" and ") or AS_GIVEN
+    _, turn = ORIENTATIONS[orientation]
+    heights, spacing = oriented(surface.values, orientation), spacing_of(surface)
+    if is_flipped and turn % 180:  # which reverses the sense of turns
+        heights = np.rot90(heights, 2)
+    return make_surface(
+        -heights if look.startswith("inverted") else heights,
+        spacing[::-1] if turn % 180 else spacing,
     )
 
 
-def _other_patches(
-    study: Study, lost: list[str], maximum_shift_mm: float
-) -> dict[str, str]:
+def _other_patches(study: Study, lost: list[str]) -> dict[str, str]:
     """By patch, the first other one whose T0 shows most of its T1.
 
     A T1 that lies between two patches shows a part of the other, too, and is no mistake of names.
     """
-    pairs = (
-        (patch, other)
-        for patch in lost
-        for other in study.patches.patch
-        if other != patch
-    )
+    pairs = itertools.product(lost, study.patches.patch)
     others: dict[str, str] = {}
     for patch, other in itertools.islice(pairs, _MOST_TRIED):
-        if patch not in others:
+        if patch not in others and patch != other:
             before, after = study.prepared[other, "T0"], study.prepared[patch, "T1"]
-            match = _registered(before.height, after.height, maximum_shift_mm)
+            match = _registered(study, before.height, after.height)
             if match is not None and match.overlap >= _MOSTLY:
                 others[patch] = other
     return others
 
 
-def _match(before: xr.DataArray, after: xr.DataArray, maximum_shift_mm: float) -> float:
-    """How well a scan matches another one on which it is found; 0 if it is not found.
-
-    It is the correlation of the detail, times the root of the overlap.
-    """
-    match = _registered(before, after, maximum_shift_mm)
-    return 0.0 if match is None else match.detail_correlation * match.overlap**0.5
-
-
 def _registered(
-    before: xr.DataArray, after: xr.DataArray, maximum_shift_mm: float
+    study: Study, before: xr.DataArray, after: xr.DataArray
 ) -> Registration | None:
     """Where a scan is found on another one; None if it is not found."""
+    shift_mm = study.config["registration"]["maximum_shift_mm"]
     try:
-        match = register(before, after, maximum_shift_mm=maximum_shift_mm)
+        match = register(before, after, maximum_shift_mm=shift_mm)
     except InputError:  # of other spacings
         return None
     return match if match.is_reliable else None
