@@ -36,7 +36,7 @@ class Cure(NamedTuple):
     """
 
     why: str
-    values: Mapping[str, Any]
+    values: Mapping[str, Any] = {}
     cells: Cells | None = None
     button: str = "Mend"
     fault: str = ""
@@ -57,47 +57,41 @@ def cures_of(study: Study) -> list[Cure]:
 
 def _of_places(study: Study) -> Iterator[Cure]:
     """Of scans that are laid wrongly, epochs exchanged, and a table mirrored or shifted."""
-    patch_mm, patches = (
-        study.config["scans"]["size_mm"],
-        study.patches.set_index("patch"),
-    )
-    if patches.empty or not shows_waves(study.face.height, patch_mm):
+    config, patches = study.config, study.patches.set_index("patch")
+    if patches.empty or not shows_waves(study.face.height, config["scans"]["size_mm"]):
         return
     scans = {patch: study.prepared[patch, "T0"] for patch in patches.index}
     settings = study.settings["check_placement"] | {"accept": [PLACEMENT]}
     table = check_placement(study.face.height, study.patches, scans, **settings)
-    together, mould = table.iloc[-1], Mould(**study.config["scans"]["mould"])
+    together, mould = table.iloc[-1], Mould(**config["scans"]["mould"])
     if together.orientation not in ("", AS_GIVEN):
         if not patches.flip.any():  # in some rows, which are another matter
-            yield _laid_right(
-                together.orientation, mould, study.config["square"]["size_mm"]
-            )
+            yield _laid_right(together.orientation, mould, config["square"]["size_mm"])
         return
-    for row in table.iloc[:-1].itertuples():
-        if row.orientation:
-            own = mould.of_row(patches.flip[row.patch])
-            yield from _alone_laid_right(row.patch, row.orientation, own)
+    alone = table.iloc[:-1]
+    for row in alone[alone.orientation != ""].itertuples():
+        flip = patches.flip[row.patch]
+        own = mould._replace(flip={"none": None, "": mould.flip}.get(flip, flip))
+        yield from _alone_laid_right(row.patch, row.orientation, own)
     if together.status == CANNOT_TELL:
         return
     # heights that fit the mesh have the right sign, so that they rose tells the epochs
     if _are_exchanged(study):
         yield Cure(
             "t0 and t1 are exchanged: heights rose with use",
-            {},
-            lambda row: (
+            cells=lambda row: (
                 {"t0": row["t1"], "t1": row["t0"]} if row["t0"] and row["t1"] else {}
             ),
-            "Exchange",
-            "epochs",
+            button="Exchange",
+            fault="epochs",
         )
     elif together.status == SHIFTED:
         x, y = (round(float(together[f"shift_{axis}_um"])) / 1e3 for axis in "xy")
         yield Cure(
             f"all patches lie {x:+g} mm along x and {y:+g} mm along y from their given positions",
-            {},
-            lambda row: {"x_mm": _plus(row, "x_mm", x), "y_mm": _plus(row, "y_mm", y)},
-            "Move",
-            PLACEMENT,
+            cells=lambda row: _plus(row, x_mm=x, y_mm=y),
+            button="Move",
+            fault=PLACEMENT,
         )
 
 
@@ -105,21 +99,23 @@ def _laid_right(orientation: str, mould: Mould, size_mm: float) -> Cure:
     """Of patches that all fit the mesh with another orientation or another table than as given."""
     look, _, mistake = orientation.partition("with ")
     right, turn = lying_right(look.strip(), mould)
-    values = {f"scans.mould.{key}": value for key, value in right._asdict().items()}
-    former = {f"scans.mould.{key}": value for key, value in mould._asdict().items()}
+    former = mould._asdict()
 
     def cells(row: Mapping[str, str]) -> Mapping[str, object]:
-        changed = _turned(row, turn)
+        changed = _plus(row, rotation_deg=turn)
         if mistake:
-            x, y = as_measured(
-                _number(row["x_mm"]), _number(row["y_mm"]), size_mm, mistake
-            )
-            changed |= {"x_mm": f"{round(x, 4):g}", "y_mm": f"{round(y, 4):g}"}
+            x, y = (_number(row[column]) for column in ("x_mm", "y_mm"))
+            x, y = as_measured(x, y, size_mm, mistake)
+            changed |= {"x_mm": _cell(x), "y_mm": _cell(y)}
         return changed
 
     return Cure(
         f"the patches fit the mesh {orientation}",
-        {key: value for key, value in values.items() if value != former[key]},
+        {
+            f"scans.mould.{key}": value
+            for key, value in right._asdict().items()
+            if value != former[key]
+        },
         cells if turn or mistake else None,
         "Turn" if turn else "Move" if mistake else "Mirror",
         PLACEMENT,
@@ -133,10 +129,11 @@ def _alone_laid_right(patch: str, orientation: str, own: Mould) -> Iterator[Cure
     if right.invert == own.invert:
         yield Cure(
             f"patch {patch} fits the mesh {orientation}",
-            {},
-            lambda row: _turned(row, turn) | flip if row["patch"] == patch else {},
-            "Turn" if turn else "Mirror",
-            PLACEMENT,
+            cells=lambda row: (
+                _plus(row, rotation_deg=turn) | flip if row["patch"] == patch else {}
+            ),
+            button="Turn" if turn else "Mirror",
+            fault=PLACEMENT,
         )
 
 
@@ -151,16 +148,20 @@ def _are_exchanged(study: Study) -> bool:
     return not is_mixed and any(exchanged_epochs(table))
 
 
-def _turned(row: Mapping[str, str], turn: float) -> dict[str, str]:
-    return {"rotation_deg": _plus(row, "rotation_deg", turn)} if turn else {}
+def _plus(row: Mapping[str, str], **more: float) -> dict[str, str]:
+    """Numbers of a row and what is added to them; angles stay within half a turn."""
+    cells = {}
+    for column, added in more.items():
+        total = _number(row.get(column) or "0") + added
+        if column == "rotation_deg" and not -180 <= total <= 180:
+            total -= math.copysign(360, total)
+        if added:
+            cells[column] = _cell(total)
+    return cells
 
 
-def _plus(row: Mapping[str, str], column: str, more: float) -> str:
-    """A number of a row and something to add; angles stay within half a turn."""
-    total = _number(row.get(column) or "0") + more
-    if column == "rotation_deg" and not -180 <= total <= 180:
-        total -= math.copysign(360, total)
-    return f"{round(total, 4):g}"
+def _cell(number: float) -> str:
+    return f"{round(number, 4):g}"
 
 
 def _number(cell: str) -> float:
@@ -178,9 +179,9 @@ def _of_face(study: Study) -> Iterator[Cure]:
 def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) -> bool:
     """Show the changes of cures to config and patch table, ask, and return if they were made."""
     table = read_config_file(config).get("patches")
-    has_cells = any(cure.cells for cure in cures)
-    paths = [config, Path(table)] if table and has_cells else [config]
-    before = {path: text_of(path) for path in paths}
+    before = {config: text_of(config)}
+    if table and any(cure.cells for cure in cures):
+        before[Path(table)] = text_of(Path(table))
     after = dict(before)
     for cure in cures:
         after[config] = with_values(after[config], cure.values)
@@ -190,22 +191,18 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
     if not changed:
         print("The fix cannot be written into these files.")
         return False
-    print(
-        "", *(f"{cure.why[0].upper()}{cure.why[1:]}." for cure in cures), "", sep="\n"
-    )
+    reasons = (f"{cure.why[0].upper()}{cure.why[1:]}." for cure in cures)
+    print("", *reasons, "", sep="\n")
     for path in changed:
         old, new = before[path].splitlines(), after[path].splitlines()
-        lines = difflib.unified_diff(
-            old, new, str(path), f"{path}, mended", lineterm="", n=1
-        )
-        print(*lines, sep="\n")
+        names = str(path), f"{path}, mended"
+        print(*difflib.unified_diff(old, new, *names, lineterm="", n=1), sep="\n")
     if not (is_confirmed or _confirmed()):
         return False
     for path in changed:
         if text_of(path) != before[path]:
-            raise ConfigError(
-                path, "has changed since it was read", "Run the command again."
-            )
+            problem = "has changed since it was read"
+            raise ConfigError(path, problem, "Run the command again.")
     for path in changed:
         copy = keep_copy(path)
         save_text(path, after[path])
@@ -215,11 +212,8 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
 
 def _confirmed() -> bool:
     if sys.stdin.isatty():
-        print(
-            "\nWrite this, and keep the files as they are beside it? [y/N] ",
-            end="",
-            flush=True,
-        )
+        question = "\nWrite this, and keep the files as they are beside it? [y/N] "
+        print(question, end="", flush=True)
     return sys.stdin.readline().strip() == "y"  # empty where nobody is there to answer
 
 

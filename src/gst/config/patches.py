@@ -10,7 +10,6 @@ The table of proposed places (``places.csv``) is a patch table, too: ``place`` s
 and its other columns are for readers.
 """
 
-import math
 import re
 import unicodedata
 from collections.abc import Collection, Iterator
@@ -20,7 +19,8 @@ from typing import NamedTuple
 import pandas as pd
 
 from gst.config.user_tables import Problem, read_rows, rows_of
-from gstlib.surfaces.footprints import PatchPosition, outline, places_of
+from gstlib.preprocess.scans import crop_of
+from gstlib.surfaces.footprints import PatchPosition, half_extent, outline, places_of
 
 COUNTERFACE = "counterface"  # in place of a patch's name
 # Epochs of a patch's scans, by their columns of the table. The repeat is a second scan without use.
@@ -71,16 +71,22 @@ def find_scans(
     """Put the names of files in place of the names that they fit; where none fits, or several."""
     is_named = not {"t0", "t1"}.isdisjoint(columns)
     graded = rows.index[rows.wear_grade.notna()]
-    if "wear_grade" in columns and (len(graded) or not is_named):
-        if is_named:
-            yield (
-                graded[0],
-                "wear_grade stands beside scans, in whose place grades are: take the column out, "
-                "or t0 and t1",
-            )
+    if "wear_grade" in columns and not is_named:
         return
+    if len(graded):
+        problem = "wear_grade stands beside scans, in whose place grades are: take the column "
+        yield graded[0], f"{problem}out, or t0 and t1"
+        return
+    # a synthetic specimen has the repeats that are named
+    usual = {"t0": "{patch}_T0.plu", "t1": "{patch}_T1.plu"}
+    if folder is not None:
+        usual = {column: f"{{patch}}_{epoch}.*" for column, epoch in EPOCHS.items()}
     for line, row in rows.iterrows():
-        for column, name in _names(row, is_named, folder is None).items():
+        for column in EPOCHS:
+            name = row[column] or ("" if is_named else usual.get(column, ""))
+            if not name:
+                continue
+            name = name.replace("{patch}", row.patch)
             files = [name] if folder is None else _fitting(name, Path(folder))
             if len(files) == 1:
                 rows.loc[line, column] = files[0]
@@ -94,20 +100,6 @@ def find_scans(
             yield line, "t0 is empty"
 
 
-def _names(row: pd.Series, is_named: bool, is_generated: bool) -> dict[str, str]:
-    """The name of each scan of a patch, by column: from the table, or after patch and epoch."""
-    names = {
-        each: row[each].replace("{patch}", row.patch) for each in EPOCHS if row[each]
-    }
-    if is_named:
-        return names
-    if is_generated:  # a synthetic specimen has the repeats that are named
-        return {"t0": f"{row.patch}_T0.plu", "t1": f"{row.patch}_T1.plu"} | names
-    return {
-        column: f"{row.patch}_{epoch}.*" for column, epoch in EPOCHS.items()
-    } | names
-
-
 def _fitting(name: str, folder: Path) -> list[str]:
     """The files that fit a name, perhaps with ``*``, whatever their capitals.
 
@@ -118,11 +110,13 @@ def _fitting(name: str, folder: Path) -> list[str]:
         return [name]
     if place.is_dir() or not place.parent.is_dir():
         return []
-    parts = [re.escape(part) for part in _composed(place.name).split("*")]
+    parts = map(re.escape, _composed(place.name).split("*"))
     pattern = re.compile(".*".join(parts), re.IGNORECASE)
-    files = [file.name for file in place.parent.iterdir()]
-    fitting = [file for file in files if pattern.fullmatch(_composed(file))]
-    return sorted(str(Path(name).with_name(file)) for file in fitting)
+    return sorted(
+        str(Path(name).with_name(file.name))
+        for file in place.parent.iterdir()
+        if pattern.fullmatch(_composed(file.name))
+    )
 
 
 def _composed(name: str) -> str:
@@ -142,8 +136,7 @@ def _out_of_square(
 ) -> Iterator[Problem]:
     """Patches whose footprint is not within the square."""
     for row in rows.itertuples():
-        angle = math.radians(row.rotation_deg)
-        half = patch_size / 2 * (abs(math.cos(angle)) + abs(math.sin(angle)))
+        half = half_extent(patch_size, row.rotation_deg)
         beyond = [
             f"{mm:.4g} mm at the {axis} = {side:g} side"
             for axis, centre in (("x", row.x_mm), ("y", row.y_mm))
@@ -189,15 +182,14 @@ def scan_files(
     """Every scan in `folder` that the table of `read_patches` names, and the counterface's."""
     scans = []
     for row in patches[patches.t0 != ""].itertuples():
-        crop = None if math.isnan(row.crop_x_mm) else (row.crop_y_mm, row.crop_x_mm)
         place = PatchPosition(row.y_mm, row.x_mm, row.rotation_deg)
         for column, epoch in EPOCHS.items():
             if name := getattr(row, column):
-                path = Path(folder) / name
-                scans.append(ScanFile(path, row.patch, epoch, crop, place, row.flip))
-    return scans + (
-        [ScanFile(Path(counterface), COUNTERFACE, "")] if counterface else []
-    )
+                at = Path(folder) / name, row.patch, epoch
+                scans.append(ScanFile(*at, crop_of(row), place, row.flip))
+    if counterface:
+        scans.append(ScanFile(Path(counterface), COUNTERFACE, ""))
+    return scans
 
 
 def at_epoch(patch: str, epoch: str) -> str:

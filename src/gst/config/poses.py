@@ -11,6 +11,7 @@ from gst.config.user_tables import read_rows
 from gstlib.conditions import load_force
 from gstlib.errors import ConfigError
 from gstlib.macroscale.gesture import scatter_poses, stroke_poses
+from gstlib.surfaces.footprints import half_extent
 
 # A job takes as long to start as a hundred poses to press.
 _IN_BATCH = 200
@@ -67,9 +68,8 @@ def reach_of(config: Mapping[str, Any]) -> float:
     poses = poses_of(config)
     if poses is None:
         return reach
-    turn = np.radians(poses.rotation_deg.abs().clip(upper=45))
-    half = config["macroscale"]["face_mm"] / 2
-    corners = half * (np.cos(turn) + np.sin(turn) - 1)
+    face_mm, turn = config["macroscale"]["face_mm"], poses.rotation_deg.abs()
+    corners = half_extent(face_mm, turn.clip(upper=45)) - face_mm / 2
     # turned back, a shift has at most its length along either axis
     shift = np.hypot(poses.x_mm, poses.y_mm)
     return max(reach, float((shift + corners).max()))
