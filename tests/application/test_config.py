@@ -153,7 +153,7 @@ STIFF = INTERLAYER | {"young_MPa": 19500.0}
             [[2, 5, 2, 5, 0, 0], *POINTS[1:]],
             "decimal points, not commas",
         ),
-        ("macroscale.steppes", 3, "did you mean steps for steppes?"),
+        ("macroscale.steppes", 3, "(steppes: did you mean steps? known"),
         (
             "gesture",
             {"table": "a.tsv", "poses": 5},

@@ -86,7 +86,7 @@ LOAD = {name: SETTINGS["solve_macroscale"][name] for name in ("force_N", "load_p
 INFERRED = EQUILIBRIUM and config["use"] is not None and (bool(WORN_PATCHES) or len(GRADED) > 0)
 REFERENCE = EQUILIBRIUM and SCANNED and config["reference_realisations"] is not None
 if not GENERATED:
-    check_files(config, PATCHES, ", ".join(filter(None, [CONFIG_FILES, config["patches"]])))
+    check_files(config, PATCHES, CONFIG_FILES)
 SCAN_USES = scan_files(PATCHES, SCAN_FOLDER, COUNTERFACE_SCAN or None)
 SCANS = sorted({str(use.path) for use in SCAN_USES})
 

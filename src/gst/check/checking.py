@@ -120,8 +120,7 @@ class Walk:
         if (named := config["inputs"]) is None:
             return
         with noting(self.faults):
-            source = ", ".join(filter(None, [str(self.path), config["patches"]]))
-            check_files(config, patches, source)
+            check_files(config, patches, str(self.path))
         tool = counterface_mesh(config, "")
         if tool is not None:
             is_whole = self.reach_mm is not None and Path(tool["mesh"]).is_file()

@@ -172,11 +172,10 @@ def check_inputs(
                 )
     if asked.reference:
         inputs.problems += _no_reference(at_t0, size_mm)
-    if asked.interlayer is not None:
-        spacings = [row[f"spacing_{axis}_um"] for row in rows for axis in "xy"]
-        inputs.problems += thinner_than_a_point(
-            asked.interlayer, max(spacings, default=0.0)
-        )
+    spacings = [row[f"spacing_{axis}_um"] for row in rows for axis in "xy"]
+    inputs.problems += thinner_than_a_point(
+        asked.interlayer, max(spacings, default=0.0)
+    )
     for fault in _other_units(at_t0, square):
         if asked.placed:
             inputs.problems.append(fault)

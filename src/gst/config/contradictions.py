@@ -38,10 +38,9 @@ def improbable(config: Mapping, patches: pd.DataFrame) -> Iterator[FaultError]:
             "stone bears that (quartzite is crushed at 150 to 300 MPa)",
             "Give the force of use in N, which for a hand is some tens to some hundreds.",
         )
-    if config["interlayer"] is not None and config["specimen"] is not None:
-        yield from thinner_than_a_point(
-            config["interlayer"], config["specimen"]["scan_spacing_um"]
-        )
+    if config["specimen"] is not None:
+        spacing_um = config["specimen"]["scan_spacing_um"]
+        yield from thinner_than_a_point(config["interlayer"], spacing_um)
     for one, other, share in overlaps(patches, config["scans"]["size_mm"]):
         if share > _ONE_PATCH:
             yield FaultError(
@@ -101,10 +100,10 @@ def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
 
 
 def thinner_than_a_point(
-    interlayer: Mapping, spacing_um: float
+    interlayer: Mapping | None, spacing_um: float
 ) -> Iterator[FaultError]:
     """Whether an interlayer is thinner than two points of a scan are apart."""
-    if (thickness := interlayer["thickness_um"]) < spacing_um:
+    if interlayer and (thickness := interlayer["thickness_um"]) < spacing_um:
         yield FaultError(
             "interlayer",
             "interlayer.thickness_um",
@@ -125,7 +124,7 @@ def files_read(config: Mapping, patches: pd.DataFrame) -> list[str]:
 def check_files(config: Mapping, patches: pd.DataFrame, source: str) -> None:
     """Raise a `ConfigError` that lists files that are missing, or of unusable names.
 
-    `config` is whole; `patches` is its patch table; `source` names both.
+    `config` is whole, and called `source`; `patches` is its patch table.
     """
     files = _files(config, patches)
     problems = [
@@ -136,7 +135,8 @@ def check_files(config: Mapping, patches: pd.DataFrame, source: str) -> None:
     if problems:
         problem = f"{len(problems)} of {len(files)} files cannot be used{''.join(problems)}\n "
         remedy = "Put them there, or correct their names. Paths are relative to the working folder."
-        raise ConfigError(source, problem, remedy)
+        names = filter(None, [source, config["patches"]])
+        raise ConfigError(", ".join(names), problem, remedy)
 
 
 def _files(config: Mapping, patches: pd.DataFrame) -> dict[str, str]:

@@ -7,7 +7,6 @@ the remedy.
 """
 
 import copy
-import difflib
 import functools
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -187,9 +186,7 @@ def refuse_study(config: Mapping, source: str) -> None:
     patches = read_study(config, source)
     poses_of(config)
     if config["inputs"] is not None:
-        check_files(
-            config, patches, ", ".join(filter(None, [source, config["patches"]]))
-        )
+        check_files(config, patches, source)
 
 
 def config_problems(config: Mapping) -> list[str]:
@@ -311,8 +308,8 @@ def _unknown_keys(section: str, names: set[str], rules: Mapping) -> str:
     for key in unknown:
         if key in KEYS:
             hints += f"{key} is now {KEYS[key]}; "
-        elif alike := difflib.get_close_matches(key, rules, n=1):
-            hints += f"did you mean {alike[0]} for {key}? "
+        elif alike := near(key, rules):
+            hints += f"{key}: {alike}"
     place = f"'{section}' has" if section else "there are"
     remedy = f"remove or correct them ({hints}known: {sorted(rules)})"
     return f"{place} unknown keys {unknown}: {remedy}"
