@@ -2,6 +2,7 @@
 
 import copy
 import math
+import re
 import subprocess
 import sys
 from contextlib import nullcontext
@@ -14,7 +15,6 @@ from snakemake.utils import update_config
 
 from gst.config.contradictions import counterface_mesh
 from gst.config.reading import (
-    asked_of_files,
     complete,
     config_problems,
     read_config_file,
@@ -81,18 +81,11 @@ def test_the_template_states_every_default(config):
 
 
 def test_a_value_takes_the_place_of_a_default_as_snakemake_merges_them(config):
-    mine = {
-        "scans": {"mould": {"invert": False}},
-        "pressure_cap_MPa": None,
-        "square": {},
-    }
-    before = copy.deepcopy(mine)
+    mine = {"scans": {"mould": {"invert": False}}, "pressure_cap_MPa": None}
     whole = complete(mine)
     update_config(config, mine)
     assert whole == complete(config)
-    assert mine == before
-    assert whole["scans"]["mould"] == {"invert": False, "flip": "x"}
-    assert complete({"load": {"pressure_MPa": 22.0}})["load"]["force_N"] is None
+    assert mine == {"scans": {"mould": {"invert": False}}, "pressure_cap_MPa": None}
     assert counterface_mesh(complete({"counterface": SECOND}), "")["mesh_unit"] == "mm"
     whole["square"]["points_mm"][0][0] = 9.0  # of a default nothing is shared
     assert complete({})["square"]["points_mm"][0][0] == 2.5
@@ -241,22 +234,15 @@ def test_values_that_do_not_go_together(config, changes, words):
     assert problems == [] if words is None else words in "".join(problems)
 
 
-def test_the_whole_square_is_pressed_only_within_a_face(config):
-    """At the resolution of the scans, which takes one grid and memory."""
-    for study, is_pressed in ((config, True), (config | PAPER, False)):
-        assert asked_of_files(study, "mm", None)["reference"] == is_pressed
+def measured(config, **files):
+    """A config of measured files, which need no published figures."""
+    return config | {"specimen": None, "published": None, "inputs": INPUTS | files}
 
 
 def test_scans_need_their_folder_and_grades_do_not(config, tmp_path):
     table = tmp_path / "patches.csv"
-    inputs = INPUTS | {"scan_folder": None}
-    changes = {
-        "specimen": None,
-        "inputs": inputs,
-        "patches": str(table),
-        "published": None,
-    }
-    mine = complete(config | changes | {"gesture": SCATTER})
+    mine = measured(config, scan_folder=None) | {"patches": str(table)}
+    mine = complete(mine | {"gesture": SCATTER})
     rows = "0,1,1,2\n1,2,1,0\n2,3,1,1\n3,1,3,3\n4,2,3,0\n5,3,3,0\n"
     table.write_text(f"patch,x_mm,y_mm,wear_grade\n{rows}")
     assert read_study(mine, "m.yaml").wear_grade.tolist() == [2, 0, 1, 3, 0, 0]
@@ -269,9 +255,8 @@ def test_scans_need_their_folder_and_grades_do_not(config, tmp_path):
     ("results", "inside"), [("a/b", "mesh"), ("a/b/scans", "scans")]
 )
 def test_results_do_not_go_where_measured_files_are(config, results, inside):
-    files = {"mesh": "a/b/stone.ply", "mesh_unit": "mm", "scan_folder": "a/b/scans"}
-    mine = config | {"specimen": None, "inputs": files, "results": results}
-    (problem,) = config_problems(mine)
+    mine = measured(config, mesh="a/b/stone.ply", scan_folder="a/b/scans")
+    (problem,) = config_problems(mine | {"results": results})
     assert f"the {inside} (" in problem
     assert config_problems(mine | {"results": "a/b2"}) == []
 
@@ -319,27 +304,19 @@ def test_what_would_stop_a_run_before_its_first_step(
 
 
 def test_without_patches_a_mesh_is_enough_for_what_needs_none(config):
-    files = {
-        "specimen": None,
-        "inputs": {"mesh": "a", "mesh_unit": "mm"},
-        "patches": None,
-    }
-    assert config_problems(complete(config | files | {"gesture": SCATTER})) == []
-    (problem,) = config_problems(complete(config | files))
+    mine = measured(config, scan_folder=None) | {"patches": None}
+    assert config_problems(mine | {"gesture": SCATTER}) == []
+    (problem,) = config_problems(mine)
     assert "'patches' and 'gesture' are null: proposed positions depend on" in problem
 
 
 def test_poisson_stands_for_the_compliances_of_both_stones():
-    material = {
-        "young_1_MPa": 1e3,
-        "poisson_1": 0.0,
-        "young_2_MPa": 9e5,
-        "poisson_2": 0.5,
-    }
+    elastic = {"young_1_MPa": 1e3, "poisson_1": 0.0}
+    elastic |= {"young_2_MPa": 9e5, "poisson_2": 0.5}
     tangential = 2 * 1 / 1e3 + 1.5 * 1.5 / 9e5
     normal = 1 * 1 / 1e3 + 0.5 * 1.5 / 9e5
-    one = study_poisson(material)
-    assert (2 - one) / (2 * (1 - one)) == pytest.approx(tangential / normal / 2)
+    one = study_poisson(elastic)
+    assert (2 - one) / (1 - one) == pytest.approx(tangential / normal)
 
 
 @pytest.mark.parametrize(
@@ -368,12 +345,5 @@ def test_a_config_is_read_without_the_packages_of_the_stages():
     result = subprocess.run(
         [sys.executable, "-c", program], check=True, capture_output=True, text=True
     )
-    heavy = (
-        "scipy.stats",
-        "scipy.optimize",
-        "matplotlib",
-        "trimesh",
-        "shapely",
-        "skimage",
-    )
-    assert not {name for name in heavy if f"'{name}'" in result.stdout}
+    heavy = r"scipy\.(stats|optimize)|matplotlib|trimesh|shapely|skimage"
+    assert re.findall(f"'({heavy})'", result.stdout) == []

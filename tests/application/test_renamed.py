@@ -1,7 +1,5 @@
 """Names of an earlier version: refused where they would do harm, and mapped in old tables."""
 
-import csv
-import io
 import subprocess
 import sys
 from pathlib import Path
@@ -11,10 +9,10 @@ import yaml
 
 from gst.config.reading import config_problems
 from gst.config.renamed import COLUMNS, KEYS, VALUES
+from gst.config.tables import TABLES
 from gst.run.owned import refuse_foreign
 
 ROOT = Path(__file__).parents[2]
-BASELINE = ROOT / "tests/baseline/tables"
 
 
 @pytest.mark.parametrize(
@@ -42,49 +40,44 @@ def test_every_new_key_exists():
     assert all(f"{new}`" in text for new in KEYS.values())
 
 
-def older(name, text):
-    """A table as the earlier version wrote it."""
-    headings = {new: old for old, new in COLUMNS.get(name, {}).items()}
-    header, *rows = csv.reader(io.StringIO(text))
-    for column, values in VALUES.get(name, {}).items():
-        former, place = {new: old for old, new in values.items()}, header.index(column)
-        for row in rows:
-            row[place] = former.get(row[place], row[place])
-    if name == "validation_summary":
-        place = header.index("statistic")
-        header = [*header[: place + 1], *header[place + 3 :]]
-        rows = [
-            [*row[:place], _joined(*row[place : place + 3]), *row[place + 3 :]]
-            for row in rows
-        ]
-    stream = io.StringIO()
-    lines = [[headings.get(heading, heading) for heading in header], *rows]
-    csv.writer(stream, lineterminator="\n").writerows(lines)
-    return stream.getvalue()
-
-
-def _joined(statistic, *arguments):
-    named = ", ".join(filter(None, arguments))
-    return f"{statistic}({named})" if named else statistic
+OLD = {
+    "use": "parameter,stated,taken\ngain,2.50,yes\n",
+    "two_scales": "patch,variant\n1,placed\n1,highest_levelled\n",
+    "validation_summary": (
+        'statistic,value\nmean(mcc),0.870\n"spearman(loss, pressure)",1\nskill,0\n'
+    ),
+    "cases": "patch,case\n1,placed\n",
+}
+PRESENT = {
+    "use": "parameter,prior,adopted\nlog_score_gain,2.50,yes\n",
+    "two_scales": "patch,variant\n1,equilibrium\n1,highest_paper\n",
+    "validation_summary": (
+        "statistic,x,y,value\nmean,mcc,,0.870\nspearman,loss,pressure,1\nskill,,,0\n"
+    ),
+    "cases": OLD["cases"],
+}
 
 
 def test_old_tables_are_copied_under_the_present_names(tmp_path):
-    old = tmp_path / "tables"
+    old, copies = tmp_path / "tables", tmp_path / "copies"
     old.mkdir()
-    for file in BASELINE.glob("*.csv"):
-        (old / file.name).write_text(older(file.stem, file.read_text("utf-8")), "utf-8")
-    assert "placed" in (old / "two_scales.csv").read_text("utf-8")
-    command = [sys.executable, "workflow/rename_tables.py", old, tmp_path / "copies"]
+    for name, text in OLD.items():
+        (old / f"{name}.csv").write_text(text)
+    command = [sys.executable, "workflow/rename_tables.py", old, copies]
     result = subprocess.run(
         command, cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert "use.csv: taken -> adopted\n" in result.stdout
-    for file in BASELINE.glob("*.csv"):
-        assert (tmp_path / "copies" / file.name).read_bytes() == file.read_bytes()
-    again = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, check=False
+    assert {file.stem: file.read_text() for file in copies.iterdir()} == PRESENT
+    assert subprocess.run(command, cwd=ROOT, check=False).returncode == 2
+
+
+def test_present_names_are_those_of_the_tables():
+    for table, columns in COLUMNS.items():
+        assert {*columns.values()} <= {*TABLES[table].columns}
+    assert all(
+        {*columns} <= {*TABLES[table].columns} for table, columns in VALUES.items()
     )
-    assert again.returncode == 2
 
 
 def test_results_of_the_earlier_version_are_refused_as_a_whole(tmp_path, capsys):
