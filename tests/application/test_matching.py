@@ -98,17 +98,18 @@ def test_a_smooth_stone_shows_no_place():
 
 
 def test_scans_that_the_stage_ties_together_are_found():
-    """Whichever way its axes run."""
-    fine, turn, centres = stone(2), -160.0, PATCHES[:3]
+    """Whichever way its axes run. A scan of another stone is not, nor does it move the others."""
+    fine, turn, centres = stone(2), -160.0, PATCHES
     scans = [-scan(fine, at, turn, mirrored=True) for at in centres]  # of a mould
+    scans[5] = -scan(stone(9), (4.0, 4.0), mirrored=True)
     v, u = PatchPosition(*centres.mean(axis=0), turn).seen(*centres.T)
     offsets = np.transpose([v, -u])
-    match, reading = match_together(
-        mesh(fine), scans, np.array([offsets * (-1, 1), offsets])
-    )
-    assert (match.is_found, match.mirrored, match.inverted) == (True, True, True)
-    assert reading == 1
-    places = [match.place_of(*offset)[:2] for offset in offsets]
+    readings = np.array([offsets * (-1, 1), offsets])
+    match, reading = match_together(mesh(fine), scans, readings)
+    matches = match.each(offsets)
+    assert (match.mirrored, match.inverted, reading) == (True, True, 1)
+    assert are_found([match, *matches]) == [*[True] * 6, False]
+    places = [each.place[:2] for each in matches]
     np.testing.assert_allclose(places, centres, atol=0.03)
 
 
@@ -132,33 +133,33 @@ def test_scans_near_places_by_hand_snap_together():
     assert 0.5 < ratio < 1.2
 
 
-HERE = PatchPosition(1.0, 2.0, 10.0)
-FITS = Refined(HERE, 0.9, np.array([0.9]), np.diag([1.0, 4.0]), 20e-6, 20.0, 1.0, 1e-9)
-SHARED = _Shared(variance=1e-6, freedom=100.0, scale=1.0, of_turn=1e-6)
-
-
-def lying(fit=FITS, own_turn=0.0):
-    """A scan at one place, which turns by itself."""
-    place = HERE._replace(rotation_deg=HERE.rotation_deg + own_turn)
-    return _Lying([fit], fit._replace(place=place, shape=np.diag([1.0, 4.0, 1.0])))
+def is_taken(correlation=0.9, squares=20e-6, scale=1.0, own_turn=0.0, is_clear=True):
+    """Whether a scan that fits at one place, and turns by itself, is found there."""
+    place, each = PatchPosition(1.0, 2.0, 10.0), np.array([correlation])
+    shape = np.diag([1.0, 4.0])
+    fit = Refined(place, correlation, each, shape, squares, 20.0, scale, 1e-9)
+    turned = place._replace(rotation_deg=10.0 + own_turn)
+    free = fit._replace(place=turned, shape=np.diag([1.0, 4.0, 1.0]))
+    shared = _Shared(variance=1e-6, freedom=100.0, scale=1.0, of_turn=1e-6)
+    match = shared.match(_Lying([fit], free), LIKELY, is_clear)
+    assert not match.is_uncertain
+    return match.is_found
 
 
 @pytest.mark.parametrize(
-    ("there", "is_clear", "is_found"),
+    ("name", "value"),
     [
-        (lying(), True, True),
-        (lying(), False, False),  # another way to lay all scans is as good
-        (lying(FITS._replace(correlation=0.79)), True, False),
-        (lying(FITS._replace(squares=60e-6)), True, False),  # three times the variance
-        (lying(FITS._replace(scale=1.41)), True, False),
-        (lying(FITS._replace(scale=1 / 1.41)), True, False),
-        (lying(own_turn=9.9), True, True),
-        (lying(own_turn=-10.1), True, False),
+        ("is_clear", False),  # another way to lay all scans is as good
+        ("correlation", 0.79),
+        ("squares", 60e-6),  # three times the variance
+        ("scale", 1.41),
+        ("scale", 1 / 1.41),
+        ("own_turn", -10.1),
     ],
 )
-def test_each_reason_alone_leaves_a_scan_where_it_was_put(there, is_clear, is_found):
-    match = SHARED.match(there, LIKELY, is_clear)
-    assert (match.is_found, match.is_uncertain) == (is_found, False)
+def test_each_reason_alone_leaves_a_scan_where_it_was_put(name, value):
+    assert is_taken()
+    assert not is_taken(**{name: value})
 
 
 def test_a_scan_that_fits_at_two_places_is_not_certain():
@@ -178,16 +179,20 @@ def test_a_scan_that_fits_at_two_places_is_not_certain():
         assert np.hypot(*(places[:, :2] - at).T).min() < 0.1
 
 
-def test_one_scan_needs_a_larger_lead_than_several():
-    for lead, expected in {
-        0.4: [True, True],
-        0.3: [False, True],
-        0.15: [False, False],
-    }.items():
-        elsewhere = np.tanh(np.arctanh(LIKELY.correlation) - lead)
-        assert (
-            are_found(LIKELY.among([elsewhere], count) for count in (1, 2)) == expected
-        )
+@pytest.mark.parametrize(
+    ("lead", "alone", "together"),
+    [(0.4, True, True), (0.3, False, True), (0.15, False, False)],
+)
+def test_one_scan_needs_a_larger_lead_than_several(lead, alone, together):
+    elsewhere = np.tanh(np.arctanh(LIKELY.correlation) - lead)
+    matches = [LIKELY.among([elsewhere], count) for count in (1, 2)]
+    assert are_found(matches) == [alone, together]
+
+
+def test_scans_whose_rotations_differ_are_not_found():
+    scans = [scan(SMOOTH, at) for at in PATCHES[:2]]
+    by_hand = [PatchPosition(*at, 30.0) for at in PATCHES[:2]]
+    assert are_found(match_near(mesh(SMOOTH), scans, by_hand)) == [False, False]
 
 
 def test_the_errors_of_a_place_and_of_the_lever_are_as_large_as_is_said():
@@ -227,21 +232,6 @@ def test_the_stage_places_what_heights_do_not(monkeypatch):
 def test_a_scan_that_lies_otherwise_than_most_is_not_found():
     matches = {name: LIKELY for name in "abc"} | {"d": replace(LIKELY, mirrored=True)}
     assert are_found(_laid_alike(matches).values()) == [True, True, True, False]
-
-
-AROUND = np.array([(4.1, 4.0), (4.2, 5.1), (4.85, 4.5), (4.6, 5.2)])
-ON_MAP = AROUND - 4.5 + OVERVIEW / 2
-
-
-def test_a_scan_of_another_stone_does_not_lie_where_the_stage_says():
-    """Nor does it move the others, or turn them."""
-    fine, offsets = stone(1), AROUND - AROUND.mean(axis=0)
-    scans = [scan(fine, at) for at in AROUND[:3]]
-    scans.append(scan(stone(2), AROUND[3]))
-    match, _ = match_together(overview(fine), scans, offsets[np.newaxis])
-    matches = match.each(offsets)
-    assert are_found([match, *matches]) == [True, True, True, True, False]
-    np.testing.assert_allclose([each.place[:2] for each in matches], ON_MAP, atol=0.001)
 
 
 def test_what_fits_two_sides_of_a_stone_alike_is_not_found(monkeypatch):
