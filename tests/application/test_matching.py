@@ -8,7 +8,6 @@ import trimesh
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 from stones import FINE, taken
 
-from gst.check.aligning import Fit, Refined
 from gst.check.matching import (
     Match,
     _Lying,
@@ -17,6 +16,7 @@ from gst.check.matching import (
     match_near,
     match_together,
 )
+from gst.check.sliding import Fit, Refined
 from gst.setup.finding import _laid_alike, find_on_map, find_on_stone
 from gstlib import self_affine_field
 from gstlib.surfaces.footprints import PatchPosition

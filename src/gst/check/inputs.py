@@ -61,8 +61,6 @@ SAME_SCAN, WRONG_UNIT = "same_scan", "units"
 _COARSE = 128
 # If spacings of T0 and T1 differ by more than this share, the magnifications differ.
 _SAME_SPACING = 1e-3
-# Most groups of equal scans that a message lists.
-_NAMED = 4
 # Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
 _BYTES = 200
 # ASSUME: Factor between units. Heights of one stone that differ by a factor of 10 are in different
@@ -322,12 +320,11 @@ def _same_scans(pieces: _Pieces) -> Iterator[FaultError]:
             alike.setdefault(piece.content, []).append(use)
     copies = [uses for uses in alike.values() if len(uses) > 1]
     if copies:
-        groups = [" and ".join(at_epoch(*use) for use in uses) for uses in copies]
-        more = f"; and {len(groups) - _NAMED} more" * (len(groups) > _NAMED)
+        groups = (" and ".join(at_epoch(*use) for use in uses) for uses in copies)
         yield FaultError(
             SAME_SCAN,
             ", ".join(str(pieces[use].path) for use in copies[0]),
-            f"the heights are the same in {'; '.join(groups[:_NAMED])}{more}",
+            f"the heights are the same in {'; '.join(groups)}",
             "Give each scan its own file. Leave t1 or repeat empty in the patch table if there is "
             "no such scan.",
             [*dict.fromkeys(patch for uses in copies for patch, _ in uses)],
@@ -336,11 +333,11 @@ def _same_scans(pieces: _Pieces) -> Iterator[FaultError]:
 
 def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[GstError]:
     """Why the whole square cannot be pressed at the scans' resolution, if it cannot."""
-    by_shape = {piece.grid[0]: (patch, piece) for patch, piece in at_t0.items()}
-    if not by_shape:
+    if not at_t0:
         return
-    (_, first), *others = by_shape.values()
-    count = round(square_mm / first.grid[1][1])
+    first = next(iter(at_t0.values()))
+    (ny, nx), (_, dx) = first.grid
+    count = round(square_mm / dx)
     needed = _BYTES * count**2
     if needed > (available := os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
         yield FaultError(
@@ -351,14 +348,16 @@ def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[Gst
             f"{available / 2**30:.1f} GiB",
             "Set reference_realisations to null, or run the study on a larger machine.",
         )
-    for patch, other in others[:1]:
-        (ny, nx), (other_ny, other_nx) = first.grid[0], other.grid[0]
-        yield InputError(
-            other.path,
-            f"patch {patch} has {other_nx} × {other_ny} points, but {first.path} has {nx} × {ny}: "
-            "the contact of the whole square needs scans of one grid",
-            "Scan all patches alike, or set reference_realisations to null.",
-        )
+    for patch, other in at_t0.items():
+        other_ny, other_nx = other.grid[0]
+        if (other_ny, other_nx) != (ny, nx):
+            yield InputError(
+                other.path,
+                f"patch {patch} has {other_nx} × {other_ny} points, but {first.path} has "
+                f"{nx} × {ny}: the contact of the whole square needs scans of one grid",
+                "Scan all patches alike, or set reference_realisations to null.",
+            )
+            return
 
 
 def _other_units(

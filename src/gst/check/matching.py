@@ -1,7 +1,7 @@
 """Positions of scans on a mesh or on a larger map, found by their heights.
 
-Heights are correlated at every shift and rotation, also mirrored (`gst.check.sliding`). The best
-position is refined between the elements, and its error is estimated (`gst.check.aligning`).
+Heights are correlated at every shift and rotation, also mirrored. The best position is refined
+between the elements, and its error is estimated (`gst.check.sliding`).
 
 A mesh shows too few waves of a patch of 0.85 mm to find it anywhere on a stone (`match_map`).
 Several patches can be found if the stage coordinates give their distances (`match_together`). A
@@ -23,8 +23,15 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gst.check.aligning import Fit, Refined, part_around, widened
-from gst.check.sliding import Search, Template, wrapped
+from gst.check.sliding import (
+    Fit,
+    Refined,
+    Search,
+    Template,
+    part_around,
+    widened,
+    wrapped,
+)
 from gstlib.surfaces.fitting import vertex
 from gstlib.surfaces.footprints import PatchPosition
 
