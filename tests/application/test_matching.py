@@ -16,7 +16,7 @@ from gst.check.matching import (
     match_near,
     match_together,
 )
-from gst.check.sliding import Fit, Refined
+from gst.check.sliding import Refined
 from gst.setup.finding import _laid_alike, find_on_map, find_on_stone
 from gstlib import self_affine_field
 from gstlib.surfaces.footprints import PatchPosition
@@ -44,19 +44,12 @@ def stone(seed):
 SMOOTH = gaussian_filter(stone(5), 40)
 
 
-def smooth_noise(seed, count, sigma):
-    """Noise of r.m.s. 1 whose waves are some elements long."""
-    noise = np.random.default_rng(seed).normal(size=(count, count))
-    smooth = gaussian_filter(noise, sigma)
-    return smooth / smooth.std()
-
-
-def mesh(fine, seed=0):
+def mesh(fine):
     """What a mesh shows of it, with its noise."""
     smooth = gaussian_filter(fine, EDGE / 2 / FINE)
     surface = coarser(make_surface(smooth, FINE, mesh_edge_mm=EDGE), 3)
-    surface += 0.003 * smooth_noise(seed, len(surface), 2)
-    return surface
+    noise = gaussian_filter(np.random.default_rng(0).normal(size=surface.shape), 2)
+    return surface + 0.003 * noise / noise.std()
 
 
 def scan(fine, centre, turn=0.0, mirrored=False, side=PATCH):
@@ -91,10 +84,16 @@ def test_a_map_is_found_where_it_was_taken():
     assert not match_map(mesh(stone(1)), heights).is_found
 
 
-def test_a_smooth_stone_shows_no_place():
-    scans = [scan(SMOOTH, at) for at in PATCHES[:3]]
-    by_hand = [PatchPosition(y + 0.2, x - 0.3) for y, x in PATCHES[:3]]
-    assert not any(are_found(match_near(mesh(SMOOTH), scans, by_hand)))
+@pytest.mark.parametrize(
+    ("fine", "turns"),
+    [(SMOOTH, (0.0, 0.0, 0.0)), (stone(2), (-11.5, 11.5))],
+    ids=["smooth", "turned otherwise"],
+)
+def test_scans_without_a_common_position_are_not_found(fine, turns):
+    pairs = [*zip(PATCHES, turns, strict=False)]
+    scans = [scan(fine, at, turn) for at, turn in pairs]
+    matches = match_near(mesh(fine), scans, [PatchPosition(*at) for at, _ in pairs])
+    assert not any(are_found(matches))
 
 
 def test_scans_that_the_stage_ties_together_are_found():
@@ -189,36 +188,12 @@ def test_one_scan_needs_a_larger_lead_than_several(lead, alone, together):
     assert are_found(matches) == [alone, together]
 
 
-def test_scans_whose_rotations_differ_are_not_found():
-    scans = [scan(SMOOTH, at) for at in PATCHES[:2]]
-    by_hand = [PatchPosition(*at, 30.0) for at in PATCHES[:2]]
-    assert are_found(match_near(mesh(SMOOTH), scans, by_hand)) == [False, False]
-
-
-def test_the_errors_of_a_place_and_of_the_lever_are_as_large_as_is_said():
-    """Whatever the waves are that the surface shows besides the scan's own."""
-    scores = []
-    for seed in range(30):
-        ground = smooth_noise(seed, 120, 3)
-        surface = make_surface(ground + 0.3 * smooth_noise(100 + seed, 120, 1.5), 0.05)
-        piece = make_surface(ground[30:90, 30:90], 0.05)
-        fit = Fit(surface, [piece], np.zeros((1, 2)), False).refined(
-            PatchPosition(3.0, 3.0)
-        )
-        match = replace(LIKELY, place=fit.place, covariance=fit.covariance)
-        for lever in (0.0, 3.0):
-            moved = match.at(0.0, lever)
-            off = np.subtract(moved.place[:2], (3.0, 3.0 + lever))
-            scores.append(off / np.sqrt(moved.covariance.diagonal()[:2]))
-    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.4
+def test_an_error_of_the_rotation_grows_with_the_lever():
+    assert LIKELY.at(0.0, 3.0).error_mm == pytest.approx(10**0.5)
 
 
 def test_the_stage_places_what_heights_do_not(monkeypatch):
-    places = [PatchPosition(1.0, 1.0), PatchPosition(2.0, 2.0)]
-    alone = {
-        scan: replace(LIKELY, place=place, is_found=scan == "a")
-        for scan, place in zip("ab", places, strict=True)
-    }
+    alone = {"a": LIKELY, "b": replace(LIKELY, is_found=False)}
     together = replace(LIKELY, place=PatchPosition(5.0, 5.0), own=(0.9, 0.9))
     offsets = np.array([[[-1.0, 0.0], [1.0, 0.0]]])
     monkeypatch.setattr("gst.setup.finding.match_map", lambda _, scan: alone[scan])
