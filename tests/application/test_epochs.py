@@ -32,22 +32,19 @@ BEFORE = {patch: surface(seed) for seed, patch in enumerate(PATCHES)}
 def check(after=(), before=(), spacing=SPACING):
     """The faults of patches, of which some scans are other ones than usual."""
     before = BEFORE | dict(before)
-    scans = {(patch, "T0"): heights for patch, heights in before.items()}
-    for patch, heights in (before | dict(after)).items():
-        scans[patch, "T1"] = noisy(heights)
+    worn = {patch: noisy(heights) for patch, heights in (before | dict(after)).items()}
+    scans = {"T0": before, "T1": worn}
 
     class Prepared(Study):
         def prepare(self, patch, epoch):
-            return prepare_scan(make_surface(scans[patch, epoch], spacing))
+            return prepare_scan(make_surface(scans[epoch][patch], spacing))
 
-    table = pd.DataFrame({"patch": [*PATCHES], "repeat": ""})
-    table[["x_mm", "y_mm", "rotation_deg"]] = 1.0, 1.0, 0.0
-    for epoch in ("t0", "t1"):
-        table[epoch] = table.patch + f"_{epoch}"
-    config = complete({"scans": {"mould": {"invert": False}}})
-    study = Prepared(
-        config | {"use": None}, table, read_mesh=lambda: None, read_scan=lambda *_: None
+    table = pd.DataFrame({"patch": [*PATCHES], "repeat": "", "rotation_deg": 0.0})
+    table = table.assign(
+        x_mm=1.0, y_mm=1.0, t0=table.patch + "_t0", t1=table.patch + "_t1"
     )
+    config = complete({"scans": {"mould": {"invert": False}}}) | {"use": None}
+    study = Prepared(config, table, read_mesh=lambda: None, read_scan=lambda *_: None)
     faults, _ = epochs_on_each_other(study)
     return faults
 
