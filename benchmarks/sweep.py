@@ -17,7 +17,7 @@ from specimens import merged
 
 from gst.config.contradictions import counterface_mesh
 from gst.config.patches import read_patches
-from gst.config.poses import reach_of
+from gst.config.poses import poses_of, reach_of
 from gst.config.reading import config_problems, read_config, refuse_config
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
@@ -57,7 +57,7 @@ def study_of(config, folder=Path()):
         moved = {"gesture": {"table": str(folder / table)}} if table else {}
         second |= {
             "mesh": folder / second["mesh"],
-            "reach_mm": reach_of({**config, **moved}),
+            "reach_mm": reach_of(config, poses_of({**config, **moved})),
         }
     return Study(
         config,

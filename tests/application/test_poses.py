@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gst.config.poses import batches_of, reach_of, read_poses
+from gst.config.poses import batches_of, poses_of, reach_of, read_poses
 from gstlib.errors import ConfigError
 
 SIDE = 4.0
@@ -55,13 +55,17 @@ def test_the_active_tool_is_needed_as_far_as_the_poses_reach(tmp_path):
         "uncertainty": {"pose_um": 0.0},
     }
 
+    def reach(**changes):
+        config = usual | changes
+        return reach_of(config, poses_of(config))
+
     def reach_with(rows):
         path.write_text(rows)
-        return reach_of(usual | {"gesture": {"table": str(path)}})
+        return reach(gesture={"table": str(path)})
 
-    assert reach_of(usual) == 0
-    assert reach_of(usual | {"uncertainty": {"pose_um": 400.0}}) == 2
-    assert reach_of(usual | {"gesture": {"stroke_mm": 3.0, "poses": 7}}) == 1.5
+    assert reach() == 0
+    assert reach(uncertainty={"pose_um": 400.0}) == 2
+    assert reach(gesture={"stroke_mm": 3.0, "poses": 7}) == 1.5
     assert reach_with(TABLE.replace("0.1\t0", "3\t4")) == 5
     # the corners of the face turn with it
     turned = TABLE.replace("x_mm", "rotation_deg\tx_mm")

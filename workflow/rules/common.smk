@@ -75,7 +75,7 @@ ACTIVE_TOOL = counterface_mesh(config, f"{RESULTS}/specimen")
 COUNTERFACE_MESH = ACTIVE_TOOL["mesh"] if ACTIVE_TOOL else []
 POSES = poses_of(config)
 if ACTIVE_TOOL:
-    ACTIVE_TOOL["reach_mm"] = reach_of(config)
+    ACTIVE_TOOL["reach_mm"] = reach_of(config, POSES)
 # Config values of each stage, by rule.
 SETTINGS = Settings(**config).by_stage()
 # A claim about other patches does not apply to these.

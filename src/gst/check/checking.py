@@ -112,7 +112,8 @@ class Walk:
             )
             _log.warning(message, config["patches"], one, other, 100 * share)
         with noting(self.faults):
-            self.reach_mm, self.poses = reach_of(config), poses_of(config)
+            self.poses = poses_of(config)
+            self.reach_mm = reach_of(config, self.poses)
 
     def files(self) -> None:
         """The mesh and every scan; those that are there are read, whatever else is missing."""

@@ -64,15 +64,16 @@ def _of_places(study: Study) -> Iterator[Cure]:
     settings = study.settings["check_placement"] | {"accept": [PLACEMENT]}
     table = check_placement(study.face.height, study.patches, scans, **settings)
     together, mould = table.iloc[-1], Mould(**config["scans"]["mould"])
+    size_mm = config["square"]["size_mm"]
     if together.orientation not in ("", AS_GIVEN):
         if not patches.flip.any():  # in some rows, which are another matter
-            yield _laid_right(together.orientation, mould, config["square"]["size_mm"])
+            yield from _laid_right(together.orientation, mould, size_mm)
         return
     alone = table.iloc[:-1]
     for row in alone[alone.orientation != ""].itertuples():
         flip = patches.flip[row.patch]
         own = mould._replace(flip={"none": None, "": mould.flip}.get(flip, flip))
-        yield from _alone_laid_right(row.patch, row.orientation, own)
+        yield from _laid_right(row.orientation, own, size_mm, row.patch)
     if together.status == CANNOT_TELL:
         return
     # heights that fit the mesh have the right sign, so that they rose tells the epochs
@@ -95,46 +96,40 @@ def _of_places(study: Study) -> Iterator[Cure]:
         )
 
 
-def _laid_right(orientation: str, mould: Mould, size_mm: float) -> Cure:
-    """Of patches that all fit the mesh with another orientation or another table than as given."""
+def _laid_right(
+    orientation: str, mould: Mould, size_mm: float, patch: str = ""
+) -> Iterator[Cure]:
+    """Of all patches, or one, that fit the mesh with another orientation or table than as given.
+
+    `mould` undid the moulds. Heights in the file of one patch are not inverted here.
+    """
     look, _, mistake = orientation.partition("with ")
-    right, turn = lying_right(look.strip(), mould)
+    right, turn = lying_right(look.strip(), mould, is_alone=bool(patch))
     former = mould._asdict()
+    new = {key: own for key, own in right._asdict().items() if own != former[key]}
+    if patch and "invert" in new:
+        return
 
     def cells(row: Mapping[str, str]) -> Mapping[str, object]:
+        if patch not in ("", row["patch"]):
+            return {}
         changed = _plus(row, rotation_deg=turn)
+        if patch and "flip" in new:
+            changed["flip"] = right.flip or "none"
         if mistake:
             x, y = (_number(row[column]) for column in ("x_mm", "y_mm"))
             x, y = as_measured(x, y, size_mm, mistake)
             changed |= {"x_mm": _cell(x), "y_mm": _cell(y)}
         return changed
 
-    return Cure(
-        f"the patches fit the mesh {orientation}",
-        {
-            f"scans.mould.{key}": value
-            for key, value in right._asdict().items()
-            if value != former[key]
-        },
-        cells if turn or mistake else None,
+    fit = f"patch {patch} fits" if patch else "the patches fit"
+    yield Cure(
+        f"{fit} the mesh {orientation}",
+        {} if patch else {f"scans.mould.{key}": value for key, value in new.items()},
+        cells if patch or turn or mistake else None,
         "Turn" if turn else "Move" if mistake else "Mirror",
         PLACEMENT,
     )
-
-
-def _alone_laid_right(patch: str, orientation: str, own: Mould) -> Iterator[Cure]:
-    """Of one patch with another orientation; heights in its file are not inverted here."""
-    right, turn = lying_right(orientation, own, is_alone=True)
-    flip = {"flip": right.flip or "none"} if right.flip != own.flip else {}
-    if right.invert == own.invert:
-        yield Cure(
-            f"patch {patch} fits the mesh {orientation}",
-            cells=lambda row: (
-                _plus(row, rotation_deg=turn) | flip if row["patch"] == patch else {}
-            ),
-            button="Turn" if turn else "Mirror",
-            fault=PLACEMENT,
-        )
 
 
 def _are_exchanged(study: Study) -> bool:

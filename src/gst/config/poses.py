@@ -58,14 +58,13 @@ def batches_of(poses: pd.DataFrame | None) -> dict[str, dict]:
     return {str(n): batch.to_dict() for n, batch in enumerate(batches, start=1)}
 
 
-def reach_of(config: Mapping[str, Any]) -> float:
+def reach_of(config: Mapping[str, Any], poses: pd.DataFrame | None) -> float:
     """How far around the passive face (mm) the active tool's own is needed.
 
-    That is for the poses of the gesture, if there is one, and for errors of the pose of five
+    That is for the `poses` of `poses_of`, if there are any, and for errors of the pose of five
     standard deviations.
     """
     reach = 5e-3 * config["uncertainty"]["pose_um"]
-    poses = poses_of(config)
     if poses is None:
         return reach
     face_mm, turn = config["macroscale"]["face_mm"], poses.rotation_deg.abs()
