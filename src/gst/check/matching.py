@@ -231,7 +231,7 @@ def match_together(
         (peaks[["mirrored", "reading"]] == best[["mirrored", "reading"]]).all(axis=1)
         & (np.sign(peaks.score) == sign)
         & (np.hypot(peaks.y - best.y, peaks.x - best.x) < _SAME_PLACE * side)
-        & (wrapped(peaks.turn - best.turn).abs() <= _SAME_TURN)
+        & (np.abs(wrapped(peaks.turn - best.turn)) <= _SAME_TURN)
     )
     match = Match(
         best_fit.place,
