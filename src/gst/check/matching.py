@@ -32,7 +32,6 @@ from gst.check.sliding import (
     widened,
     wrapped,
 )
-from gstlib.surfaces.fitting import vertex
 from gstlib.surfaces.footprints import PatchPosition
 
 # Number of rotations that are tried. Half a step moves the corners of a map of 2.5 mm by 50 µm, a
@@ -124,15 +123,13 @@ class Match:
 
         A scan that does not fit there by itself shows another position, and is not found.
         """
-        matches = []
-        for offset, own, fits in zip(
-            offsets, self.own, _fitting(self.own), strict=True
-        ):
-            lies = self.at(*map(float, offset))
-            matches.append(
-                lies if fits else replace(lies, correlation=own, is_found=False)
+        lying = (self.at(*map(float, offset)) for offset in offsets)
+        return [
+            match if fits else replace(match, correlation=own, is_found=False)
+            for match, own, fits in zip(
+                lying, self.own, _fitting(self.own), strict=True
             )
-        return matches
+        ]
 
     def carrying(self, inner: "Match", middle: Sequence[float]) -> "Match":
         """The position of a scan that was found on this scan, whose centre is at `middle`, mm."""
@@ -298,7 +295,7 @@ def match_near(
     mirrored, inverted, half, number = pose
     another, best = np.sort(common.max(axis=-1), axis=None)[-2:]
     is_clear = best - another >= _LEAST_LEAD / math.sqrt(len(scans))
-    turn = 180 * half + _top(number, common[mirrored, inverted, half])
+    turn = 180 * half + float(_BY_HAND[number])
     alone = np.zeros((1, 2))
     fits = [Fit(surface, [scan], alone, bool(mirrored)) for scan in scans]
     sign = -1 if inverted else 1
@@ -478,10 +475,3 @@ def _near(search: Search, template: Template, place: PatchPosition) -> pd.DataFr
     peaks["number"] = ((turn - 180 * peaks.half - _BY_HAND[0]) / _STEP).round()
     highest = peaks.score.abs().sort_values(ascending=False, kind="stable").index
     return peaks.loc[highest[off[highest] <= _REACH]]
-
-
-def _top(number: int, sums: Sequence[float]) -> float:
-    """The rotation (degrees) with the highest sum, interpolated by a parabola."""
-    if not 0 < number < len(sums) - 1:
-        return float(_BY_HAND[number])
-    return float(_BY_HAND[number] + vertex(sums[number - 1 : number + 2], _STEP))
