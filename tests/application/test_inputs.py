@@ -212,8 +212,8 @@ def test_one_scan_in_another_unit(wavy, folder, caplog, factor, mesh, outcome):
 
 def test_facts_of_a_scan(tmp_path):
     """Noise of 1 µm on a plane, of which a hundredth was not measured."""
-    y, x = np.mgrid[:50, :50] * np.reshape((2e-3, 1e-3), (2, 1, 1))
-    heights = 2e-2 * x - 1e-2 * y + noise(3)
+    y, x = np.mgrid[:50, :50]
+    heights = 2e-5 * x - 2e-5 * y + noise(3)
     heights[:5, :5] = np.nan
     write_plu(tmp_path / "a.plu", heights, (2e-3, 1e-3))
     facts, level = inspect_file(tmp_path / "a.plu")

@@ -75,14 +75,12 @@ class Walk:
     config: dict = field(default_factory=dict)
     patches: pd.DataFrame = field(default_factory=pd.DataFrame)
     is_writable: bool = False
-    reach_mm: float | None = (
-        None  # of the active tool's face; None if the poses cannot be read
-    )
+    # of the active tool's face; None if the poses cannot be read
+    reach_mm: float | None = None
     poses: pd.DataFrame | None = None
     inputs: Inputs | None = None  # None of a specimen that is to be generated
-    lines: dict[str, str] = field(
-        default_factory=dict
-    )  # of the answer, about the contact
+    # of the answer, about the contact
+    lines: dict[str, str] = field(default_factory=dict)
 
     def run(self) -> None:
         """Go through all stations, and describe a run. An error lists all faults."""
@@ -178,10 +176,8 @@ class CoarseStudy(Study):
     def __init__(self, config: dict, patches: pd.DataFrame, inputs: Inputs):
         assert inputs.stone is not None
         assert inputs.face is not None
-        stone, has_t0 = (
-            inputs.stone,
-            [(patch, "T0") in inputs.coarse for patch in patches.patch],
-        )
+        stone = inputs.stone
+        has_t0 = [(patch, "T0") in inputs.coarse for patch in patches.patch]
         super().__init__(
             # under the use that is stated: to read it from the wear takes longer than the rest
             config | {"detection": {"minimum_cluster_points": _SPOT}, "use": None},

@@ -124,9 +124,8 @@ class Asked:
     scan_settings: Mapping  # the section ``scans`` of the config
     maximum_unmeasured: float  # largest share (0 to 1) of unmeasured points in a patch
     placed: bool  # the scans are laid on the mesh: both must then see the same stone
-    reference: (
-        bool  # the whole square is pressed at the scans' resolution, which takes memory
-    )
+    # the whole square is pressed at the scans' resolution, which takes memory
+    reference: bool
     interlayer: Mapping | None  # the section ``interlayer`` of the config
     # As in `gstlib.macroscale.active_tool.ActiveTool.read`; None for one without a mesh.
     active_tool: Mapping | None

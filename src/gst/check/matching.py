@@ -87,9 +87,8 @@ class Match:
     # covariance (3, 3) of y and x (mm) and the rotation (radians)
     covariance: np.ndarray = field(compare=False)
     is_found: bool  # whether correlation and lead are large enough
-    own: tuple[
-        float, ...
-    ] = ()  # of scans that were found together: the correlation of each
+    # of scans that were found together: the correlation of each
+    own: tuple[float, ...] = ()
     # Whether a scan was taken near here, but its exact position, or which of several positions is
     # right, is not certain; and the other positions.
     is_uncertain: bool = False
