@@ -170,15 +170,17 @@ def path_problem(path: str) -> str | None:
         return f"{path} contains braces, which Snakemake reads as a placeholder"
     if "\0" in path:
         return f"{path!r} contains a NUL, which no name of a file can have"
-    if Path(path).is_file():
+    file = Path(path)
+    if file.is_file():
         return None
-    if Path(path).is_dir():
+    if file.is_dir():
         return f"{path} is a folder, and not a file"
-    if Path(path).exists():
+    if file.exists():
         return f"{path} is a pipe or a device, and not a file"
-    folder = Path(path).parent
-    there = [file.name for file in folder.iterdir()] if folder.is_dir() else []
-    hint = near(Path(path).name, there).strip()
+    there = []
+    if file.parent.is_dir():
+        there = [other.name for other in file.parent.iterdir()]
+    hint = near(file.name, there).strip()
     return f"{path} does not exist" + f" ({hint})" * bool(hint)
 
 
