@@ -463,7 +463,7 @@ def _common_turn(lying: Sequence[_Lying]) -> float:
 
 
 def _near(search: Search, template: Template, place: PatchPosition) -> pd.DataFrame:
-    """Peaks within reach of a position, the highest first, with the columns of `_POSE`."""
+    """Peaks within reach of a position, the highest of each pose first, with `_POSE`."""
     step = search.step
     half = template.count(step) * step / 2 + _REACH + step
     part = Search(part_around(search.surface, place, half), [template])
@@ -472,5 +472,4 @@ def _near(search: Search, template: Template, place: PatchPosition) -> pd.DataFr
     turn = peaks.turn - place.rotation_deg
     peaks["inverted"], peaks["half"] = peaks.score < 0, turn > 90
     peaks["number"] = ((turn - 180 * peaks.half - _BY_HAND[0]) / _STEP).round()
-    highest = peaks.score.abs().sort_values(ascending=False, kind="stable").index
-    return peaks.loc[highest[off[highest] <= _REACH]]
+    return peaks[off <= _REACH]

@@ -49,6 +49,8 @@ _LEAST_SQUARES = 1e-20
 # Number of standard errors that contain 95 % of normal values.
 _NORMAL = 1.96
 
+# Highest peaks that are kept of each rotation, more than there can be within half a scan.
+_MOST_PEAKS = 400
 _PEAK = ["score", "y", "x", "mirrored", "turn", "reading"]
 
 
@@ -212,7 +214,7 @@ class Search:
     def _peaks_at(
         self, held: Sequence[_Held], mirrored: bool, turn: float, reading: np.ndarray
     ) -> np.ndarray:
-        """Score and common point (k, 3) of the peaks of scans that are at these offsets."""
+        """Score and common point (k, 3) of scans that are at these offsets, highest peaks first."""
         v, u = reading.T
         places = rotated(v, -u if mirrored else u, turn)
         at = np.rint(np.transpose(places) / self.step).astype(int)
@@ -220,6 +222,8 @@ class Search:
         size = np.fmax(np.abs(score), 0.0)  # NaN is no peak
         highest = scipy.ndimage.maximum_filter(size, 3, mode="constant")
         peaks = np.argwhere((size > 0) & (size == highest))
+        order = np.argsort(-size[tuple(peaks.T)], kind="stable")
+        peaks = peaks[order[:_MOST_PEAKS]]
         middle = peaks - at.min(axis=0) + (self.count - 1) / 2
         first = [float(self.surface[axis][0]) for axis in ("y", "x")]
         return np.column_stack([score[tuple(peaks.T)], middle * self.step + first])
