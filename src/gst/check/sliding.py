@@ -174,7 +174,7 @@ class Search:
         high, wide = sides
         covered = (v <= high / 2) & (u <= wide / 2)
         y, x = np.nonzero(covered)
-        planes, _ = np.linalg.qr(planes_over(y, x))
+        planes, _ = np.linalg.qr(planes_over(y, x).T)
         ones = np.ones(len(planes))
         squares = self._sums(self._squares, ones, covered)
         for plane in planes.T:
@@ -285,7 +285,7 @@ class Fit:
         away = max(np.hypot(v, u).max() for v, u in self.points)
         around = part_around(self.surface, start, away + 5 * self.step)
         spline = spline_of(around)
-        planes = [planes_over(v, u) for v, u in self.points]
+        planes = [planes_over(v, u).T for v, u in self.points]
         columns = [*map(np.column_stack, zip(planes, self.heights, strict=True))]
         count = 3 if is_turned else 2
 
