@@ -13,13 +13,13 @@ from PIL import Image
 from gst import ROOT
 from gst.config.reading import read_config
 from gst.config.tables import TABLES
-from gst.page import page
 from gst.page.captions import caption_html, table_caption
 from gst.page.figures.style import STONE
 from gst.page.figures.tool import coloured_tool
 from gst.page.results import Results
 from gst.page.scene import tool_scene
 from gst.page.study_page import reported, scan_dates
+from gst.page.templates import render
 from gst.page.verdict import Answer
 from gst.run.chain import given_to, step_of, write_record
 from gstlib.io.store import write_dataset
@@ -132,7 +132,7 @@ def answer_html(short, detail, **content):
     nothing = {"specimen": None, "faults": [], "load": {"held": {}}, "truth": {}}
     content = nothing | content
     config = {"specimen": content["specimen"]}
-    return page.render("page.answer.html", answer=answer, config=config, **content)
+    return render("page.answer.html", answer=answer, config=config, **content)
 
 
 def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
@@ -151,7 +151,7 @@ def test_an_accepted_fault_is_shown_above_the_answer():
     assert 0 < html.index(fault[0]["text"]) < html.index("because")
     config = {"specimen": None}
     empty = {"answer": Answer([], []), "faults": fault, "config": config}
-    nothing = page.render("page.answer.html", **empty)
+    nothing = render("page.answer.html", **empty)
     assert "No answer could be computed" in nothing
 
 

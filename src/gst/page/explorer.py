@@ -39,23 +39,22 @@ def draws_to_explore(
     if (use := adopted_use(study)) is None:
         return None
     step = math.ceil(use.pressure.size / _MOST)
-    use = use.isel(draw=slice(None, None, step))
-    pressure = use.pressure.transpose("draw", "patch")
-    columns = {"x_mm": use.x_mm, "y_mm": use.y_mm, "pressure": pressure}
-    columns["weight"] = use.weight / use.weight.max()
+    use = use.isel(draw=slice(None, None, step)).transpose("draw", ...)
+    use["weight"] = use.weight / use.weight.max()
+    shown = ["x_mm", "y_mm", "weight", "pressure"]
     measured = study.outlined.set_index("patch").get("wear_grade")
     if "wear_coefficient" in use:
-        equivalent = Law(**wear_law).equivalent(pressure.values)
-        columns["loss"] = use.wear_coefficient * pressure.copy(data=equivalent)
+        equivalent = Law(**wear_law).equivalent(use.pressure.values)
+        use["loss"] = use.wear_coefficient * use.pressure.copy(data=equivalent)
+        shown.append("loss")
         measured = study.table("predicted_losses").set_index("patch").loss_um
-    draws = {
-        name: column.values.round(_DECIMALS.get(name, 3)).tolist()
-        for name, column in columns.items()
-    }
-    patches = [str(patch) for patch in use.patch.values]
+    patches = use.patch.values.tolist()
     return {
-        **draws,
         "patches": patches,
         "measured": [float(measured[patch]) for patch in patches],
         "near_mm": study.patch_mm / 2,
+        **{
+            name: use[name].values.round(_DECIMALS.get(name, 3)).tolist()
+            for name in shown
+        },
     }

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from gst.page.results import Results
@@ -43,26 +44,31 @@ def load_points(study: Results, given: Sequence[float] | None) -> dict[str, Any]
     if given is not None:
         points["given"] = [given[1], given[0]]
     if "truth" in study.tables:
-        truth = study.table("truth")
-        true = truth[truth.stage == "use"].set_index("quantity").true
-        if "load_point_x" in true:
-            points["true"] = [float(true.load_point_x), float(true.load_point_y)]
+        truth = study.table("truth").query("stage == 'use'").set_index("quantity").true
+        if "load_point_x" in truth:
+            points["true"] = [float(truth.load_point_x), float(truth.load_point_y)]
     if (use := adopted_use(study)) is None:
         return {"points": points, "region": None, "held": {}}
-    draws, weight = np.stack([use.x_mm, use.y_mm]), use.weight.values
-    middle = draws @ weight
-    spread = np.cov(draws, aweights=weight)
-    off = np.array([*draws.T, *points.values()]) - middle
-    away = np.sum(off @ np.linalg.pinv(spread) * off, axis=1)
-    of_draws, of_points = np.split(away, [len(weight)])
-    reach = np.quantile(of_draws, _CERTAINTY, weights=weight, method="inverted_cdf")
+    draws = np.stack([use.x_mm, use.y_mm], axis=1)
+    middle = use.weight.values @ draws
+    spread = np.cov(draws.T, aweights=use.weight)
+
+    def distances(places: Any) -> np.ndarray:
+        """Squared distances from the middle, in units of the spread."""
+        off = np.reshape(places, (-1, 2)) - middle
+        return np.sum(off @ np.linalg.pinv(spread) * off, axis=1)
+
+    reach = np.quantile(
+        distances(draws), _CERTAINTY, weights=use.weight, method="inverted_cdf"
+    )
     (short, long), axes = np.linalg.eigh(spread)
-    turn = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
     half = np.sqrt(reach * np.array([long, short]))
+    turn = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
+    is_held = distances([*points.values()]) <= reach
     return {
         "points": {"inferred": middle.tolist(), **points},
         "region": [*half.tolist(), float(turn)],
-        "held": dict(zip(points, (of_points <= reach).tolist(), strict=True)),
+        "held": dict(zip(points, is_held.tolist(), strict=True)),
     }
 
 
@@ -73,17 +79,14 @@ def truth_met(study: Results, held: Mapping[str, bool]) -> dict[str, tuple[int, 
     """
     if "truth" not in study.tables:
         return {}
-    met = {"load point": (int(held["true"]), 1)} if "true" in held else {}
-    truth = study.table("truth").set_index("quantity")
+    limits = study.table("patch_intervals").assign(quantity="pressure")
+    limits = limits.rename(columns={"low_MPa": "low", "high_MPa": "high"})
     if "use" in study.tables:
-        use = study.table("use").set_index("parameter")
-        if "radius" in use.low.dropna():
-            is_met = use.low.radius <= truth.true.radius <= use.high.radius
-            met["radius"] = int(is_met), 1
-    limits = study.table("patch_intervals")
-    pressures = truth[truth.index == "pressure"].merge(limits, on="patch")
-    if pressures.empty:  # without a reference contact, no true pressure is known
-        return met
-    are_met = pressures.true.between(pressures.low_MPa, pressures.high_MPa)
-    met["pressure"] = int(are_met.sum()), len(pressures)
-    return met
+        use = study.table("use").rename(columns={"parameter": "quantity"})
+        radius = use[use.quantity == "radius"].dropna(subset="low")
+        limits = pd.concat([radius, limits])
+    known = limits.merge(study.table("truth"), on=["quantity", "patch"])
+    is_met = known.true.between(known.low, known.high)
+    counts = is_met.groupby(known.quantity, sort=False).agg(["sum", "count"])
+    met = {"load point": (int(held["true"]), 1)} if "true" in held else {}
+    return met | {str(name): (met, of) for name, met, of in counts.itertuples()}

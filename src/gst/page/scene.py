@@ -1,6 +1,5 @@
 """The tool of a study for the viewer of its page, with its patches, and maps of fields on it."""
 
-import io
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -8,13 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.colors import to_hex, to_rgba
-from matplotlib.image import imsave
+from matplotlib.colors import to_hex
+from PIL import Image
 
-from gst.page.figures.maps import FORCE_MAP, force_colours, label_in
+from gst.page.figures.maps import FORCE_MAP, force_colours, label_in, picture_of
 from gst.page.figures.style import STONE
 from gst.page.figures.tool import coloured_tool, outline_on, tool_view
-from gst.page.page import embedded
+from gst.page.page import embedded_png
 from gst.page.results import Results
 from gst.page.viewer import coarsen, packed, stone_data
 from gstlib.macroscale.active_tool import ActiveTool, posed_mesh
@@ -63,15 +62,12 @@ def tool_scene(
     low, high = _ends(fields[0].sel(x=window))
 
     def mapped(field: xr.DataArray, of_stone: np.ndarray) -> dict[str, Any]:
-        scale, png = force_colours(field.values), io.BytesIO()
-        values = field.sel(y=window, x=window)[::-1].values
-        picture = scale.to_rgba(values)
-        picture[np.isnan(values)] = to_rgba(STONE)
-        imsave(png, picture, metadata={"Software": None})
+        scale, shown = force_colours(field), field.sel(y=window, x=window)[::-1]
+        picture = picture_of(shown, scale, {STONE: shown.isnull()})
         return {
             "title": field.title,
             "units": field.units,
-            "map": embedded(png.getvalue()),
+            "map": embedded_png(Image.fromarray(picture)),
             "colours": packed(of_stone, "u1"),
             "highest": scale.norm.vmax,
         }

@@ -6,20 +6,24 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from gst.page.explorer import draws_to_explore
+from gst.page.figures.style import AGREEMENT
 from gst.page.load_points import load_points, truth_met
-from gst.page.page import Shown, data_url, embedded, render
+from gst.page.page import Shown, embedded
 from gst.page.results import Results
 from gst.page.scene import tool_scene
+from gst.page.templates import render
 from gst.page.verdict import MODELS, verdict
+from gst.page.viewer import three_js
 from gst.run.chain import messages_of
 from gstlib import __version__
 from gstlib.errors import InputError
 from gstlib.io.files import sha256, write_whole
 from gstlib.settings import Settings
-from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.scoring import own_model
-from gstlib.wear.archard import CAPPED
+from gstlib.wear.archard import BARE, INTERLAYER
 
 # Tables with a row for each patch, by their names on a card.
 _OF_PATCHES = {
@@ -29,9 +33,13 @@ _OF_PATCHES = {
     "scores": "validation_patches",
     "registration": "registration",
     "placement": "placement",
+    "wear": "wear",
 }
-_PAGE = "0 Overview", "the page of the study"
-_WHAT = "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
+_ABOUT_PAGE = (
+    "0 Overview",
+    "the page of the study",
+    "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table.",
+)
 
 
 def refuse_edited(tables: Mapping[str, str]) -> None:
@@ -97,6 +105,8 @@ def write_study_page(
         "proposed": [] if is_scanned else study.table("places").to_dict("records"),
         "records": patch_records(study) if is_scanned else {},
         "shown": shown,
+        "agreement": AGREEMENT,
+        "three_js": three_js(),
         "methods": methods,
         "curves": {
             f"figures/{file.name}": file.read_text("utf-8")
@@ -109,13 +119,12 @@ def write_study_page(
 def scan_dates(study: Results) -> list[str]:
     """The first and the last day on which scans were taken, if their files say when."""
     patches = (study.places or {}).get("patch", [])
-    when = [
-        str(scan.attrs.get("acquired", ""))[:10]
-        for epoch in ("t0", "t1")
-        for scan in study.by_patch(epoch, patches).values()
-    ]
-    days = sorted(filter(re.compile(r"\d{4}-\d\d-\d\d").fullmatch, when))
-    return sorted({*days[:1], *days[-1:]})
+    days = set()
+    for epoch in ("t0", "t1"):
+        for scan in study.by_patch(epoch, patches).values():
+            when = str(scan.attrs.get("acquired", ""))
+            days |= set(re.findall(r"^\d{4}-\d\d-\d\d", when))
+    return sorted({min(days), max(days)}) if days else []
 
 
 def patch_records(study: Results) -> dict[str, dict[str, Any]]:
@@ -124,42 +133,43 @@ def patch_records(study: Results) -> dict[str, dict[str, Any]]:
     ``wear`` is the row of the study's own prediction, ``mcc`` the score of every other model by the
     model's name in words; ``picture`` and ``strip`` are data URLs, ``scans`` the names of scans.
     """
-    rows = {name: _rows_of(study, table) for name, table in _OF_PATCHES.items()}
-    models: dict[str, dict[str, dict]] = {}
-    if "wear" in study.tables:
-        for row in study.table("wear").to_dict("records"):
-            models.setdefault(row["patch"], {})[row["model"]] = row
+    tables = {
+        name: study.table(table)
+        for name, table in _OF_PATCHES.items()
+        if table in study.tables
+    }
+    others = pd.DataFrame(columns=["patch", "model", "mcc"])
+    if "wear" in tables:
+        wear = tables["wear"]
+        tables["wear"] = wear[wear.model == own_model(list(wear.model))]
+        others = wear[~wear.model.isin([BARE, INTERLAYER])]
+        others = others.assign(model=others.model.map(MODELS))
+    rows = {name: _by_patch(table) for name, table in tables.items()}
     records = {}
-    names = study.outlined[["patch", "t0", "t1"]]
-    for patch, t0, t1 in names.itertuples(index=False):
-        wear = models.get(patch, {})
-        others = [model for model in (CAPPED, *BASELINES, ORACLE) if model in wear]
+    for patch, t0, t1 in study.outlined[["patch", "t0", "t1"]].itertuples(index=False):
+        mcc = others[others.patch == patch].set_index("model").mcc
         records[patch] = {
             "patch": patch,
             "scans": " → ".join(filter(None, [t0, t1])),
             "picture": _picture(study, "by_patch", f"{patch}.png"),
             "strip": _picture(study, "strips", f"{patch}.jpg"),
-            "wear": wear.get(own_model(list(wear)), {}),
-            "mcc": {MODELS[model]: wear[model]["mcc"] for model in others},
-            **{name: table.get(patch, {}) for name, table in rows.items()},
+            "mcc": mcc.to_dict(),
+            **{name: rows.get(name, {}).get(patch, {}) for name in _OF_PATCHES},
         }
     return records
 
 
-def _rows_of(study: Results, name: str) -> dict[str, dict[str, Any]]:
+def _by_patch(table: pd.DataFrame) -> dict[str, dict[str, Any]]:
     """The row of each patch in a table, without its empty cells."""
-    if name not in study.tables:
-        return {}
-    table = study.table(name).astype(object).set_index("patch")
-    return {patch: row.dropna().to_dict() for patch, row in table.iterrows()}
+    rows = table.astype(object).set_index("patch").iterrows()
+    return {str(patch): row.dropna().to_dict() for patch, row in rows}
 
 
 def _picture(study: Results, folder: str, name: str) -> str | None:
     """A picture of a patch as a data URL, if there is one."""
     if not study.has(folder) or not (file := study.files[folder] / name).exists():
         return None
-    content = file.read_bytes()
-    return embedded(content) if file.suffix == ".png" else data_url(content, "jpeg")
+    return embedded(file)
 
 
 def reported(results: Path, steps: Sequence[str], level: str) -> list[dict[str, Any]]:
@@ -191,7 +201,7 @@ def write_contents(contents: Path, page: Path, entries: Sequence[Shown]) -> None
             "caption": one.caption,
             "sha256": sha256(one.file),
         }
-        for one in [Shown(page, *_PAGE, _WHAT), *entries]
+        for one in [Shown(page, *_ABOUT_PAGE), *entries]
     ]
     write_json(contents, listed)
 

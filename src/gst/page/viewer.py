@@ -1,14 +1,13 @@
 """A stone that can be turned in a web page: scripts and data, without network requests.
 
 `viewer.js`, beside this file, draws the stone; its head describes its interface. A page contains
-`three_js` and `viewer.js` as inline scripts, and `stone_data` as JSON (`to_script`). three.js is
-the copy that trimesh ships for its own viewer.
+`three_js` and `viewer.js` as inline scripts, and `stone_data` as JSON. three.js is the copy that
+trimesh ships for its own viewer.
 """
 
 import base64
 import importlib.resources
 import io
-import json
 import zipfile
 from typing import TYPE_CHECKING, Any
 
@@ -43,11 +42,6 @@ def three_js() -> str:
 def shipped(name: str, room: str = "gst.page") -> str:
     """A page, script or style that lies in a room of the application."""
     return (importlib.resources.files(room) / name).read_text(encoding="utf-8")
-
-
-def to_script(value: Any) -> str:
-    """JSON that is safe inside a script of a page, where no tag or comment begins in it."""
-    return json.dumps(value, ensure_ascii=False).replace("<", "\\u003c")
 
 
 def coarsen(

@@ -46,13 +46,13 @@ def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure
     """The contact over the heights, its pressure, and area and displacement along the path."""
     figure, (left, right, area, depth) = panels(4, 2)
     final, table = contact.final, contact.table()
-    maps.draw_heights(left, height, marks={VERMILION: final.contact.values})
+    maps.draw_heights(left, height, marks={VERMILION: final.contact})
     share = f"{final.contact_fraction:.2%} at {final.mean_pressure:.4g} MPa"
     left.set_title(f"{plain_text(name)}: contact {share}")
-    pressure = final.pressure.values
-    look = {"colours": maps.force_colours(pressure), "bar": "pressure (MPa)"}
-    maps.draw_map(right, height, pressure, ticks=True, **look)
-    right.set_title(f"Pressure, at most {pressure.max():.4g} MPa")
+    pressure = final.pressure
+    colours = maps.force_colours(pressure)
+    maps.draw_map(right, pressure, colours, bar="pressure (MPa)", ticks=True)
+    right.set_title(f"Pressure, at most {float(pressure.max()):.4g} MPa")
     area.plot(table.mean_pressure_MPa, 100 * table.contact_fraction, ".-", color=BLUE)
     area.set(ylabel="real contact area A / Aₙ (%)", title="Area in contact")
     depth.plot(table.mean_pressure_MPa, table.displacement_um, ".-", color=BLUE)

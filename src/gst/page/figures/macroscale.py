@@ -43,25 +43,23 @@ def contact_steps_figure(study: Results) -> Figure:
     """
     contact = study.data("contact")
     height, drawn = contact.height, []
+    area = height.size * np.prod(spacing_of(height))
     steps = np.linspace(0, contact.sizes["step"] - 1, _STEPS).round().astype(int)
     for step in np.unique(steps):
         state = contact.isel(step=step)
-        force = (
-            float(state.path_mean_pressure) * height.size * np.prod(spacing_of(height))
-        )
+        displacement = float(state.path_displacement) * MM_TO_UM
+        force = style.short(float(state.path_mean_pressure) * area)
+        percent = 100 * float(state.path_contact_fraction)
         title = (
-            f"displacement {float(state.path_displacement) * MM_TO_UM:.1f} µm\n"
-            f"{style.short(force)} N, contact {100 * float(state.path_contact_fraction):.2f} %"
+            f"displacement {displacement:.1f} µm\n{force} N, contact {percent:.2f} %"
         )
-        drawn.append(
-            (title, height, {"marks": {BLACK: state.path_pressure.values > 0}})
-        )
-    elastic = contact.pressure.values > 0
+        drawn.append((title, height, {"marks": {BLACK: state.path_pressure > 0}}))
+    elastic = contact.pressure > 0
     faces = Interface.from_dataset(contact).laid
-    rigid = (faces > faces.max() - contact.displacement).values
+    rigid = faces > faces.max() - contact.displacement
     title = (
-        f"last step: contact {100 * elastic.mean():.2f} %\n"
-        f"rigid interpenetration {100 * rigid.mean():.1f} %"
+        f"last step: contact {100 * float(elastic.mean()):.2f} %\n"
+        f"rigid interpenetration {100 * float(rigid.mean()):.1f} %"
     )
     drawn.append((title, height, {"marks": {BLACK: elastic, AMBER: rigid & ~elastic}}))
     figure = maps.draw_maps(drawn, 3)
@@ -75,31 +73,29 @@ def exposure_figure(study: Results) -> Figure:
 
     Where nothing is scanned, it is the effect on the face, with the square in it.
     """
-    if "places" in study.tables:
-        exposure, contact = map(study.data, ("exposure", "contact"))
-    else:
-        exposure, contact = map(study.square, ("exposure", "contact"))
+    is_scanned = "places" not in study.tables
+    data = study.square if is_scanned else study.data
+    exposure, contact = data("exposure"), data("contact")
     fields = {
         "the single pose: pressure (MPa)": contact.pressure,
         "all poses: mean pressure (MPa)": exposure.mean_pressure,
         "highest pressure (MPa)": exposure.highest_pressure,
         "fraction of the poses that touch": exposure.touched,
     }
-    drawn = []
+    drawn: list[tuple] = []
     for title, field in fields.items():
-        colours = maps.force_colours(field.values)
-        look = {"values": field.values, "colours": colours, "bar": "square-root scale"}
+        look = {"colours": maps.force_colours(field), "bar": "square-root scale"}
         drawn.append((title, field, look))
     for pose, pressure in zip(exposure.shown.values, exposure.pressure, strict=True):
-        touching = {"marks": {BLACK: pressure.values > 0}}
+        touching = {"marks": {BLACK: pressure > 0}}
         drawn.append((f"pose {pose + 1}", contact.height, touching))
     figure = maps.draw_maps(drawn, 4)
     for panel in figure.axes[: len(fields)]:
-        if "places" in study.tables:
-            maps.outline_square(panel, study.size_mm)
-        else:
+        if is_scanned:
             patches = study.table("patch_pressures")
             maps.draw_footprints(panel, patches, study.patch_mm, colour=BLUE)
+        else:
+            maps.outline_square(panel, study.size_mm)
     return figure
 
 
@@ -111,7 +107,7 @@ def forces_figure(study: Results) -> Figure:
     label = "contact force per element (N), square-root scale"
     maps.draw_forces(square, contact, bar=label, ticks=True)
     maps.draw_footprints(square, pressures, study.patch_mm, colour=BLUE)
-    displacement = float(contact["displacement"]) * MM_TO_UM
+    displacement = float(contact.displacement) * MM_TO_UM
     square.set_title(f"displacement {displacement:.1f} µm", loc="right")
     maps.mark_corner(square)
 

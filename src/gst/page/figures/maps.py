@@ -50,25 +50,24 @@ OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
 def height_colours(
     *surfaces: xr.DataArray, cmap: Colormap = HEIGHT_MAP
 ) -> ScalarMappable:
-    """Colours (µm) that height maps (mm) share; the most extreme 1 % is cut off."""
+    """Colours that height maps (µm) share; the most extreme 1 % is cut off."""
     values = np.concatenate([surface.values.ravel() for surface in surfaces])
-    low, high = np.nanpercentile(values, [0.5, 99.5]) * MM_TO_UM
+    low, high = np.nanpercentile(values, [0.5, 99.5])
     return ScalarMappable(Normalize(low, high), cmap)
 
 
-def force_colours(values: np.ndarray) -> ScalarMappable:
+def force_colours(field: xr.DataArray) -> ScalarMappable:
     """Colours of forces or pressures, on a square-root scale from 0 to the largest."""
-    norm = PowerNorm(0.5, vmin=0, vmax=float(np.nanmax(values)) or 1.0)
-    return ScalarMappable(norm, FORCE_MAP)
+    highest = float(field.max()) or 1.0
+    return ScalarMappable(PowerNorm(0.5, vmin=0, vmax=highest), FORCE_MAP)
 
 
 def draw_map(
     axes: Axes,
     field: xr.DataArray,
-    values: np.ndarray | None = None,
     colours: ScalarMappable | None = None,
     *,
-    marks: Mapping[str, np.ndarray] | None = None,
+    marks: Mapping[str, Any] | None = None,
     bar: str = "",
     ticks: bool = False,
 ) -> None:
@@ -78,19 +77,17 @@ def draw_map(
     ----------
     axes : matplotlib Axes
     field : (y, x) xarray.DataArray
-        The grid; heights in mm, drawn in µm unless there are `values`.
-    values : (ny, nx) ndarray, optional
-        Drawn in place of heights. NaN stays pale.
+        NaN stays pale.
     colours : ScalarMappable, optional
-        By default, a pale relief between the limits of the heights.
-    marks : mapping of colour to (ny, nx) mask, optional
+        Of the numbers of the field; by default a pale relief, whatever their unit.
+    marks : mapping of colour to (y, x) mask, optional
         Elements to paint over; the masks exclude each other.
     bar : str
         Text of a colour bar under the map: what the colours mean.
     ticks : bool
         Draw axes in mm; without them, add a `scale_bar`.
     """
-    picture = picture_of(field, values, colours, marks)
+    picture = picture_of(field, colours, marks)
     shown = xr.DataArray(picture, {"y": field.y, "x": field.x}, ("y", "x", "rgb"))
     # where elements are smaller than pixels, a pixel has their mean colour
     shown.plot.imshow(ax=axes, add_labels=False, interpolation="antialiased")
@@ -116,15 +113,15 @@ def _draw_bar(axes: Axes, colours: ScalarMappable, text: str, below: float) -> N
 
 def picture_of(
     field: xr.DataArray,
-    values: np.ndarray | None = None,
     colours: ScalarMappable | None = None,
-    marks: Mapping[str, np.ndarray] | None = None,
+    marks: Mapping[str, Any] | None = None,
 ) -> np.ndarray:
     """What `draw_map` draws: (ny, nx, 3), uint8; its first row is that of the field."""
-    values = field.values * MM_TO_UM if values is None else values
     colours = colours or height_colours(field, cmap=RELIEF_MAP)
-    picture = colours.to_rgba(values, bytes=True)[..., :3]
-    return _marked(picture, {PALE: np.isnan(values), **(marks or {})})
+    picture = colours.to_rgba(field.values, bytes=True)[..., :3]
+    for colour, mask in {PALE: field.isnull(), **(marks or {})}.items():
+        picture[np.asarray(mask, bool)] = np.round(np.multiply(to_rgb(colour), 255))
+    return picture
 
 
 def raking(height: xr.DataArray) -> np.ndarray:
@@ -132,21 +129,12 @@ def raking(height: xr.DataArray) -> np.ndarray:
     # Not by matplotlib's LightSource, which stretches the brightness of each picture by itself: two
     # could not be compared.
     level = height.fillna(height.mean().fillna(0)).values  # where nothing is measured
-    slopes = np.gradient(level, *spacing_of(height))
-    slope_y, slope_x = (_STEEPER * slope for slope in slopes)
+    slope_y, slope_x = np.gradient(_STEEPER * level, *spacing_of(height))
     steepness = np.sqrt(1 + slope_y**2 + slope_x**2)
     towards = (slope_x - slope_y + np.sqrt(2)) / 2 / steepness
-    grey = np.round(255 * towards.clip(0, 1)).astype(np.uint8)
-    picture = np.stack(3 * [grey], axis=-1)
-    return _marked(picture, {PALE: np.isnan(height.values)})
-
-
-def _marked(picture: np.ndarray, marks: Mapping[str, np.ndarray]) -> np.ndarray:
-    for colour, mask in marks.items():
-        picture[np.asarray(mask, dtype=bool)] = np.round(
-            np.multiply(to_rgb(colour), 255)
-        )
-    return picture
+    grey = height.copy(data=np.round(255 * towards))
+    shades = ScalarMappable(Normalize(0, 255), "gray")
+    return picture_of(grey, shades, {PALE: height.isnull()})
 
 
 def draw_maps(
@@ -163,14 +151,15 @@ def draw_maps(
 
 def draw_heights(axes: Axes, height: xr.DataArray, **look: Any) -> None:
     """Heights (mm) in colours, with a bar and axes in mm."""
-    look |= {"colours": height_colours(height), "bar": "height (µm)"}
-    draw_map(axes, height, ticks=True, **look)
+    height = height * MM_TO_UM
+    colours = height_colours(height)
+    draw_map(axes, height, colours, bar="height (µm)", ticks=True, **look)
 
 
 def draw_forces(axes: Axes, contact: xr.Dataset, **look: Any) -> None:
     """Force (N) on each element at the last step, in colours on a square-root scale."""
-    force = contact["pressure"].values * np.prod(spacing_of(contact))
-    draw_map(axes, contact["height"], force, force_colours(force), **look)
+    force = contact.pressure * np.prod(spacing_of(contact))
+    draw_map(axes, force, force_colours(force), **look)
 
 
 def scale_bar(axes: Axes) -> None:

@@ -29,9 +29,9 @@ def microscale_maps_figure(study: Results) -> Figure:
     """Contact on every patch at its own pressure (Fig. 9)."""
     drawn = []
     for patch, contact in study.contacts.items():
-        touching = contact.pressure.values > 0
-        pressure = float(contact.mean_pressure)
-        title = f"patch {patch}: {pressure:.1f} MPa, {100 * touching.mean():.2f} %"
+        touching = contact.pressure > 0
+        pressure, percent = float(contact.mean_pressure), 100 * float(touching.mean())
+        title = f"patch {patch}: {pressure:.1f} MPa, {percent:.2f} %"
         drawn.append((title, contact.height, {"marks": {BLACK: touching}}))
     return maps.draw_maps(drawn, 4)
 
@@ -44,13 +44,12 @@ def two_scales_figure(study: Results) -> Figure:
     whole = study.data("reference", "contact").contact.isel(draw=0)
     f1, drawn = scores.set_index(["variant", "patch"]).f1, []
     for patch in patches:
-        is_touched = whole.sel(patch=patch).values
+        is_touched = whole.sel(patch=patch)
         for variant, contacts in variants.items():
-            height, touching = contacts[patch].height, contacts[patch].pressure > 0
             title = f"{patch} {variant}: {f1[variant, patch]:.2f}"
-            marks = _overlap(touching.values, is_touched)
-            drawn.append((title, height, {"marks": marks}))
-        title = f"{patch} whole square"
+            marks = _overlap(contacts[patch].pressure.values > 0, is_touched.values)
+            drawn.append((title, contacts[patch].height, {"marks": marks}))
+        title, height = f"{patch} whole square", study.contacts[patch].height
         drawn.append((title, height, {"marks": {BLUE: is_touched}}))
     figure = maps.draw_maps(drawn, 3 * min(2, len(patches)))
     pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in variants)
@@ -91,16 +90,16 @@ def patch_figure(result: PatchResult) -> Figure:
     """One patch with a T1: its scans, its contact, its change and its predicted loss (Fig. 11)."""
     contact, change = result.contact, result.change
     assert change is not None  # it has a T1
-    t0, touching = contact.height, contact.pressure.values > 0
+    t0, touching = contact.height, contact.pressure > 0
     *drawn, measured = change_maps(t0, change, ("T0, before use", "T1, after use"))
-    title = f"contact before use: {100 * touching.mean():.2f} %"
+    title = f"contact before use: {100 * float(touching.mean()):.2f} %"
     drawn += [(title, t0, {"marks": {BLACK: touching}}), measured]
     if result.predicted is not None:
         # from its median, as scans show it
         depth = seen_depth(result.predicted.values * MM_TO_UM).clip(0)
         title = f"predicted from the others: mean {depth.mean():.2g} µm"
-        look = {"values": -depth, "colours": _change_colours(change)}
-        drawn.append((title, t0, look))
+        lost = {"colours": _change_colours(change)}
+        drawn.append((title, t0.copy(data=-depth), lost))
     agreement = _agreement(result)
     is_compared = BLUE in agreement
     if is_compared:
@@ -128,21 +127,20 @@ def change_maps(
 
     The change is 0 where noise can explain it.
     """
-    heights = {"colours": maps.height_colours(t0, change.t1), "bar": "height (µm)"}
-    is_known = change.change.notnull().values
-    is_detected = change.loss | change.gain
-    seen = change.change.where(is_detected | ~is_known, 0.0)
+    t0, t1 = t0 * MM_TO_UM, change.t1 * MM_TO_UM
+    heights = {"colours": maps.height_colours(t0, t1), "bar": "height (µm)"}
+    is_known = change.change.notnull()
+    seen = change.change.where(change.loss | change.gain | ~is_known, 0.0)
     look = {
-        "values": seen.values * MM_TO_UM,
         "colours": _change_colours(change),
         "bar": "height change (µm), 0 where not detected",
     }
     title = "the change is unknown"
     if is_known.any():
-        percent = 100 * change.loss.values[is_known].mean()
+        percent = 100 * float(change.loss.where(is_known).mean())
         title = f"lost more than {change.level_of_detection_um:.2f} µm: {percent:.1f} %"
     first, second = names
-    return [(first, t0, heights), (second, change.t1, heights), (title, t0, look)]
+    return [(first, t0, heights), (second, t1, heights), (title, seen * MM_TO_UM, look)]
 
 
 def _change_colours(change: xr.Dataset) -> ScalarMappable:
@@ -198,16 +196,16 @@ def overview_figure(study: Results, patch: str | None = None) -> Figure:
     maps.scale_bar(forces)
     if result is None:
         return figure
-    touching = result.contact.pressure.values > 0
-    pressure = float(result.contact.mean_pressure)
-    maps.draw_map(others[0], result.contact.height, marks={BLACK: touching})
+    contact, touching = result.contact, result.contact.pressure > 0
+    pressure, percent = float(contact.mean_pressure), 100 * float(touching.mean())
+    maps.draw_map(others[0], contact.height, marks={BLACK: touching})
     others[0].set_title(
         f"3  predicted contact, patch {patch}\n"
-        f"{pressure:.1f} MPa, {100 * touching.mean():.1f} % of the area"
+        f"{pressure:.1f} MPa, {percent:.1f} % of the area"
     )
     maps.scale_bar(others[0])
     if BLUE in agreement:
-        maps.draw_map(others[1], result.contact.height, marks=agreement)
+        maps.draw_map(others[1], contact.height, marks=agreement)
         others[1].set_title("4  measured loss\nagainst the predicted one")
         style.colour_legend(figure, AGREEMENT)
     return figure

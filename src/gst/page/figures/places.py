@@ -1,7 +1,5 @@
 """Where to scan: a sheet to print and take to the microscope."""
 
-from typing import Any
-
 import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
@@ -15,7 +13,6 @@ from gstlib.macroscale.sampling_sites import EXPOSED
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import Frame
 
-_HEADS = "place", "x (mm)", "y (mm)", "N/mm", "touched"
 _NOTE = (
     "E: most exposed. C: control, touched in no pose (dashed).\n"
     "N/mm: pressure times sliding, all poses, mean of the place.\n"
@@ -34,8 +31,7 @@ def places_figure(study: Results) -> Figure:
     draw_stone(stone, mesh, view)
     draw_square(stone, view, frame, study.size_mm)
     stone.set_title("the stone, seen along the square's normal")
-    is_touched = exposure.touched.values > 0
-    maps.draw_map(face, exposure.touched, marks={BLACK: is_touched})
+    maps.draw_map(face, exposure.touched, marks={BLACK: exposure.touched > 0})
     maps.outline_square(face, study.size_mm)
     maps.scale_bar(face)
     face.set_title("the square in the face, which is black if any pose touches it")
@@ -48,33 +44,32 @@ def places_figure(study: Results) -> Figure:
 def _draw_places(axes: Axes, exposure: xr.DataArray, study: Results) -> None:
     """The exposure of the square, and the places in it: dashed if they are controls."""
     places = study.table("places")
-    values = exposure.values
     bar = "exposure (N/mm), square-root scale"
-    colours = maps.force_colours(values)
-    maps.draw_map(axes, exposure, values, colours, bar=bar, ticks=True)
+    maps.draw_map(axes, exposure, maps.force_colours(exposure), bar=bar, ticks=True)
     outlined = places.rename(columns={"place": "patch"})
     outlined = outlined.assign(rotation_deg=0.0, in_study=places.kind == EXPOSED)
     maps.draw_footprints(axes, outlined, study.patch_mm, colour=BLUE)
-    look = {"color": BLUE, "path_effects": maps.OUTLINE}
-    axes.plot(places.x_mm, places.y_mm, "+", **look)
+    axes.plot(places.x_mm, places.y_mm, "+", color=BLUE, path_effects=maps.OUTLINE)
     maps.mark_corner(axes)
 
 
 def _write_table(axes: Axes, places: pd.DataFrame) -> None:
     """The places and their distances, beside the map of the square."""
-    rows = [
-        [
-            place.place,
-            f"{place.x_mm:.2f}",
-            f"{place.y_mm:.2f}",
-            short(place.exposure_N_per_mm),
-            f"{100 * place.touched:.0f} %",
-        ]
-        for place in places.itertuples()
-    ]
+    columns = {
+        "place": places.place,
+        "x (mm)": places.x_mm.map("{:.2f}".format),
+        "y (mm)": places.y_mm.map("{:.2f}".format),
+        "N/mm": places.exposure_N_per_mm.map(short),
+        "touched": (100 * places.touched).map("{:.0f} %".format),
+    }
     axes.set_axis_off()
-    place = {"loc": "upper left", "cellLoc": "left"}
-    table = axes.table(rows, colLabels=_HEADS, edges="open", **place)
+    table = axes.table(
+        list(zip(*columns.values(), strict=True)),
+        colLabels=list(columns),
+        edges="open",
+        loc="upper left",
+        cellLoc="left",
+    )
     table.auto_set_font_size(False)
-    look: dict[str, Any] = {"fontsize": 6, "color": GREY, "in_layout": False}
-    axes.text(0, 0, _NOTE, transform=axes.transAxes, **look)
+    note = axes.text(0, 0, _NOTE, fontsize=6, color=GREY, transform=axes.transAxes)
+    note.set_in_layout(False)

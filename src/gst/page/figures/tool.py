@@ -21,7 +21,7 @@ from gst.page.figures.macroscale import draw_places
 from gst.page.figures.style import STONE, VERMILION, styled
 from gst.page.viewer import coarsen
 from gstlib.surfaces.frames import Frame, on_mesh, over_face
-from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, make_surface, spacing_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -102,7 +102,7 @@ def _colours(
     highest = field.copy(data=scipy.ndimage.maximum_filter(known.values, reach))
     colours = np.full((len(mesh.vertices), 3), _STONE_RGB)
     values = on_mesh(highest, mesh, frame)[is_over]
-    shown = maps.force_colours(field.values).to_rgba(values, bytes=True)
+    shown = maps.force_colours(field).to_rgba(values, bytes=True)
     is_unknown = on_mesh(field.isnull(), mesh, frame)[is_over] > 0
     shown[is_unknown, :3] = _STONE_RGB
     colours[is_over] = shown[:, :3]
@@ -231,11 +231,10 @@ def check_figure(
 def _draw_gap(axes: Axes, pressed: PressedFace, size_mm: float) -> None:
     """The gap to the active tool, the nearer the brighter, and where it is pushed."""
     # both are positive towards each other
-    gap = -pressed.face.height - pressed.face.counterface
-    gap -= gap.min()
+    nearness = pressed.face.height + pressed.face.counterface
+    gap = (nearness.max() - nearness) * MM_TO_UM
     near = maps.height_colours(gap, cmap=maps.HEIGHT_MAP.reversed())
-    bar = "gap to the active tool (µm)"
-    maps.draw_map(axes, gap, colours=near, ticks=True, bar=bar)
+    maps.draw_map(axes, gap, near, bar="gap to the active tool (µm)", ticks=True)
     maps.outline_square(axes, size_mm)
     y, x = pressed.pushed.T
     axes.plot(x, y, "+", color=VERMILION, markersize=4)
