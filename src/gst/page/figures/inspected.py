@@ -44,21 +44,24 @@ def inspected_figure(content: "xr.DataArray | trimesh.Trimesh", name: str) -> Fi
 @styled
 def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure:
     """The contact over the heights, its pressure, and area and displacement along the path."""
-    figure, (left, right, area, depth) = panels(4, 2)
+    figure, (touching, pressed, *curves) = panels(4, 2)
     final, table = contact.final, contact.table()
-    maps.draw_heights(left, height, marks={VERMILION: final.contact})
-    share = f"{final.contact_fraction:.2%} at {final.mean_pressure:.4g} MPa"
-    left.set_title(f"{plain_text(name)}: contact {share}")
     pressure = final.pressure
+    maps.draw_heights(touching, height, marks={VERMILION: final.contact})
+    share = f"{final.contact_fraction:.2%} at {final.mean_pressure:.4g} MPa"
+    touching.set_title(f"{plain_text(name)}: contact {share}")
     colours = maps.force_colours(pressure)
-    maps.draw_map(right, pressure, colours, bar="pressure (MPa)", ticks=True)
-    right.set_title(f"Pressure, at most {float(pressure.max()):.4g} MPa")
-    area.plot(table.mean_pressure_MPa, 100 * table.contact_fraction, ".-", color=BLUE)
-    area.set(ylabel="real contact area A / Aₙ (%)", title="Area in contact")
-    depth.plot(table.mean_pressure_MPa, table.displacement_um, ".-", color=BLUE)
-    depth.set(ylabel="far-field displacement (µm)", title="Displacement")
-    for axes in (area, depth):
-        axes.set(xlabel="mean pressure (MPa)", xlim=(0, None), ylim=(0, None))
+    maps.draw_map(pressed, pressure, colours, bar="pressure (MPa)", ticks=True)
+    pressed.set_title(f"Pressure, at most {pressure.max():.4g} MPa")
+    labels = {
+        "Area in contact": "real contact area A / Aₙ (%)",
+        "Displacement": "far-field displacement (µm)",
+    }
+    columns = 100 * table.contact_fraction, table.displacement_um
+    for axes, column, (title, y) in zip(curves, columns, labels.items(), strict=True):
+        axes.plot(table.mean_pressure_MPa, column, ".-", color=BLUE)
+        axes.set(title=title, xlabel="mean pressure (MPa)", ylabel=y)
+        axes.set(xlim=(0, None), ylim=(0, None))
     return figure
 
 

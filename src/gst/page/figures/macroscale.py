@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gst.page.figures import maps, style
+from gst.page.figures.maps import Map
 from gst.page.figures.style import AMBER, BLACK, BLUE, GREY
 from gst.page.results import Results
 from gstlib.contact import Interface
@@ -47,21 +48,20 @@ def contact_steps_figure(study: Results) -> Figure:
     steps = np.linspace(0, contact.sizes["step"] - 1, _STEPS).round().astype(int)
     for step in np.unique(steps):
         state = contact.isel(step=step)
-        displacement = float(state.path_displacement) * MM_TO_UM
-        force = style.short(float(state.path_mean_pressure) * area)
-        percent = 100 * float(state.path_contact_fraction)
         title = (
-            f"displacement {displacement:.1f} µm\n{force} N, contact {percent:.2f} %"
+            f"displacement {state.path_displacement * MM_TO_UM:.1f} µm\n"
+            f"{style.short(state.path_mean_pressure * area)} N, "
+            f"contact {100 * state.path_contact_fraction:.2f} %"
         )
-        drawn.append((title, height, {"marks": {BLACK: state.path_pressure > 0}}))
+        drawn.append(Map(title, height, marks={BLACK: state.path_pressure > 0}))
     elastic = contact.pressure > 0
     faces = Interface.from_dataset(contact).laid
     rigid = faces > faces.max() - contact.displacement
     title = (
-        f"last step: contact {100 * float(elastic.mean()):.2f} %\n"
-        f"rigid interpenetration {100 * float(rigid.mean()):.1f} %"
+        f"last step: contact {100 * elastic.mean():.2f} %\n"
+        f"rigid interpenetration {100 * rigid.mean():.1f} %"
     )
-    drawn.append((title, height, {"marks": {BLACK: elastic, AMBER: rigid & ~elastic}}))
+    drawn.append(Map(title, height, marks={BLACK: elastic, AMBER: rigid & ~elastic}))
     figure = maps.draw_maps(drawn, 3)
     for panel in figure.axes:
         maps.outline_square(panel, study.size_mm)
@@ -82,13 +82,13 @@ def exposure_figure(study: Results) -> Figure:
         "highest pressure (MPa)": exposure.highest_pressure,
         "fraction of the poses that touch": exposure.touched,
     }
-    drawn: list[tuple] = []
-    for title, field in fields.items():
-        look = {"colours": maps.force_colours(field), "bar": "square-root scale"}
-        drawn.append((title, field, look))
+    drawn = [
+        Map(title, field, maps.force_colours(field), bar="square-root scale")
+        for title, field in fields.items()
+    ]
     for pose, pressure in zip(exposure.shown.values, exposure.pressure, strict=True):
-        touching = {"marks": {BLACK: pressure > 0}}
-        drawn.append((f"pose {pose + 1}", contact.height, touching))
+        touching = {BLACK: pressure > 0}
+        drawn.append(Map(f"pose {pose + 1}", contact.height, marks=touching))
     figure = maps.draw_maps(drawn, 4)
     for panel in figure.axes[: len(fields)]:
         if is_scanned:
@@ -107,18 +107,24 @@ def forces_figure(study: Results) -> Figure:
     label = "contact force per element (N), square-root scale"
     maps.draw_forces(square, contact, bar=label, ticks=True)
     maps.draw_footprints(square, pressures, study.patch_mm, colour=BLUE)
-    displacement = float(contact.displacement) * MM_TO_UM
-    square.set_title(f"displacement {displacement:.1f} µm", loc="right")
+    displacement_um = contact.displacement * MM_TO_UM
+    square.set_title(f"displacement {displacement_um:.1f} µm", loc="right")
     maps.mark_corner(square)
+    _draw_pressures(bars, pressures, study.table("patch_intervals"))
+    return figure
 
+
+def _draw_pressures(
+    axes: Axes, pressures: pd.DataFrame, intervals: pd.DataFrame
+) -> None:
+    """The pressure of every patch with its interval; those left out of the study are open."""
     places, values = np.arange(len(pressures)), pressures.pressure_MPa
     left_out = values.where(~pressures.in_study)
-    bars.bar(places, values.where(pressures.in_study), color=BLUE, label="in the study")
-    bars.bar(places, left_out, color="none", edgecolor=GREY, label="left out")
-    limits = study.table("patch_intervals").set_index("patch").loc[pressures.patch]
-    bars.vlines(places, limits.low_MPa, limits.high_MPa, color=BLACK, linewidth=0.7)
-    style.name_patches(bars, list(pressures.patch))
-    bars.set_ylabel("pressure (MPa), 95 % interval")
-    bars.set_title("pressure of every patch")
-    bars.legend()
-    return figure
+    axes.bar(places, values.where(pressures.in_study), color=BLUE, label="in the study")
+    axes.bar(places, left_out, color="none", edgecolor=GREY, label="left out")
+    limits = intervals.set_index("patch").loc[pressures.patch]
+    axes.vlines(places, limits.low_MPa, limits.high_MPa, color=BLACK, linewidth=0.7)
+    style.name_patches(axes, list(pressures.patch))
+    axes.set_ylabel("pressure (MPa), 95 % interval")
+    axes.set_title("pressure of every patch")
+    axes.legend()

@@ -6,7 +6,7 @@ under it: marks cover the same share of the picture as of the surface.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -24,11 +24,11 @@ from matplotlib.colors import (
 )
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
-from matplotlib.patches import Polygon
+from matplotlib.patches import Polygon, Rectangle
 from matplotlib.patheffects import withStroke
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
-from gst.page.figures.style import PALE, VERMILION, panels, short
+from gst.page.figures.style import PALE, VERMILION, panels, short, write_beside
 from gstlib.surfaces.footprints import outline, places_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
@@ -62,31 +62,38 @@ def force_colours(field: xr.DataArray) -> ScalarMappable:
     return ScalarMappable(PowerNorm(0.5, vmin=0, vmax=highest), FORCE_MAP)
 
 
+class Map(NamedTuple):
+    """A field on its grid, as it is drawn."""
+
+    title: str
+    field: xr.DataArray  # (y, x); NaN stays pale
+    # of the numbers of the field; by default a pale relief, whatever their unit
+    colours: ScalarMappable | None = None
+    # masks (y, x) of elements to paint over, by colour; they exclude each other
+    marks: Mapping[str, Any] = {}
+    bar: str = ""  # what the colours mean, for a colour bar under the map
+
+
+def draw_maps(maps: Sequence[Map], columns: int) -> Figure:
+    """Small multiples, with a scale bar."""
+    figure, axes = panels(len(maps), columns)
+    for panel, one in zip(axes, maps, strict=True):
+        draw_map(panel, *one[1:])
+        panel.set_title(one.title, fontsize=7)
+    scale_bar(axes[0])
+    return figure
+
+
 def draw_map(
     axes: Axes,
     field: xr.DataArray,
     colours: ScalarMappable | None = None,
-    *,
-    marks: Mapping[str, Any] | None = None,
+    marks: Mapping[str, Any] = {},
     bar: str = "",
+    *,
     ticks: bool = False,
 ) -> None:
-    """Draw a field on its grid, with marked elements over it.
-
-    Parameters
-    ----------
-    axes : matplotlib Axes
-    field : (y, x) xarray.DataArray
-        NaN stays pale.
-    colours : ScalarMappable, optional
-        Of the numbers of the field; by default a pale relief, whatever their unit.
-    marks : mapping of colour to (y, x) mask, optional
-        Elements to paint over; the masks exclude each other.
-    bar : str
-        Text of a colour bar under the map: what the colours mean.
-    ticks : bool
-        Draw axes in mm; without them, add a `scale_bar`.
-    """
+    """Draw a field; the arguments are those of a `Map`. With `ticks`, the axes are in mm."""
     picture = picture_of(field, colours, marks)
     shown = xr.DataArray(picture, {"y": field.y, "x": field.x}, ("y", "x", "rgb"))
     # where elements are smaller than pixels, a pixel has their mean colour
@@ -104,8 +111,13 @@ def draw_map(
 def _draw_bar(axes: Axes, colours: ScalarMappable, text: str, below: float) -> None:
     """A colour bar so far `below` a map, in heights of the map, with its ends named."""
     strip = axes.inset_axes((0.2, -below - 0.035, 0.6, 0.035))
-    look = {"orientation": "horizontal", "format": lambda value, _: short(value)}
-    bar = axes.figure.colorbar(colours, cax=strip, ticks=colours.get_clim(), **look)
+    bar = axes.figure.colorbar(
+        colours,
+        cax=strip,
+        orientation="horizontal",
+        ticks=colours.get_clim(),
+        format=lambda value, _: short(value),
+    )
     bar.outline.set_visible(False)
     strip.tick_params(length=0, labelsize=6.5, pad=1)
     strip.set_xlabel(text, fontsize=6.5, labelpad=1)
@@ -114,14 +126,12 @@ def _draw_bar(axes: Axes, colours: ScalarMappable, text: str, below: float) -> N
 def picture_of(
     field: xr.DataArray,
     colours: ScalarMappable | None = None,
-    marks: Mapping[str, Any] | None = None,
+    marks: Mapping[str, Any] = {},
 ) -> np.ndarray:
     """What `draw_map` draws: (ny, nx, 3), uint8; its first row is that of the field."""
     colours = colours or height_colours(field, cmap=RELIEF_MAP)
     picture = colours.to_rgba(field.values, bytes=True)[..., :3]
-    for colour, mask in {PALE: field.isnull(), **(marks or {})}.items():
-        picture[np.asarray(mask, bool)] = np.round(np.multiply(to_rgb(colour), 255))
-    return picture
+    return _painted(picture, {PALE: field.isnull(), **marks})
 
 
 def raking(height: xr.DataArray) -> np.ndarray:
@@ -132,21 +142,14 @@ def raking(height: xr.DataArray) -> np.ndarray:
     slope_y, slope_x = np.gradient(_STEEPER * level, *spacing_of(height))
     steepness = np.sqrt(1 + slope_y**2 + slope_x**2)
     towards = (slope_x - slope_y + np.sqrt(2)) / 2 / steepness
-    grey = height.copy(data=np.round(255 * towards))
-    shades = ScalarMappable(Normalize(0, 255), "gray")
-    return picture_of(grey, shades, {PALE: height.isnull()})
+    grey = np.round(255 * towards.clip(0, 1)).astype(np.uint8)
+    return _painted(np.stack(3 * [grey], axis=-1), {PALE: height.isnull()})
 
 
-def draw_maps(
-    maps: Sequence[tuple[str, xr.DataArray, Mapping]], columns: int
-) -> Figure:
-    """Small multiples: for each map its title, its field and further arguments of `draw_map`."""
-    figure, axes = panels(len(maps), columns)
-    for panel, (title, field, look) in zip(axes, maps, strict=True):
-        draw_map(panel, field, **look)
-        panel.set_title(title, fontsize=7)
-    scale_bar(axes[0])
-    return figure
+def _painted(picture: np.ndarray, marks: Mapping[str, Any]) -> np.ndarray:
+    for colour, mask in marks.items():
+        picture[np.asarray(mask, bool)] = np.round(255 * np.array(to_rgb(colour)))
+    return picture
 
 
 def draw_heights(axes: Axes, height: xr.DataArray, **look: Any) -> None:
@@ -165,13 +168,14 @@ def draw_forces(axes: Axes, contact: xr.Dataset, **look: Any) -> None:
 def scale_bar(axes: Axes) -> None:
     """A bar of a round length, about a quarter of a map, in its lower left corner."""
     length = float(f"{0.24 * np.diff(axes.get_xlim()).item():.0e}")
-    look = {
-        "fontproperties": FontProperties(size=6.5),
-        "label_top": True,
-        "size_vertical": 0,
-    }
     bar = AnchoredSizeBar(
-        axes.transData, length, f"{length:g} mm", "lower left", **look
+        axes.transData,
+        length,
+        f"{length:g} mm",
+        "lower left",
+        label_top=True,
+        size_vertical=0,
+        fontproperties=FontProperties(size=6.5),
     )
     bar.patch.set(linewidth=0, alpha=0.8)  # white, so that it shows on black contact
     axes.add_artist(bar)
@@ -188,8 +192,7 @@ def mark_corner(axes: Axes) -> None:
 
 def outline_square(axes: Axes, size_mm: float) -> None:
     """Outline the square in a map of the face."""
-    square = np.multiply(size_mm, [[0, 0], [1, 0], [1, 1], [0, 1]])
-    axes.add_patch(Polygon(square, fill=False, edgecolor=VERMILION))
+    axes.add_patch(Rectangle((0, 0), size_mm, size_mm, fill=False, edgecolor=VERMILION))
 
 
 def draw_footprints(
@@ -210,8 +213,7 @@ def draw_footprints(
         corners = outline(place, patch_mm)
         line = "-" if is_studied else "--"
         axes.add_patch(Polygon(corners, fill=False, linestyle=line, **look))
-        offset = {"xytext": (2, -2), "textcoords": "offset points", "va": "top"}
-        axes.annotate(name, label_in(corners), fontsize=6.5, **offset, **look)
+        write_beside(axes, name, label_in(corners), (2, -2), va="top", **look)
 
 
 def label_in(corners: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The patches: pressed, and compared with wear by use (Figs. 7 and 9 to 11)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from gst.page.figures import maps, style
+from gst.page.figures.maps import Map
 from gst.page.figures.style import AGREEMENT, BLACK, BLUE, styled
 from gst.page.figures.tool import draw_tool
 from gst.page.results import PatchResult, Results
@@ -22,7 +23,12 @@ from gstlib.wear.archard import seen_depth
 _UNKNOWN = "#ffffff"
 _TILE = 280  # side (pixels) of one of the pictures that the page shows in turn
 _MOST_COMPARED = 8  # patches in the figure of two scales, the most heavily loaded
-_OF_PATH: dict[str, Any] = {"marker": ".", "markersize": 2, "lw": 1}
+# Title and labels of x and y.
+_CURVES = [
+    ("Area in contact", "F / (E* Aₙ)", "real contact area A / Aₙ (%)"),
+    ("Pressure", "far-field displacement (µm)", "mean pressure F / Aₙ (MPa)"),
+    ("Stiffness", "mean pressure (MPa)", "stiffness (MPa/µm)"),
+]
 
 
 def microscale_maps_figure(study: Results) -> Figure:
@@ -30,9 +36,9 @@ def microscale_maps_figure(study: Results) -> Figure:
     drawn = []
     for patch, contact in study.contacts.items():
         touching = contact.pressure > 0
-        pressure, percent = float(contact.mean_pressure), 100 * float(touching.mean())
-        title = f"patch {patch}: {pressure:.1f} MPa, {percent:.2f} %"
-        drawn.append((title, contact.height, {"marks": {BLACK: touching}}))
+        shares = f"{contact.mean_pressure:.1f} MPa, {100 * touching.mean():.2f} %"
+        title = f"patch {patch}: {shares}"
+        drawn.append(Map(title, contact.height, marks={BLACK: touching}))
     return maps.draw_maps(drawn, 4)
 
 
@@ -44,13 +50,14 @@ def two_scales_figure(study: Results) -> Figure:
     whole = study.data("reference", "contact").contact.isel(draw=0)
     f1, drawn = scores.set_index(["variant", "patch"]).f1, []
     for patch in patches:
-        is_touched = whole.sel(patch=patch)
+        height, is_touched = study.contacts[patch].height, whole.sel(patch=patch)
         for variant, contacts in variants.items():
             title = f"{patch} {variant}: {f1[variant, patch]:.2f}"
-            marks = _overlap(contacts[patch].pressure.values > 0, is_touched.values)
-            drawn.append((title, contacts[patch].height, {"marks": marks}))
-        title, height = f"{patch} whole square", study.contacts[patch].height
-        drawn.append((title, height, {"marks": {BLUE: is_touched}}))
+            touching = contacts[patch].pressure.values > 0
+            marks = _overlap(touching, is_touched.values)
+            drawn.append(Map(title, contacts[patch].height, marks=marks))
+        marks = {BLUE: is_touched}
+        drawn.append(Map(f"{patch} whole square", height, marks=marks))
     figure = maps.draw_maps(drawn, 3 * min(2, len(patches)))
     pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in variants)
     figure.suptitle(
@@ -92,23 +99,22 @@ def patch_figure(result: PatchResult) -> Figure:
     assert change is not None  # it has a T1
     t0, touching = contact.height, contact.pressure > 0
     *drawn, measured = change_maps(t0, change, ("T0, before use", "T1, after use"))
-    title = f"contact before use: {100 * float(touching.mean()):.2f} %"
-    drawn += [(title, t0, {"marks": {BLACK: touching}}), measured]
+    title = f"contact before use: {100 * touching.mean():.2f} %"
+    drawn += [Map(title, t0, marks={BLACK: touching}), measured]
     if result.predicted is not None:
         # from its median, as scans show it
         depth = seen_depth(result.predicted.values * MM_TO_UM).clip(0)
         title = f"predicted from the others: mean {depth.mean():.2g} µm"
-        lost = {"colours": _change_colours(change)}
-        drawn.append((title, t0.copy(data=-depth), lost))
+        drawn.append(Map(title, t0.copy(data=-depth), measured.colours))
     agreement = _agreement(result)
     is_compared = BLUE in agreement
     if is_compared:
-        drawn.append(("predicted and measured loss", t0, {"marks": agreement}))
+        drawn.append(Map("predicted and measured loss", t0, marks=agreement))
     figure = maps.draw_maps(drawn, 3)
     covers = "T1 was not found on T0"
     if change.change.notnull().any():
         covers = f"T1 covers {100 * change.overlap:.0f} % of T0"
-    pressure = style.short(float(contact.mean_pressure))
+    pressure = style.short(contact.mean_pressure)
     figure.suptitle(f"patch {result.patch}: {pressure} MPa, {covers}")
     if is_compared:
         is_known = ~agreement[_UNKNOWN]
@@ -122,25 +128,25 @@ def patch_figure(result: PatchResult) -> Figure:
 
 def change_maps(
     t0: xr.DataArray, change: xr.Dataset, names: Sequence[str]
-) -> list[tuple[str, xr.DataArray, dict[str, Any]]]:
-    """T0 and T1 under their names, in the same colours, and the change, for `maps.draw_maps`.
+) -> list[Map]:
+    """T0 and T1 under their names, in the same colours, and the change.
 
     The change is 0 where noise can explain it.
     """
     t0, t1 = t0 * MM_TO_UM, change.t1 * MM_TO_UM
-    heights = {"colours": maps.height_colours(t0, t1), "bar": "height (µm)"}
+    colours = maps.height_colours(t0, t1)
+    scans = [
+        Map(name, scan, colours, bar="height (µm)")
+        for name, scan in zip(names, (t0, t1), strict=True)
+    ]
     is_known = change.change.notnull()
-    seen = change.change.where(change.loss | change.gain | ~is_known, 0.0)
-    look = {
-        "colours": _change_colours(change),
-        "bar": "height change (µm), 0 where not detected",
-    }
+    seen = change.change.where(change.loss | change.gain | ~is_known, 0.0) * MM_TO_UM
     title = "the change is unknown"
     if is_known.any():
-        percent = 100 * float(change.loss.where(is_known).mean())
+        percent = 100 * change.loss.where(is_known).mean()
         title = f"lost more than {change.level_of_detection_um:.2f} µm: {percent:.1f} %"
-    first, second = names
-    return [(first, t0, heights), (second, t1, heights), (title, seen * MM_TO_UM, look)]
+    bar = "height change (µm), 0 where not detected"
+    return [*scans, Map(title, seen, _change_colours(change), bar=bar)]
 
 
 def _change_colours(change: xr.Dataset) -> ScalarMappable:
@@ -152,12 +158,12 @@ def _change_colours(change: xr.Dataset) -> ScalarMappable:
     most = np.quantile(values, 0.995) or 1
     # NaN where no change is known
     bound = float(np.nanmax([most, 2 * change.level_of_detection_um]))
-    if change.gain.values.any():
+    if change.gain.any():
         return ScalarMappable(Normalize(-bound, bound), maps.CHANGE_MAP)
     return ScalarMappable(Normalize(-bound, 0), maps.LOSS_MAP)
 
 
-def patch_strip(result: PatchResult) -> "Image.Image":
+def patch_strip(result: PatchResult) -> Image.Image:
     """T0, T1 and where predicted and measured loss agree, side by side, to be shown in turn.
 
     Heights are lit from the upper left, as a raking light shows them.
@@ -181,31 +187,31 @@ def overview_figure(study: Results, patch: str | None = None) -> Figure:
     Panels of the patch are left out without one.
     """
     square = study.square("contact")
-    result = None if patch is None else study.of_patch(patch)
-    agreement = {} if result is None else _agreement(result)
-    count = 2 + (result is not None) + (BLUE in agreement)
+    result = study.of_patch(patch) if patch else None
+    agreement = _agreement(result) if result else {}
+    is_compared = BLUE in agreement
+    count = 2 + (result is not None) + is_compared
     figure, (whole, forces, *others) = style.panels(count, 4)
     draw_tool(whole, *study.tool, square.pressure)
     whole.set_title("1  the tool and its square\npressures on it in colour")
     maps.draw_forces(forces, square)
     pressures = study.table("patch_pressures")
     maps.draw_footprints(forces, pressures, study.patch_mm, colour=BLUE)
-    force = float(square.pressure.sum() * np.prod(spacing_of(square)))
-    shares = f"{style.short(force)} of {style.short(study.force_N)} N"
-    forces.set_title(f"2  contact forces on the square\n{shares}")
+    force = style.short(square.pressure.sum() * np.prod(spacing_of(square)))
+    whole_force = style.short(study.force_N)
+    forces.set_title(f"2  contact forces on the square\n{force} of {whole_force} N")
     maps.scale_bar(forces)
-    if result is None:
-        return figure
-    contact, touching = result.contact, result.contact.pressure > 0
-    pressure, percent = float(contact.mean_pressure), 100 * float(touching.mean())
-    maps.draw_map(others[0], contact.height, marks={BLACK: touching})
-    others[0].set_title(
-        f"3  predicted contact, patch {patch}\n"
-        f"{pressure:.1f} MPa, {percent:.1f} % of the area"
-    )
-    maps.scale_bar(others[0])
-    if BLUE in agreement:
-        maps.draw_map(others[1], contact.height, marks=agreement)
+    if result:
+        touching = result.contact.pressure > 0
+        maps.draw_map(others[0], result.contact.height, marks={BLACK: touching})
+        others[0].set_title(
+            f"3  predicted contact, patch {patch}\n"
+            f"{result.contact.mean_pressure:.1f} MPa, "
+            f"{100 * touching.mean():.1f} % of the area"
+        )
+        maps.scale_bar(others[0])
+    if result and is_compared:
+        maps.draw_map(others[1], result.contact.height, marks=agreement)
         others[1].set_title("4  measured loss\nagainst the predicted one")
         style.colour_legend(figure, AGREEMENT)
     return figure
@@ -217,44 +223,40 @@ def load_curves_figure(study: Results) -> Figure:
     The force on the square is that of its own elements, while the face is pressed.
     """
     figure, axes = style.panels(5, 3, 1.05)
-    area, load, stiffness, *of_square = axes
     contacts, square = study.contacts, study.square("contact")
-    reached = [float(contact.mean_pressure) for contact in contacts.values()]
-    shades = 0.88 * np.array(reached) / max([*reached, 1e-9])
+    reached = np.array([float(contact.mean_pressure) for contact in contacts.values()])
+    shades = 0.88 * reached / max(reached.max(initial=0), 1e-9)
     colours = list(colormaps["viridis"](shades))
-    for path, colour in zip(contacts.values(), colours, strict=True):
-        pressure = path.path_mean_pressure
-        _draw_path((area, load), path, pressure, path.path_contact_fraction, colour)
-        steepness = path.path_stiffness / MM_TO_UM
-        stiffness.plot(pressure, steepness, color=colour, **_OF_PATH)
+    _draw_paths(axes[:3], "patches", contacts.values(), colours)
     pressed = square.path_pressure
-    pressure, share = (field.mean(("y", "x")) for field in (pressed, pressed > 0))
-    _draw_path(of_square, square, pressure, share, BLACK)
-    for whose, (left, right) in {"patches": axes[:2], "square": of_square}.items():
-        left.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
-        left.locator_params(axis="x", nbins=5)
-        left.set_title(f"Area in contact, {whose}")
-        right.set(xlabel="far-field displacement (µm)")
-        right.set(ylabel="mean pressure F / Aₙ (MPa)", title=f"Pressure, {whose}")
-    stiffness.set(xlabel="mean pressure (MPa)", ylabel="stiffness (MPa/µm)")
-    stiffness.set_title("Stiffness, patches")
-    for panel in axes:
-        panel.set(xlim=(0, None), ylim=(0, None))
+    square["path_mean_pressure"] = pressed.mean(("y", "x"))
+    square["path_contact_fraction"] = (pressed > 0).mean(("y", "x"))
+    _draw_paths(axes[3:], "square", [square], [BLACK])
     for panel in axes[:3]:
         ends = [line.get_xydata()[-1] for line in panel.lines]
-        style.write_all(panel, list(contacts), ends, color=colours)
+        style.write_all(panel, list(contacts), ends, colours)
     return figure
 
 
-def _draw_path(
+def _draw_paths(
     panels: Sequence[Axes],
-    path: xr.Dataset,
-    pressure: xr.DataArray,
-    share: xr.DataArray,
-    colour: Any,
+    whose: str,
+    contacts: Iterable[xr.Dataset],
+    colours: Iterable[Any],
 ) -> None:
-    """Area and pressure along a load path."""
-    area, load = panels
-    area.plot(pressure / path.contact_modulus, 100 * share, color=colour, **_OF_PATH)
-    displacement = path.path_displacement * MM_TO_UM
-    load.plot(displacement, pressure, color=colour, **_OF_PATH)
+    """Area, pressure and, if there is a panel for it, stiffness along load paths."""
+    for contact, colour in zip(contacts, colours, strict=True):
+        pressure = contact.path_mean_pressure
+        displacement_um = contact.path_displacement * MM_TO_UM
+        relative = pressure / contact.contact_modulus
+        curves = [
+            (relative, 100 * contact.path_contact_fraction),
+            (displacement_um, pressure),
+            (pressure, contact.path_stiffness / MM_TO_UM),
+        ]
+        for panel, curve in zip(panels, curves, strict=False):
+            panel.plot(*curve, ".-", color=colour, markersize=2, linewidth=1)
+    for panel, (title, x, y) in zip(panels, _CURVES, strict=False):
+        panel.set(title=f"{title}, {whose}", xlabel=x, ylabel=y)
+        panel.set(xlim=(0, None), ylim=(0, None))
+    panels[0].locator_params(axis="x", nbins=5)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from gst.page.figures import macroscale, microscale, tables
 from gst.page.figures.places import places_figure
-from gst.page.figures.style import Layout, message_figure, save_figure, styled
+from gst.page.figures.style import message_figure, save_figure, styled
 from gst.page.figures.use import use_figure
 from gst.page.results import Results
 from gstlib.io.files import write_whole
@@ -40,10 +40,9 @@ def _figure_of(name: str, study: Results) -> Figure:
     if name in _OF_STUDIED and not study.drawn:
         return message_figure("No patch is in the microscale study.")
     if name in _OF_PREDICTED and study.table("wear").empty:
-        sentence = (
+        return message_figure(
             "No loss of a patch could be predicted from the losses of the others."
         )
-        return message_figure(sentence)
     return _FIGURES[name](study)
 
 
@@ -61,7 +60,7 @@ def draw(study: Results, pictures: Mapping[str, Path], note: str | None) -> None
             save_figure(_figure_of(name, study), file, vector, source_note=note)
     if "patch_png" not in pictures:
         return
-    layouts: dict[tuple, Layout] = {}
+    layouts: dict[tuple, Figure] = {}
     for patch in study.compared:
         result = study.of_patch(patch)
         figure = microscale.patch_figure(result)

@@ -31,23 +31,23 @@ _CORRELATED = {
 }
 # Of the measured loss and the predictions; baselines are grey. The cap, which may lie over the
 # elastic prediction, is open, and so is the baseline that receives more data.
-_LOOKS: dict[str, dict[str, Any]] = {
+_BASELINE: dict[str, Any] = {"color": GREY, "marker": "o"}
+_LOOKS: dict[Any, dict[str, Any]] = {
     "measured": {"color": BLACK, "marker": "x"},
     BARE: {"color": BLUE, "marker": "o"},
     INTERLAYER: {"color": GREEN, "marker": "D"},
     CAPPED: {"color": AMBER, "marker": "s", "mfc": "none", "ls": "--"},
+    ORACLE: _BASELINE | {"mfc": "none"},
 }
-_BASELINE = {"color": GREY, "marker": "o"}
-_OPEN = {ORACLE: _BASELINE | {"mfc": "none"}}
 
 
 def validation_figure(study: Results) -> Figure:
     """Mean agreement of prediction and baselines with the loss, and loss against pressure."""
     figure, (agreement, extent) = style.panels(2, 2, 1.0)
-    summary, losses = study.table("validation_summary"), study.losses
-    patches = study.table("validation_patches")
+    summary = study.table("validation_summary")
     _draw_agreement(agreement, summary)
-    losses = losses.dropna(subset="mean_wear_depth_um")
+    patches = study.table("validation_patches")
+    losses = study.losses.dropna(subset="mean_wear_depth_um")
     counted = patches.patch[patches.in_statistics]
     _draw_losses(extent, losses[losses.above_noise.astype(bool)], counted)
     lines = ["Do patches under higher pressure wear more?"]
@@ -64,45 +64,53 @@ def validation_figure(study: Results) -> Figure:
 def _draw_losses(axes: Axes, losses: pd.DataFrame, counted: pd.Series) -> None:
     """The loss of each patch over its pressure; those that are counted in colour."""
     is_touched, is_counted = losses.stated_MPa > 0, losses.patch.isin(counted)
-    for name, those, colour, fill in (
-        ("in the study", is_touched & is_counted, VERMILION, VERMILION),
-        ("touched, left out", is_touched & ~is_counted, GREY, GREY),
-        ("not touched", ~is_touched, GREY, "white"),
-    ):
-        drawn = losses[those]
-        look = {"color": colour, "mfc": fill, "clip_on": False, "zorder": 3}
-        look["in_layout"] = False  # an empty one would lie at the corner of the figure
-        axes.plot(drawn.stated_MPa, drawn.mean_wear_depth_um, "o", label=name, **look)
-    axes.set_xlabel("pressure under the given load (MPa)")
-    axes.set_ylabel("mean depth lost (µm)")
-    axes.set(xlim=(0, None), ylim=(0, None))
+    looks = {
+        "in the study": (is_touched & is_counted, VERMILION, VERMILION),
+        "touched, left out": (is_touched & ~is_counted, GREY, GREY),
+        "not touched": (~is_touched, GREY, "white"),
+    }
+    for name, (those, colour, fill) in looks.items():
+        axes.plot(
+            losses.stated_MPa[those],
+            losses.mean_wear_depth_um[those],
+            "o",
+            color=colour,
+            mfc=fill,
+            clip_on=False,
+            zorder=3,
+            in_layout=False,  # an empty one would lie at the corner of the figure
+            label=name,
+        )
+    axes.set(xlim=(0, None), xlabel="pressure under the given load (MPa)")
+    axes.set(ylim=(0, None), ylabel="mean depth lost (µm)")
     touched = losses[is_touched]
     ends = touched[["stated_MPa", "mean_wear_depth_um"]].to_numpy()
-    style.write_all(axes, list(touched.patch), ends)
+    style.write_all(axes, list(touched.patch), ends, [BLACK] * len(ends))
     axes.legend(loc="upper left")
 
 
 def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
     """The mean MCC of each model with its interval, one below the other."""
-    means, attainable = (
-        summary[(summary.statistic == "mean") & (summary.x == score)].set_index("model")
-        for score in ("mcc", "attainable_mcc")
-    )
+    means = summary[summary.statistic == "mean"].set_index("model")
+    attainable = means[means.x == "attainable_mcc"].value
+    means = means[means.x == "mcc"]
     for place, (model, row) in enumerate(means.iterrows()):
-        look = (_LOOKS | _OPEN).get(model, _BASELINE)
+        look = _LOOKS.get(model, _BASELINE)
         colour = look["color"]
         axes.plot([row.low, row.high], [place, place], color=colour)
         axes.plot(row.value, place, **look)
-        most = attainable.value.get(model, math.nan)
-        axes.plot(most, place, "|", color=colour, ms=9)
+        axes.plot(attainable.get(model, math.nan), place, "|", color=colour, ms=9)
         at = 0, place - 0.42
-        style.write_beside(axes, MODELS[model], at, color=colour, in_layout=False)
+        name = style.write_beside(axes, MODELS[model], at, (2, 0), color=colour)
+        name.set_in_layout(False)
     axes.set(xlim=(0, 1), ylim=(len(means) - 0.5, -0.7), yticks=[])
     axes.set_xlabel("mean MCC of predicted and measured loss")
     count = int(means.n.max()) if len(means) else 0
-    title = f"Was the position of the loss predicted? ({count} patches)"
-    bound = "| the most that masks of its areas could reach"
-    axes.set_title(f"{title}\n{bound}", fontsize=7)
+    axes.set_title(
+        f"Was the position of the loss predicted? ({count} patches)\n"
+        "| the most that masks of its areas could reach",
+        fontsize=7,
+    )
 
 
 def texture_figure(study: Results) -> Figure:
@@ -112,13 +120,12 @@ def texture_figure(study: Results) -> Figure:
     after, places = after.reindex(before.index), np.arange(len(before))
     figure, axes = style.panels(len(_TEXTURE), 2, 0.6)
     for panel, (column, title) in zip(axes, _TEXTURE.items(), strict=True):
-        panel.set_title(title)
         old, new = before[column], after[column]
         panel.vlines(places, old, new, color=VERMILION)
         panel.plot(places, new, "o", color=VERMILION, label="T1")
         panel.plot(places, old, "o", mfc="white", color=GREY, label="T0")
         style.name_patches(panel, list(before.index))
-        panel.set_ylabel(column.replace("_um", " (µm)"))
+        panel.set(title=title, ylabel=column.replace("_um", " (µm)"))
     axes[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
     return figure
 
@@ -131,19 +138,17 @@ def wear_figure(study: Results) -> Figure:
     wear, profile = map(study.table, ("wear", "wear_profile"))
     limits = study.table("patch_intervals")
     _draw_volumes(volumes, wear[wear.patch.isin(counted)], limits.set_index("patch"))
-    by_model = profile[profile.patch.isin(counted)].groupby("model", sort=False)
-    for model, rows in by_model:
+    profile = profile[profile.patch.isin(counted)]
+    for model, rows in profile.groupby("model", sort=False):
         means = rows.groupby("band").loss_um.mean()
         name = MODELS.get(model, model)
         heights.plot(means, means.index, label=name, **_LOOKS[model])
     bands = ["highest\nquarter", "second", "third", "lowest\nquarter"]
     heights.set_yticks(range(1, len(bands) + 1), bands)
     heights.invert_yaxis()
-    heights.set_xlim(left=0)
-    heights.set(xlabel="mean loss (µm)", title="At which heights?")
-    figure.legend(
-        *heights.get_legend_handles_labels(), loc="outside upper center", ncols=4
-    )
+    heights.set(xlim=(0, None), xlabel="mean loss (µm)", title="At which heights?")
+    handles = heights.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper center", ncols=4)
     return figure
 
 
@@ -152,23 +157,19 @@ def _draw_volumes(axes: Axes, wear: pd.DataFrame, limits: pd.DataFrame) -> None:
 
     The interval of a volume is in proportion to that of the pressure.
     """
-    wear = wear.assign(
-        measured=wear.measured_volume_um3 / 1e5,
-        predicted=wear.predicted_volume_um3 / 1e5,
-    )
-    for model, look in _LOOKS.items():
-        rows = wear[wear.model == model]
-        axes.plot(rows.measured, rows.predicted, **look | {"ls": "none"})
-    bare = wear[wear.model == BARE].set_index("patch")
-    own = limits.loc[bare.index]
-    low, high = (
-        bare.predicted * end / own.pressure_MPa for end in (own.low_MPa, own.high_MPa)
-    )
-    axes.vlines(bare.measured, low, high, color=BLUE, lw=0.8)
+    volumes = wear[["measured_volume_um3", "predicted_volume_um3"]] / 1e5
+    for model in (BARE, INTERLAYER, CAPPED):
+        points = volumes[wear.model == model].to_numpy()
+        axes.plot(*points.T, **_LOOKS[model] | {"ls": "none"})
+    is_bare = wear.model == BARE
+    patches, ends = wear.patch[is_bare], volumes[is_bare].to_numpy()
+    measured, predicted = ends.T
+    own = limits.loc[patches]
+    low, high = own.low_MPa / own.pressure_MPa, own.high_MPa / own.pressure_MPa
+    axes.vlines(measured, predicted * low, predicted * high, color=BLUE, lw=0.8)
     most = 1.05 * max(1e-9, axes.dataLim.x1, axes.dataLim.y1)
     axes.plot([0, most], [0, most], color=GREY, lw=0.6)
     axes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
-    ends = bare[["measured", "predicted"]].to_numpy()
-    style.write_all(axes, list(bare.index), ends, color=[BLUE] * len(bare))
+    style.write_all(axes, list(patches), ends, [BLUE] * len(ends))
     axes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
     axes.set_title("How much did each patch lose?")

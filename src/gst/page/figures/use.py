@@ -17,7 +17,6 @@ _BINS = 24
 _STRIKES = 500
 # Of the radius, what is drawn.
 _SHOWN = 0.005, 0.995
-_LOSSES = ["loss_um", "predicted_um", "low_um", "high_um"]
 
 
 def use_figure(study: Results) -> Figure:
@@ -47,18 +46,17 @@ def _draw_strikes(
     axes: Axes, use: xr.Dataset, prior: pd.Series, study: Results
 ) -> None:
     """Strikes and their centre, over the heights of the square and the patches."""
-    height = study.square("surface", "height").height
-    maps.draw_heights(axes, height)
+    maps.draw_heights(axes, study.square("surface", "height").height)
     maps.draw_footprints(axes, study.outlined, study.patch_mm, colour=BLACK)
     limits = axes.axis()
     generator = np.random.default_rng(0)
     chosen = generator.choice(use.sizes["draw"], _STRIKES, p=use.weight.values)
     likely = use.isel(draw=chosen)
-    strikes = strikes_of(likely, generator)
-    axes.plot(*strikes.T, ".", color=VERMILION, markersize=4, alpha=0.25, zorder=2)
+    x, y = strikes_of(likely, generator).T
+    axes.plot(x, y, ".", color=VERMILION, markersize=4, alpha=0.25, zorder=2)
     axes.plot(likely.x_mm, likely.y_mm, ".", color=BLACK, markersize=2, alpha=0.4)
-    point = prior.load_point_x, prior.load_point_y
-    axes.plot(*point, "P", color=BLUE, markersize=10, markeredgecolor="white")
+    x, y = prior.load_point_x, prior.load_point_y
+    axes.plot(x, y, "P", color=BLUE, markersize=10, markeredgecolor="white")
     axes.axis(limits)
     axes.set_title("prior (cross), inferred strikes (red) and centre (black)")
 
@@ -79,12 +77,13 @@ def _draw_radius(axes: Axes, use: xr.Dataset, prior: float) -> None:
 
 def _draw_losses(axes: Axes, losses: pd.DataFrame) -> None:
     """The loss of each patch beside what the others predict."""
-    measured, predicted, low, high = losses[_LOSSES].to_numpy().T
+    measured, predicted = losses.loss_um, losses.predicted_um
+    low, high = losses.low_um, losses.high_um
     axes.vlines(measured, low, high, color=GREY, linewidth=0.8)
     axes.plot(measured, predicted, "o", color=BLUE, markersize=4)
     most = 1.1 * max(measured.max(), predicted.max())
     axes.plot([0, most], [0, most], color=BLACK, linewidth=0.7)
-    axes.set(xlim=(0, most), ylim=(min(0.0, low.min()), max(most, high.max())))
-    axes.set_xlabel("measured mean depth lost (µm)")
+    axes.set(xlim=(0, most), xlabel="measured mean depth lost (µm)")
+    axes.set(ylim=(min(0.0, low.min()), max(most, high.max())))
     axes.set_ylabel("predicted (µm), 95 % interval")
     axes.set_title("loss, predicted by the other patches")
