@@ -17,11 +17,11 @@ ABOUT = {"units": "1", "long_name": "of a test"}
 def study_of(folder, *, draws=2000, patches=3, adopted=1, graded=False):
     """A study with made-up draws; and the draws."""
     generator = np.random.default_rng(0)
-    columns = {name: generator.uniform(0, 5, draws) for name in ("x_mm", "y_mm")}
-    columns["weight"] = np.full(draws, 1 / draws)
+    use = pd.DataFrame(generator.uniform(0, 5, (draws, 2)), columns=["x_mm", "y_mm"])
+    use["weight"] = 1 / draws
     if not graded:
-        columns["wear_coefficient"] = generator.uniform(0.005, 0.01, draws)
-    variables = {name: ("draw", each, ABOUT) for name, each in columns.items()}
+        use["wear_coefficient"] = generator.uniform(0.005, 0.01, draws)
+    variables = {name: ("draw", use[name].values, ABOUT) for name in use}
     pressure = generator.uniform(0, 90, (patches, draws))
     variables["pressure"] = ("patch", "draw"), pressure, ABOUT
     names = [f"P{number}" for number in range(patches)]
@@ -36,16 +36,16 @@ def study_of(folder, *, draws=2000, patches=3, adopted=1, graded=False):
 
 def test_the_numbers_are_those_of_the_draws(tmp_path):
     study, use = study_of(tmp_path)
-    law = Law(exponent=2.0)
     taken = draws_to_explore(study, {"threshold_MPa": 0.0, "exponent": 2.0})
     assert taken["measured"] == [0.0, 0.1, 0.2]
     assert taken["near_mm"] == 0.4
     np.testing.assert_allclose(taken["x_mm"], use.x_mm, atol=1e-3)
     pressure = use.pressure.values.T
-    loss = use.wear_coefficient.values[:, np.newaxis] * law.equivalent(pressure)
-    for name, wanted in {"pressure": pressure, "loss": loss}.items():
-        half_a_digit = {"pressure": 0.0051, "loss": 0.00051}[name]
-        np.testing.assert_allclose(taken[name], wanted, rtol=0, atol=half_a_digit)
+    equivalent = Law(exponent=2.0).equivalent(pressure)
+    loss = use.wear_coefficient.values[:, np.newaxis] * equivalent
+    # half a digit
+    np.testing.assert_allclose(taken["pressure"], pressure, rtol=0, atol=0.0051)
+    np.testing.assert_allclose(taken["loss"], loss, rtol=0, atol=0.00051)
 
 
 def test_many_patches_take_fewer_draws_evenly(tmp_path):

@@ -60,10 +60,12 @@ def test_a_use_that_is_not_adopted_has_no_region(tmp_path):
 
 
 def test_true_values_are_counted_that_lie_within_their_intervals(tmp_path):
-    rows = ["use,radius,,mm,170,150,-20", "coupling,pressure,a,MPa,5,6,1"]
-    rows += ["coupling,pressure,b,MPa,5,9,4", "wear,mean_depth,a,um,5,9,4"]
+    radius = f"{HEADINGS}use,radius,,mm,170,150,-20\n"
+    others = """coupling,pressure,a,MPa,5,6,1
+coupling,pressure,b,MPa,5,9,4
+wear,mean_depth,a,um,5,9,4"""
     files = {
-        "truth.csv": HEADINGS + "\n".join(rows),
+        "truth.csv": radius + others,
         "patch_intervals.csv": "patch,pressure_MPa,low_MPa,high_MPa\na,6,4,7\nb,9,8,11\n",
         "use.csv": "parameter,low,high\nload_point_x,1,2\nradius,120,180\n",
     }
@@ -76,6 +78,6 @@ def test_true_values_are_counted_that_lie_within_their_intervals(tmp_path):
     del met["load point"]
     assert truth_met(study, {}) == met
     # without a reference contact
-    (tmp_path / "truth.csv").write_text(HEADINGS + rows[0])
+    (tmp_path / "truth.csv").write_text(radius)
     del met["pressure"]
     assert truth_met(study, {}) == met

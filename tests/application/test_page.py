@@ -27,6 +27,8 @@ from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
 
 FRAME = Frame(origin=(-2, -2, 1.5), x_axis=(1, 0, 0), normal=(0, 0, 1))
+PLACES = {"patch": ["a", "b"], "x_mm": [3.0, 1.0], "y_mm": [1.0, 3.0]}
+PLACES |= {"rotation_deg": [90.0, 0.0]}
 
 
 @pytest.fixture
@@ -35,7 +37,27 @@ def stone():
     mesh = trimesh.creation.box((20, 20, 3)).subdivide_to_size(1.5)
     pressure = make_surface(np.zeros((20, 20)), 0.2)
     pressure[:10, 10:] = 100.0
-    return mesh, pressure
+    return mesh, pressure.assign_attrs(units="MPa")
+
+
+@pytest.fixture
+def scene_of(stone, tmp_path):
+    """The scene of the slab, with these files beside its contact."""
+    mesh, pressure = stone
+    write_dataset(tmp_path / "contact.h5", pressure.to_dataset(name="pressure"))
+
+    def scene(**files):
+        files |= {"contact": tmp_path / "contact.h5"}
+        study = Results(files, places=PLACES, size_mm=4.0, patch_mm=1.0)
+        study.__dict__["tool"] = mesh, FRAME
+        return tool_scene(study)
+
+    return scene
+
+
+def picture_of(field):
+    png = base64.b64decode(field["map"].partition(",")[2])
+    return np.array(Image.open(io.BytesIO(png)).convert("RGB"))
 
 
 def test_the_square_is_coloured_where_it_is_pressed(stone):
@@ -51,50 +73,32 @@ def test_the_square_is_coloured_where_it_is_pressed(stone):
     assert "#" + bytes(bare).hex() == STONE
 
 
-def test_the_scene_has_its_patches_where_the_table_puts_them(stone, tmp_path):
-    mesh, pressure = stone
-    places = {"patch": ["a"], "x_mm": [3.0], "y_mm": [1.0], "rotation_deg": [90.0]}
-    contact = pressure.assign_attrs(units="MPa").to_dataset(name="pressure")
-    write_dataset(tmp_path / "contact.h5", contact)
-    files = {"contact": tmp_path / "contact.h5"}
-    study = Results(files, places=places, size_mm=4.0, patch_mm=1.0)
-    study.__dict__["tool"] = mesh, FRAME
-    scene = tool_scene(study)
-    (patch,) = scene["patches"]
+def test_the_scene_has_its_patches_where_the_table_puts_them(scene_of):
+    scene = scene_of()
+    patch, _ = scene["patches"]
     # turned by a quarter: the first corner is now at the lower right
     np.testing.assert_allclose(patch["flat"][0], [3.5, 0.5])
     outline = np.array(patch["outline"])
     assert outline.min(axis=0) == pytest.approx([0.5, -1.5, 1.5])
     assert outline.max(axis=0) == pytest.approx([1.5, -0.5, 1.5])
     # y upwards: the pressed quarter, of small y, is at the picture's lower right
-    png = base64.b64decode(scene["fields"][0]["map"].partition(",")[2])
-    picture = np.array(Image.open(io.BytesIO(png)).convert("L"))
+    picture = picture_of(scene["fields"][0])
     assert picture[15:, 15:].max() < 60
     assert picture[:9].min() == 255
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_an_unknown_loss_is_not_drawn_as_none(stone, tmp_path, known):
+def test_an_unknown_loss_is_not_drawn_as_none(scene_of, tmp_path, known):
     """Of two patches, that of "b" is not known; if there is no other, none is drawn."""
-    mesh, pressure = stone
-    contact = pressure.assign_attrs(units="MPa").to_dataset(name="pressure")
-    write_dataset(tmp_path / "contact.h5", contact)
     table = tmp_path / "registration.csv"
     table.write_text(f"patch,mean_wear_depth_um\na,{'2' if known else ''}\nb,\n")
-    files = {"contact": tmp_path / "contact.h5", "registration.csv": table}
-    places = {"patch": ["a", "b"], "x_mm": [1.0, 3.0], "y_mm": [1.0, 3.0]}
-    places["rotation_deg"] = [0.0, 0.0]
-    study = Results(files, places=places, size_mm=4.0, patch_mm=1.0)
-    study.__dict__["tool"] = mesh, FRAME
-    fields = tool_scene(study)["fields"]
+    fields = scene_of(registration=table)["fields"]
     assert len(fields) == 1 + known
     if known:
-        png = base64.b64decode(fields[1]["map"].partition(",")[2])
-        picture = Image.open(io.BytesIO(png)).convert("RGB")
-        lost, unknown, beside = map(picture.getpixel, ((5, 14), (15, 4), (15, 14)))
-        assert max(lost) < 60
-        assert "#" + bytes(unknown).hex() == STONE
-        assert min(beside) == 255
+        picture = picture_of(fields[1])
+        assert picture[14, 15].max() < 60
+        assert "#" + bytes(picture[4, 5]).hex() == STONE
+        assert picture[14, 5].min() == 255
         assert fields[1]["highest"] == 2.0
 
 
@@ -127,52 +131,42 @@ def test_the_caption_of_a_table_explains_its_columns_with_any_config(study):
             assert f"{column}{unit}: " in text
 
 
-def answer_html(short, detail, **content):
-    answer = Answer([("Why?", short, ": a < b, 5 %")], [detail])
-    nothing = {"specimen": None, "faults": [], "load": {"held": {}}, "truth": {}}
-    content = nothing | content
-    config = {"specimen": content["specimen"]}
-    return render("page.answer.html", answer=answer, config=config, **content)
+def answer_html(**content):
+    """The head of a page, by default with an answer and nothing else."""
+    answer = Answer([("Why?", "Yes", ": a < b, 5 %")], ["A mean MCC of 1 < 2."])
+    parts = {"answer": answer, "faults": [], "load": {"held": {}}, "truth": {}}
+    config = {"specimen": content.pop("specimen", None)}
+    return render("page.answer.html", config=config, **parts | content)
 
 
 def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
-    html = answer_html("Yes", "A mean MCC of 1 < 2.")
+    html = answer_html()
     assert "<dt>Why?</dt><dd><strong>Yes</strong>: a &lt; b, 5\xa0%</dd>" in html
     assert "1 &lt; 2" in html
     assert "Synthetic specimen" not in html
-    assert "Synthetic specimen" in answer_html(
-        "Yes", "", specimen={"wear_placement": "summits"}
-    )
+    generated = answer_html(specimen={"wear_placement": "summits"})
+    assert "Synthetic specimen" in generated
 
 
 def test_an_accepted_fault_is_shown_above_the_answer():
     fault = [{"text": "patches: they lie elsewhere"}]
-    html = answer_html("because", "in detail", faults=fault)
-    assert 0 < html.index(fault[0]["text"]) < html.index("because")
-    config = {"specimen": None}
-    empty = {"answer": Answer([], []), "faults": fault, "config": config}
-    nothing = render("page.answer.html", **empty)
+    html = answer_html(faults=fault)
+    assert 0 < html.index(fault[0]["text"]) < html.index("Why?")
+    nothing = answer_html(faults=fault, answer=Answer([], []))
     assert "No answer could be computed" in nothing
 
 
-def test_the_answer_says_if_the_wear_and_the_given_load_disagree():
-    disagree = "outside the 95\xa0% region"
-    for held, is_told in (
-        ({}, False),
-        ({"given": True}, False),
-        ({"given": False}, True),
-    ):
-        html = answer_html("Pressed", "", load={"held": held})
-        assert (disagree in html.replace(" %", "\xa0%")) == is_told
+@pytest.mark.parametrize("held", [{}, {"given": True}, {"given": False}])
+def test_the_answer_says_if_the_wear_and_the_given_load_disagree(held):
+    html = answer_html(load={"held": held}).replace("\xa0", " ")
+    assert ("outside the 95 % region" in html) == (held == {"given": False})
 
 
 def test_the_truth_is_one_line():
-    html = answer_html("Pressed", "", truth={"radius": (0, 1), "pressure": (24, 25)})
+    html = answer_html(truth={"radius": (0, 1), "pressure": (24, 25)})
     (line,) = re.findall("<dt>Is the truth met.*", html)
-    assert re.findall("<strong>(.*?)</strong>", line) == [
-        "radius no",
-        "pressures 24 of 25",
-    ]
+    met = re.findall("<strong>(.*?)</strong>", line)
+    assert met == ["radius no", "pressures 24 of 25"]
 
 
 def test_the_days_of_the_scans_are_those_in_their_files(tmp_path):
