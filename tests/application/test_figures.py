@@ -361,7 +361,7 @@ def test_only_the_nearest_is_seen_lit_from_the_upper_left(view, seen):
     colours = np.zeros_like(ball.vertices, dtype=np.uint8)
     is_blue = ball.vertices[:, 2] <= 0
     colours[is_blue, 2] = colours[~is_blue, 0] = 255
-    draw_stone(axes, ball, view, colours=colours)
+    draw_stone(axes, ball, view, colours)
     picture = pixels(axes.figure)[..., :3]
     middle = picture[70:80, 70:80]
     assert middle[..., seen].min() > 50

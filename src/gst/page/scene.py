@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import to_hex
 from PIL import Image
 
@@ -61,17 +62,6 @@ def tool_scene(
     window = slice(-_BESIDE * size, (1 + _BESIDE) * size)
     low, high = _ends(fields[0].sel(x=window))
 
-    def mapped(field: xr.DataArray, of_stone: np.ndarray) -> dict[str, Any]:
-        scale, shown = force_colours(field), field.sel(y=window, x=window)[::-1]
-        picture = picture_of(shown, scale, {STONE: shown.isnull()})
-        return {
-            "title": field.title,
-            "units": field.units,
-            "map": embedded_png(Image.fromarray(picture)),
-            "colours": packed(of_stone, "u1"),
-            "highest": scale.norm.vmax,
-        }
-
     def outlined(place: PatchPosition, side: float) -> dict[str, list]:
         flat = outline(place, side)
         on_tool = outline_on(stone, frame, flat, size)
@@ -82,15 +72,14 @@ def tool_scene(
     if "places" in study.tables:
         patches = study.table("places").rename(columns={"place": "patch"})
         patches["rotation_deg"] = 0.0
-    other = None
+    second = None
     if study.has("counterface") and active_tool:
-        second = posed_mesh(ActiveTool.read(**active_tool), frame, size_mm=size)
-        other = stone_data(coarsen(second, faces=_SECOND_FACES))
-    view = tool_view(stone, frame)
-    axes = frame.axes.tolist()
+        other = posed_mesh(ActiveTool.read(**active_tool), frame, size_mm=size)
+        second = stone_data(coarsen(other, faces=_SECOND_FACES))
+    view, axes = tool_view(stone, frame), frame.axes.tolist()
     return {
         "stone": stone_data(stone),
-        "second": other,
+        "second": second,
         "frame": {"origin": list(frame.origin), "axes": axes, "size": size},
         "view": view.axes[2].tolist(),
         "middle": list(map(float, view.origin)),
@@ -100,7 +89,11 @@ def tool_scene(
             {"patch": patch} | outlined(place, study.patch_mm)
             for patch, place in places_of(patches).items()
         ],
-        "fields": list(map(mapped, fields, colours)),
+        "fields": [
+            _mapped(field.sel(y=window, x=window), force_colours(field))
+            | {"colours": packed(of_stone, "u1")}
+            for field, of_stone in zip(fields, colours, strict=True)
+        ],
         "low": low,
         "side": high - low,
         "face": _ends(study.data("contact", "pressure").x),
@@ -108,13 +101,22 @@ def tool_scene(
     }
 
 
+def _mapped(field: xr.DataArray, colours: ScalarMappable) -> dict[str, Any]:
+    """A map of a field and what is said of it."""
+    picture = picture_of(field, colours, {STONE: field.isnull()})
+    return {
+        "title": field.title,
+        "units": field.units,
+        "map": embedded_png(Image.fromarray(picture[::-1])),
+        "highest": colours.get_clim()[1],
+    }
+
+
 def _ends(field: xr.DataArray) -> tuple[float, float]:
     """The coordinates at which the elements begin and end along x, without rounding errors."""
-    half = (field.x[1] - field.x[0]) / 2
-    low, high = (
-        round(float(end), 6) for end in (field.x[0] - half, field.x[-1] + half)
-    )
-    return low, high
+    x = field.x.values
+    half = (x[1] - x[0]) / 2
+    return round(float(x[0] - half), 6), round(float(x[-1] + half), 6)
 
 
 def _fields(study: Results) -> list[xr.DataArray]:

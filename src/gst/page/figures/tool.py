@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
+from scipy.interpolate import NearestNDInterpolator
 
 from gst.page.figures import maps, style
 from gst.page.figures.macroscale import draw_places
@@ -40,8 +41,8 @@ def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
     towards = _VIEW @ frame.axes
     view = Frame((0.0, 0.0, 0.0), np.cross(frame.axes[1], towards), towards)
     seen = view.to_frame(mesh.vertices)
-    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2 @ view.axes
-    return Frame(middle, view.x_axis, view.normal)
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    return Frame(middle @ view.axes, view.x_axis, view.normal)
 
 
 def cut_tool(
@@ -85,28 +86,17 @@ def coloured_tool(
     first, element = fields[0], max(spacing_of(fields[0]))
     edge_mm = element * max(1.5, len(first.x) / _ELEMENTS)
     whole = cut_tool(mesh, frame, first, edge_mm=edge_mm, faces=FACES)
-    _, is_over = over_face(whole, frame, first)
-    return whole, *(_colours(field, whole, frame, is_over, edge_mm) for field in fields)
-
-
-def _colours(
-    field: xr.DataArray,
-    mesh: "trimesh.Trimesh",
-    frame: Frame,
-    is_over: np.ndarray,
-    edge_mm: float,
-) -> np.ndarray:
-    """The colours of a mesh's vertices by a field: the highest within an edge, to lose none."""
-    reach = round(edge_mm / spacing_of(field)[0] / 1.5)
-    known = field.fillna(0.0)
-    highest = field.copy(data=scipy.ndimage.maximum_filter(known.values, reach))
-    colours = np.full((len(mesh.vertices), 3), _STONE_RGB)
-    values = on_mesh(highest, mesh, frame)[is_over]
-    shown = maps.force_colours(field).to_rgba(values, bytes=True)
-    is_unknown = on_mesh(field.isnull(), mesh, frame)[is_over] > 0
-    shown[is_unknown, :3] = _STONE_RGB
-    colours[is_over] = shown[:, :3]
-    return colours.astype(np.uint8)
+    # the highest within an edge: none is lost
+    reach = round(edge_mm / element / 1.5)
+    colours = []
+    for field in fields:
+        known = field.fillna(0.0).values
+        highest = field.copy(data=scipy.ndimage.maximum_filter(known, reach))
+        numbers = on_mesh(highest, whole, frame)
+        shown = maps.force_colours(field).to_rgba(numbers, bytes=True)[:, :3]
+        shown[on_mesh(field.notnull(), whole, frame) == 0] = _STONE_RGB
+        colours.append(shown)
+    return whole, *colours
 
 
 def outline_on(
@@ -119,20 +109,15 @@ def outline_on(
     """
     square = make_surface(np.zeros((2, 2)), size / 2)
     places, is_over = over_face(mesh, frame, square, 0.1 * size)
+    height_at = NearestNDInterpolator(places[is_over, :2], places[is_over, 2])
     ring = shapely.LinearRing(corners).segmentize(size / 20)
     flat = shapely.get_coordinates(ring)[:-1]
-    *plane, heights = places[is_over].T
-    _, nearest = scipy.spatial.KDTree(np.transpose(plane)).query(flat)
-    points = np.column_stack([flat, heights[nearest]])
+    points = np.column_stack([flat, height_at(flat)])
     return points @ frame.axes + np.array(frame.origin)
 
 
 def draw_stone(
-    axes: Axes,
-    mesh: "trimesh.Trimesh",
-    view: Frame,
-    *,
-    colours: np.ndarray | None = None,
+    axes: Axes, mesh: "trimesh.Trimesh", view: Frame, colours: np.ndarray | None = None
 ) -> None:
     """Draw a stone as seen from afar, shaded, with a scale bar.
 
@@ -152,12 +137,13 @@ def draw_stone(
     shade = 0.35 + 0.75 * (normals[front] @ _LIGHT).clip(0)
     tone = (paint * shade[:, np.newaxis]).clip(0, 1)
     flat = corners[..., :2]
-    faces = PolyCollection(flat[front], facecolors=tone, edgecolors=tone)
-    faces.set(linewidths=0.3, rasterized=True)
+    faces = PolyCollection(
+        flat[front], facecolors=tone, edgecolors=tone, linewidths=0.3, rasterized=True
+    )
     axes.add_collection(faces)
     reach = 1.1 * float(np.linalg.norm(flat, axis=-1).max())
-    limits = -reach, reach
-    axes.set(xlim=limits, ylim=limits, xticks=[], yticks=[], aspect="equal")
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    axes.set(xticks=[], yticks=[])
     axes.spines[:].set_visible(False)
     maps.scale_bar(axes)
 
@@ -169,10 +155,9 @@ def draw_square(
     square = size * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     corners = view.to_frame(frame.origin + square @ frame.axes[:2])[:, :2]
     axes.add_patch(Polygon(corners, fill=False, edgecolor=VERMILION, lw=1.2))
-    look = {"path_effects": maps.OUTLINE, "ha": "center", "va": "center"}
     for name, corner in zip(names, corners[1::2], strict=False):
-        place = corners[0] + 1.35 * (corner - corners[0])
-        axes.text(*place, name, **look)
+        x, y = corners[0] + 1.35 * (corner - corners[0])
+        axes.text(x, y, name, ha="center", va="center", path_effects=maps.OUTLINE)
 
 
 def draw_tool(
@@ -181,7 +166,7 @@ def draw_tool(
     """A picture of the tool from `tool_view`, its square coloured by pressure and outlined."""
     whole, colours = coloured_tool(mesh, frame, pressure)
     view = tool_view(whole, frame)
-    draw_stone(axes, whole, view, colours=colours)
+    draw_stone(axes, whole, view, colours)
     draw_square(axes, view, frame, float(pressure.x[-1] + pressure.x[0]), names="")
 
 
@@ -239,5 +224,5 @@ def _draw_gap(axes: Axes, pressed: PressedFace, size_mm: float) -> None:
     y, x = pressed.pushed.T
     axes.plot(x, y, "+", color=VERMILION, markersize=4)
     thickness_um = pressed.interlayer_um
-    interlayer = f", interlayer of {thickness_um:g} µm" if thickness_um else ""
-    axes.set_title(f"the active tool{interlayer} (+: where it is pushed)")
+    between = f", interlayer of {thickness_um:g} µm" if thickness_um else ""
+    axes.set_title(f"the active tool{between} (+: where it is pushed)")
