@@ -61,13 +61,15 @@ def load_points(study: Results, given: Sequence[float] | None) -> dict[str, Any]
     reach = np.quantile(
         distances(draws), _CERTAINTY, weights=use.weight, method="inverted_cdf"
     )
-    (short, long), axes = np.linalg.eigh(spread)
-    half = np.sqrt(reach * np.array([long, short]))
-    turn = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
+    variances, axes = np.linalg.eigh(spread)
+    x, y = axes[:, 1]  # of the longer one
     is_held = distances([*points.values()]) <= reach
     return {
         "points": {"inferred": middle.tolist(), **points},
-        "region": [*half.tolist(), float(turn)],
+        "region": [
+            *np.sqrt(reach * variances[::-1]).tolist(),
+            float(np.degrees(np.arctan2(y, x))),
+        ],
         "held": dict(zip(points, is_held.tolist(), strict=True)),
     }
 
@@ -88,5 +90,6 @@ def truth_met(study: Results, held: Mapping[str, bool]) -> dict[str, tuple[int, 
     known = limits.merge(study.table("truth"), on=["quantity", "patch"])
     is_met = known.true.between(known.low, known.high)
     counts = is_met.groupby(known.quantity, sort=False).agg(["sum", "count"])
-    met = {"load point": (int(held["true"]), 1)} if "true" in held else {}
-    return met | {str(name): (met, of) for name, met, of in counts.itertuples()}
+    met = {str(name): (count, of) for name, count, of in counts.itertuples()}
+    at_point = {"load point": (int(held["true"]), 1)} if "true" in held else {}
+    return at_point | met

@@ -23,6 +23,18 @@ if TYPE_CHECKING:
     import trimesh
 
 
+# Of a contact, what is drawn of it and of its load path; of the change since.
+_PRESSED = "height", "pressure", "mean_pressure"
+_PATH = (
+    "contact_modulus",
+    "path_displacement",
+    "path_mean_pressure",
+    "path_contact_fraction",
+    "path_stiffness",
+)
+_CHANGED = "t1", "change", "level_of_detection", "loss", "gain"
+
+
 class PatchResult(NamedTuple):
     """What the study found on one patch."""
 
@@ -110,29 +122,23 @@ class Results:
 
     def _most_loaded(self, table: pd.DataFrame) -> list[str]:
         """The patches of a table or, if they are too many, some in even steps."""
-        ordered = table.sort_values("pressure_MPa", ascending=False, kind="stable")
-        patches = list(ordered.patch)
+        table = table.sort_values("pressure_MPa", ascending=False, kind="stable")
+        patches = list(table.patch)
         count = min(len(patches), self.max_plotted_patches)
         return [patches[place * len(patches) // count] for place in range(count)]
 
     @cached_property
     def contacts(self) -> dict[str, xr.Dataset]:
-        path = "displacement", "mean_pressure", "contact_fraction", "stiffness"
-        drawn = "height", "pressure", "mean_pressure", "contact_modulus"
-        return self.by_patch(
-            "contacts", self.drawn, *drawn, *(f"path_{name}" for name in path)
-        )
+        return self.by_patch("contacts", self.drawn, *_PRESSED, *_PATH)
 
     def of_patch(self, patch: str) -> PatchResult:
         """The results on one patch."""
-        pressed = "height", "pressure", "mean_pressure"
-        contact = self.by_patch("contacts", [patch], *pressed)[patch]
-        changed = "t1", "change", "level_of_detection", "loss", "gain"
-        change = self.by_patch("registered", [patch], *changed).get(patch)
+        contact = self.by_patch("contacts", [patch], *_PRESSED)[patch]
+        change = self.by_patch("registered", [patch], *_CHANGED).get(patch)
         if change is not None and change.change.isnull().all():
             change["t1"] = self.by_patch("t1", [patch], "height")[patch].height
-        depths = self.by_patch("depths", [patch], "depth").get(patch)
         predicted = None
-        if depths is not None:
-            predicted = depths.depth.sel(model=own_model(list(depths.model.values)))
+        for depths in self.by_patch("depths", [patch], "depth").values():
+            own = own_model(list(depths.model.values))
+            predicted = depths.depth.sel(model=own)
         return PatchResult(patch, contact, change, predicted)

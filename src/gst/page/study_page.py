@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -177,32 +178,27 @@ def reported(results: Path, steps: Sequence[str], level: str) -> list[dict[str, 
 
     `level` is one of `gst.run.chain.LEVELS`.
     """
-    reporters: dict[str, dict[str, None]] = {}
+    reporters: dict[str, list[str]] = {}
     for name in steps:
         # a batch is not a separate step
         step = re.sub(r"_\d+$", "", name).replace("_", " ")
         for text in messages_of(results, name, level):
-            reporters.setdefault(text, {})[step] = None
+            reporters.setdefault(text, []).append(step)
     messages = []
     for text, names in reporters.items():
         match = re.match(r"patch(?:es)? ([\w-]+(?:, [\w-]+)*)", text)
         patches = match[1].split(", ") if match else []
-        messages.append({"text": text, "steps": list(names), "patches": patches})
+        reporting = list(dict.fromkeys(names))
+        messages.append({"text": text, "steps": reporting, "patches": patches})
     return messages
 
 
 def write_contents(contents: Path, page: Path, entries: Sequence[Shown]) -> None:
     """Write the list of the results with their captions, the page first."""
-    listed = [
-        {
-            "file": one.file.relative_to(page.parent).as_posix(),
-            "category": one.category,
-            "title": one.title,
-            "caption": one.caption,
-            "sha256": sha256(one.file),
-        }
-        for one in [Shown(page, *_ABOUT_PAGE), *entries]
-    ]
+    listed = []
+    for one in [Shown(page, *_ABOUT_PAGE), *entries]:
+        name = one.file.relative_to(page.parent).as_posix()
+        listed.append(asdict(one) | {"file": name, "sha256": sha256(one.file)})
     write_json(contents, listed)
 
 

@@ -34,9 +34,11 @@ def three_js() -> str:
             page = archive.read("viewer.html.template").decode()
         return page[page.index(_BEGIN) + len(_BEGIN) : page.index(_END)]
     except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        problem = "does not contain three.js where gst looks for it"
-        remedy = "Install the version of trimesh given in requirements.lock."
-        raise InputError(str(template), problem, remedy) from error
+        raise InputError(
+            str(template),
+            "does not contain three.js where gst looks for it",
+            "Install the version of trimesh given in requirements.lock.",
+        ) from error
 
 
 def shipped(name: str, room: str = "gst.page") -> str:
@@ -60,27 +62,28 @@ def coarsen(
     triangles = np.asarray(mesh.faces)
     if len(triangles) <= faces:
         return mesh
-    kept = np.zeros(len(mesh.vertices), bool) if keep is None else keep
+    is_kept = np.zeros(len(mesh.vertices), bool) if keep is None else keep
     # A kept vertex has its own cell.
-    own = np.where(kept, np.arange(1, len(kept) + 1), 0)
-    cell = np.sqrt(2 * mesh.area / faces)
+    own = np.where(is_kept, np.arange(1, len(is_kept) + 1), 0)
+    is_full = is_kept[triangles].all(axis=1).sum() > faces / 2
+    side = np.sqrt(2 * mesh.area / faces)
     while True:
-        cells = np.floor((mesh.vertices - mesh.bounds[0]) / cell).astype(np.int64)
+        cells = np.floor((mesh.vertices - mesh.bounds[0]) / side).astype(np.int64)
         _, cluster = unique_rows(np.column_stack([cells, own]))
         corners = np.sort(cluster[triangles], axis=1)
         whole = (np.diff(corners, axis=1) > 0).all(axis=1)
         first, _ = unique_rows(corners[whole])
-        if len(first) <= faces or kept[triangles].all(axis=1).sum() > faces / 2:
+        if len(first) <= faces or is_full:
             break
-        cell *= 1.02 * np.sqrt(len(first) / faces)
+        side *= 1.02 * np.sqrt(len(first) / faces)
     sums = [np.bincount(cluster, coordinate) for coordinate in mesh.vertices.T]
     means = np.transpose(sums / np.bincount(cluster))
     left = triangles[whole][np.sort(first)]
     coarse = trimesh.Trimesh(means, cluster[left], process=False)
     # Where a cell contains a fold, a face may have been turned over, and would be drawn dark.
     outwards = mesh.vertex_normals[left].sum(axis=1)
-    over = (coarse.face_normals * outwards).sum(axis=1) < 0
-    coarse.faces[over] = coarse.faces[over, ::-1]
+    is_over = (coarse.face_normals * outwards).sum(axis=1) < 0
+    coarse.faces[is_over] = coarse.faces[is_over, ::-1]
     return coarse
 
 
@@ -107,6 +110,5 @@ def stone_data(mesh: "trimesh.Trimesh") -> dict[str, Any]:
 
 def packed(values: np.ndarray, kind: str) -> str:
     """Numbers as base64 of their bytes, row by row; `kind` is that of NumPy."""
-    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode(
-        "ascii"
-    )
+    content = np.ascontiguousarray(values, dtype=kind).tobytes()
+    return base64.b64encode(content).decode("ascii")
