@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gst.page.explorer import draws_to_explore
+from gst.page.load_points import draws_to_explore
 from gst.page.results import Results
 from gstlib.conditions import Law
 from gstlib.io.store import write_dataset

@@ -1,8 +1,11 @@
-"""The load points for the map: given, inferred from the wear, and true; the truth that is met.
+"""The load for the page: its points on the map, the truth that is met, and the draws to explore.
 
-The truth is known only for a synthetic specimen.
+Load points are given, inferred from the wear, and true; the truth is known only for a synthetic
+specimen. From the draws, `page.js` shows the effect of a load elsewhere: it takes the draws nearest
+to a point.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,8 +14,12 @@ import pandas as pd
 import xarray as xr
 
 from gst.page.results import Results
+from gstlib.conditions import Law
 
 _CERTAINTY = 0.95  # weight of the draws that the region contains
+# The most numbers of a kind to explore: the page grows by less than 300 kB.
+_MOST = 20_000
+_DECIMALS = {"pressure": 2, "weight": 6}
 
 
 def adopted_use(study: Results) -> xr.Dataset | None:
@@ -93,3 +100,47 @@ def truth_met(study: Results, held: Mapping[str, bool]) -> dict[str, tuple[int, 
     met = {str(name): (count, of) for name, count, of in counts.itertuples()}
     at_point = {"load point": (int(held["true"]), 1)} if "true" in held else {}
     return at_point | met
+
+
+def draws_to_explore(
+    study: Results, wear_law: Mapping[str, float]
+) -> dict[str, Any] | None:
+    """Load points, weights, and the effect of each load on the patches; None without a use.
+
+    Parameters
+    ----------
+    study : Results
+        With ``use`` and, if losses were measured, ``predicted_losses``; otherwise its places have a
+        ``wear_grade``.
+    wear_law : mapping
+        The fields of `gstlib.conditions.Law`.
+
+    Returns
+    -------
+    dict or None
+        ``patches``; ``measured``, their losses (µm) or grades; ``near_mm``, half the side of a
+        patch; of each nth draw ``x_mm, y_mm``, its relative ``weight`` and, by patch, ``pressure``
+        (MPa) and, with losses, ``loss`` (µm).
+    """
+    if (use := adopted_use(study)) is None:
+        return None
+    step = math.ceil(use.pressure.size / _MOST)
+    use = use.isel(draw=slice(None, None, step)).transpose("draw", ...)
+    use["weight"] = use.weight / use.weight.max()
+    shown = ["x_mm", "y_mm", "weight", "pressure"]
+    measured = study.outlined.set_index("patch").get("wear_grade")
+    if "wear_coefficient" in use:
+        equivalent = Law(**wear_law).equivalent(use.pressure.values)
+        use["loss"] = use.wear_coefficient * use.pressure.copy(data=equivalent)
+        shown.append("loss")
+        measured = study.table("predicted_losses").set_index("patch").loss_um
+    patches = use.patch.values.tolist()
+    return {
+        "patches": patches,
+        "measured": [float(measured[patch]) for patch in patches],
+        "near_mm": study.patch_mm / 2,
+        **{
+            name: use[name].values.round(_DECIMALS.get(name, 3)).tolist()
+            for name in shown
+        },
+    }

@@ -9,9 +9,8 @@ from typing import Any
 
 import pandas as pd
 
-from gst.page.explorer import draws_to_explore
 from gst.page.figures.style import AGREEMENT
-from gst.page.load_points import load_points, truth_met
+from gst.page.load_points import draws_to_explore, load_points, truth_met
 from gst.page.page import Shown, embedded
 from gst.page.results import Results
 from gst.page.scene import tool_scene

@@ -135,10 +135,11 @@ def wear_figure(study: Results) -> Figure:
     figure, (volumes, heights) = style.panels(2, 2, 1.05)
     patches = study.table("validation_patches")
     counted = patches.patch[patches.in_statistics]
-    wear, profile = map(study.table, ("wear", "wear_profile"))
-    limits = study.table("patch_intervals")
-    _draw_volumes(volumes, wear[wear.patch.isin(counted)], limits.set_index("patch"))
-    profile = profile[profile.patch.isin(counted)]
+    wear, profile = (
+        table[table.patch.isin(counted)]
+        for table in map(study.table, ("wear", "wear_profile"))
+    )
+    _draw_volumes(volumes, wear, study.table("patch_intervals"))
     for model, rows in profile.groupby("model", sort=False):
         means = rows.groupby("band").loss_um.mean()
         name = MODELS.get(model, model)
@@ -152,24 +153,26 @@ def wear_figure(study: Results) -> Figure:
     return figure
 
 
-def _draw_volumes(axes: Axes, wear: pd.DataFrame, limits: pd.DataFrame) -> None:
+def _draw_volumes(axes: Axes, wear: pd.DataFrame, intervals: pd.DataFrame) -> None:
     """The predicted volume of each patch over the measured one, 10⁵ µm³.
 
     The interval of a volume is in proportion to that of the pressure.
     """
     volumes = wear[["measured_volume_um3", "predicted_volume_um3"]] / 1e5
+    volumes = volumes.set_axis(wear.patch)
     for model in (BARE, INTERLAYER, CAPPED):
-        points = volumes[wear.model == model].to_numpy()
+        points = volumes[(wear.model == model).values].to_numpy()
         axes.plot(*points.T, **_LOOKS[model] | {"ls": "none"})
-    is_bare = wear.model == BARE
-    patches, ends = wear.patch[is_bare], volumes[is_bare].to_numpy()
-    measured, predicted = ends.T
-    own = limits.loc[patches]
-    low, high = own.low_MPa / own.pressure_MPa, own.high_MPa / own.pressure_MPa
-    axes.vlines(measured, predicted * low, predicted * high, color=BLUE, lw=0.8)
+    bare = volumes[(wear.model == BARE).values]
+    own = intervals.set_index("patch").loc[bare.index]
+    low, high = (
+        bare.predicted_volume_um3 * end / own.pressure_MPa
+        for end in (own.low_MPa, own.high_MPa)
+    )
+    axes.vlines(bare.measured_volume_um3, low, high, color=BLUE, lw=0.8)
     most = 1.05 * max(1e-9, axes.dataLim.x1, axes.dataLim.y1)
     axes.plot([0, most], [0, most], color=GREY, lw=0.6)
-    axes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
-    style.write_all(axes, list(patches), ends, [BLUE] * len(ends))
-    axes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
-    axes.set_title("How much did each patch lose?")
+    axes.set(xlim=(0, most), xlabel="measured volume (10⁵ µm³)")
+    axes.set(ylim=(0, most), ylabel="predicted volume (10⁵ µm³)")
+    axes.set(aspect="equal", title="How much did each patch lose?")
+    style.write_all(axes, list(bare.index), bare.to_numpy(), [BLUE] * len(bare))
