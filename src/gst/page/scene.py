@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import to_hex
 from PIL import Image
 
@@ -90,8 +89,7 @@ def tool_scene(
             for patch, place in places_of(patches).items()
         ],
         "fields": [
-            _mapped(field.sel(y=window, x=window), force_colours(field))
-            | {"colours": packed(of_stone, "u1")}
+            _mapped(field, field.sel(y=window, x=window), packed(of_stone, "u1"))
             for field, of_stone in zip(fields, colours, strict=True)
         ],
         "low": low,
@@ -101,13 +99,15 @@ def tool_scene(
     }
 
 
-def _mapped(field: xr.DataArray, colours: ScalarMappable) -> dict[str, Any]:
-    """A map of a field and what is said of it."""
-    picture = picture_of(field, colours, {STONE: field.isnull()})
+def _mapped(field: xr.DataArray, shown: xr.DataArray, on_stone: str) -> dict[str, Any]:
+    """The part of a field that the map shows, its colours on the stone, and what is said of it."""
+    colours = force_colours(field)
+    picture = picture_of(shown, colours, {STONE: shown.isnull()})
     return {
         "title": field.title,
         "units": field.units,
         "map": embedded_png(Image.fromarray(picture[::-1])),
+        "colours": on_stone,
         "highest": colours.get_clim()[1],
     }
 
