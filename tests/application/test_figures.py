@@ -157,10 +157,9 @@ def test_a_figure_in_the_layout_of_another_looks_as_in_its_own(tmp_path):
 
 
 def test_a_map_has_its_origin_its_scale_and_marks_of_the_right_area():
-    mask = RNG.random((300, 300)) < 0.15
-    axes = panel()
+    mask, axes = RNG.random((300, 300)) < 0.15, panel()
     flat = make_surface(np.zeros(mask.shape), 0.01)
-    maps.draw_map(axes, flat, marks={"#000000": mask})
+    maps.draw_map(axes, flat, marks={style.BLACK: mask})
     axes.set_axis_off()
     assert axes.axis() == pytest.approx((0, 3, 0, 3))
     brightness = pixels(axes.figure)[..., 0] / 255 / maps.RELIEF_MAP(0.0)[0]
@@ -227,16 +226,16 @@ def test_a_patch_without_a_known_change_shows_its_scans():
 
 
 def test_load_curves_are_those_of_the_patches_and_of_the_square():
-    figure = microscale.load_curves_figure(study_of())
-    area, load, stiffness, of_square, pressed = (axes.lines for axes in figure.axes)
-    assert area[0].get_xydata()[-1] == pytest.approx([40 / 12820, 5])
-    assert load[0].get_xydata()[-1] == pytest.approx([20, 40])
-    assert stiffness[-1].get_ydata() == pytest.approx([0.5, 1, 1.5, 2])
+    panels = microscale.load_curves_figure(study_of()).axes
+    ends = [panel.lines[0].get_xydata()[-1] for panel in panels]
+    assert ends[0] == pytest.approx([40 / 12820, 5])
+    assert ends[1] == pytest.approx([20, 40])
+    assert panels[2].lines[-1].get_ydata() == pytest.approx([0.5, 1, 1.5, 2])
     # of a face's load, the part on its square, and not the mean over the face
     mean = float(SQUARE.pressure.mean())
-    assert pressed[0].get_ydata()[-1] == pytest.approx(mean)
     share = 100 * float((SQUARE.pressure > 0).mean())
-    assert of_square[0].get_xydata()[-1] == pytest.approx([mean / 12820, share])
+    assert ends[3] == pytest.approx([mean / 12820, share])
+    assert ends[4][1] == pytest.approx(mean)
 
 
 def test_validation_shows_the_numbers_of_the_tables():
@@ -325,13 +324,14 @@ def test_the_most_loaded_patches_with_a_t1_are_drawn():
 def test_the_likelier_a_use_the_more_strikes_it_has():
     square, radius, _ = DRAW["use"]().axes
     strikes, centres = (np.array(line.get_xydata()) for line in square.lines[:2])
-    for one in USES.itertuples():
+    # the one stroke, of 1 mm, lies along y
+    for one, spread in zip(
+        USES.itertuples(), ([0.1, 0.1], [0.2, 0.2], [0, 12**-0.5]), strict=True
+    ):
         chosen = (centres == [one.x_mm, one.y_mm]).all(axis=1)
         assert chosen.mean() == pytest.approx(one.weight, abs=0.06)
-        spread = np.sqrt(np.square(strikes - centres)[chosen].mean(axis=0))
-        # the one stroke lies along y
-        along_y = np.hypot(one.scatter_mm, one.stroke_mm / 12**0.5)
-        assert spread == pytest.approx([one.scatter_mm, along_y], rel=0.25)
+        off = (strikes - centres)[chosen]
+        assert np.sqrt(np.mean(off**2, axis=0)) == pytest.approx(spread, rel=0.25)
     heights = [bar.get_height() for bar in radius.patches]
     assert [height for height in heights if height] == pytest.approx([0.3, 0.1, 0.6])
 
