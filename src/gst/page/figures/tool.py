@@ -15,7 +15,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from scipy.interpolate import NearestNDInterpolator
 
 from gst.page.figures import maps, style
 from gst.page.figures.macroscale import draw_places
@@ -109,7 +108,9 @@ def outline_on(
     """
     square = make_surface(np.zeros((2, 2)), size / 2)
     places, is_over = over_face(mesh, frame, square, 0.1 * size)
-    height_at = NearestNDInterpolator(places[is_over, :2], places[is_over, 2])
+    height_at = scipy.interpolate.NearestNDInterpolator(
+        places[is_over, :2], places[is_over, 2]
+    )
     ring = shapely.LinearRing(corners).segmentize(size / 20)
     flat = shapely.get_coordinates(ring)[:-1]
     points = np.column_stack([flat, height_at(flat)])
