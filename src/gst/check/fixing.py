@@ -71,8 +71,7 @@ def _of_places(study: Study) -> Iterator[Cure]:
         return
     alone = table.iloc[:-1]
     for row in alone[alone.orientation != ""].itertuples():
-        flip = patches.flip[row.patch]
-        own = mould._replace(flip={"none": None, "": mould.flip}.get(flip, flip))
+        own = mould.of_row(patches.flip[row.patch])
         yield from _laid_right(row.orientation, own, size_mm, row.patch)
     if together.status == CANNOT_TELL:
         return
