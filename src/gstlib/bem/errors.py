@@ -14,7 +14,7 @@ __all__ = [
     "checked_array",
     "checked_number",
     "checked_poisson",
-    "checked_share",
+    "checked_fraction",
     "checked_spacing",
     "checked_steps",
     "checked_tolerance",
@@ -84,7 +84,7 @@ def checked_poisson(name: str, value: object) -> float:
     return number
 
 
-def checked_share(name: str, value: object) -> float:
+def checked_fraction(name: str, value: object) -> float:
     """A share, in [0, 1]."""
     number = as_number(name, value, "dimensionless")
     if not 0 <= number <= 1:

@@ -23,7 +23,7 @@ from .errors import (
     ContactInputError,
     checked_array,
     checked_number,
-    checked_share,
+    checked_fraction,
     checked_steps,
     checked_tolerance,
 )
@@ -247,7 +247,7 @@ class _Body:
 
 def _pressed(heights, mean_pressure, third_body, steps):
     """The share, surface, pressures and layer of each body that wears, the bare stone first."""
-    share = checked_share(
+    share = checked_fraction(
         "share of the third body", third_body.share if third_body else 0
     )
     if share < 1:

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem.errors import checked_number, checked_poisson, checked_share
+from gstlib.bem.errors import checked_number, checked_poisson, checked_fraction
 from gstlib.contact import VARIABLES, Contact, solve_again
 from gstlib.surfaces.grid import described
 
@@ -123,7 +123,7 @@ def solve_slip(
     """
     friction = checked_number("friction", friction, "dimensionless", positive=True)
     poisson = checked_poisson("poisson", poisson)
-    remaining = 1 - checked_share("tangential_ratio", tangential_ratio)
+    remaining = 1 - checked_fraction("tangential_ratio", tangential_ratio)
     pressure = contact.pressure
     reduced = solve_again(
         contact,

@@ -14,12 +14,8 @@ from gstlib.errors import InputError
 
 __all__ = ["Comparison", "compare", "interpolate"]
 
-# Over the Delaunay triangulation. The cubic is the smoothest of all.
-_TRIANGULATED = {
-    "linear": scipy.interpolate.LinearNDInterpolator,
-    "clough-tocher": scipy.interpolate.CloughTocher2DInterpolator,
-}
-_INTERPOLATIONS = (*_TRIANGULATED, "cubic")
+# The first two over the Delaunay triangulation; the smoothest last.
+_INTERPOLATIONS = "linear", "clough-tocher", "cubic"
 # Nearest vertices that the cubic radial basis uses for a point.
 _NEIGHBOURS = 50
 # It takes 0.1 ms for a point. It is smooth between vertices, so this many points an edge suffice.
@@ -94,8 +90,10 @@ def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.
     Outside the cloud, all but the cubic are NaN.
     """
     points, heights = cloud[:, :2], cloud[:, 2]
-    if triangulated := _TRIANGULATED.get(interpolation):
-        return triangulated(points, heights)(places)
+    if interpolation == "linear":
+        return scipy.interpolate.LinearNDInterpolator(points, heights)(places)
+    if interpolation == "clough-tocher":
+        return scipy.interpolate.CloughTocher2DInterpolator(points, heights)(places)
     spline = scipy.interpolate.RBFInterpolator(
         points,
         heights,
