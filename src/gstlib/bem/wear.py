@@ -22,8 +22,8 @@ from .doubts import warn_of_doubts
 from .errors import (
     ContactInputError,
     checked_array,
-    checked_number,
     checked_fraction,
+    checked_number,
     checked_steps,
     checked_tolerance,
 )

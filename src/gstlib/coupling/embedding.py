@@ -141,8 +141,8 @@ def placed_faces(
     -------
     Interface
         Its plane is tilted like the larger surface in equilibrium. Its counterface is the part of
-        the larger counterface above it; a scan of that face lies on its plane. Its surroundings are
-        displacements by the pressures around it.
+        the larger counterface above it, and ends where that ends; a scan of that face lies on its
+        plane. Its surroundings are displacements by the pressures around it.
     """
     ny, nx = height.shape
     displaced = surroundings(
@@ -154,10 +154,22 @@ def placed_faces(
     )
     larger = contact.interface
     if larger.counterface.values.any():
-        over = on_patch(spline_of(larger.counterface), place, (ny, nx), size_mm)
+        over = _counterface_over(larger.counterface, place, (ny, nx), size_mm)
         posed = height.copy(data=over)
         face = posed if face is None else face + (posed - remove_plane(posed)[0])
     tilt = rotated(larger.plane.slope_y, larger.plane.slope_x, -place.rotation_deg)
     plane = Plane(0.0, slopes[0] + tilt[0], slopes[1] + tilt[1])
     over_it = xr.zeros_like(height) if face is None else face
     return Interface(height, over_it, plane, displaced)
+
+
+def _counterface_over(
+    larger: xr.DataArray, place: PatchPosition, shape: tuple[int, ...], size_mm: float
+) -> np.ndarray:
+    """The part of a larger counterface above a patch (ny, nx), mm; NaN where it ends."""
+    over = on_patch(spline_of(larger), place, shape, size_mm)
+    missing = np.isnan(larger.values)
+    if missing.any():
+        share = larger.copy(data=missing.astype(float))
+        over[on_patch(spline_of(share), place, shape, size_mm) > 0.5] = np.nan
+    return over

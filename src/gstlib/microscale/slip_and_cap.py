@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem.errors import checked_number, checked_poisson, checked_fraction
+from gstlib.bem.errors import checked_fraction, checked_number, checked_poisson
 from gstlib.contact import VARIABLES, Contact, solve_again
 from gstlib.surfaces.grid import described
 

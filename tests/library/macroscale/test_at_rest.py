@@ -127,13 +127,29 @@ def larger():
     return at_rest(face, rounded_counterface(face, 60.0, MIDDLE), force_N=900.0)
 
 
+@pytest.fixture(scope="module")
+def ending():
+    """The same under a tool that ends above it."""
+    face = tilted(rough(), 6e-3, -4e-3)
+    over = rounded_counterface(face, 60.0, MIDDLE)
+    return at_rest(face, over.where(over.x < 2.0), force_N=900.0)
+
+
 @pytest.mark.parametrize(
-    ("rotation", "is_laid"), [(0.0, False), (90.0, True), (180.0, True)]
+    ("name", "rotation", "is_laid"),
+    [
+        ("larger", 0.0, False),
+        ("larger", 90.0, True),
+        ("larger", 180.0, True),
+        ("ending", 0.0, False),
+        ("ending", 90.0, True),
+    ],
 )
 def test_a_square_placed_in_a_larger_contact_has_its_pressures(
-    larger, rotation, is_laid
+    request, name, rotation, is_laid
 ):
     """A piece that is cut out of the larger one and placed in it, as it is or levelled."""
+    larger = request.getfixturevalue(name)
     place = PatchPosition(2.2, 2.0, rotation)
     size = 1.2
     shape = (12, 12)
