@@ -1,15 +1,19 @@
 """What the prediction of wear is worth, over synthetic specimens: for docs/explanation/evidence.md.
 
     python benchmarks/verdict.py [--seeds 7001 ...] [--processes 2]
+    python benchmarks/verdict.py --config benchmarks/correlated.yaml \\
+        --output benchmarks/results/verdict_correlated.csv --seeds 7001 ...
     python benchmarks/verdict.py --tables
 
 Each stone of a fresh seed wears twice, on its summits by rule and by Archard's law, and goes
-through the study in memory, with the settings and errors of the default config, so that the use is
-read from the wear. Rows of ``wear.csv`` go to `benchmarks/results/verdict.csv`; those that it holds
-already are not computed again. A stone takes some 4 minutes of CPU and 3.7 GB. The stones of the
-first seeds are also worn with caps on the pressure. `--tables` prints the tables of the document
-from the rows alone.
+through the study in memory, with the settings and errors of the default config and of the files
+in `--config`, so that the use is read from the wear. Rows of ``wear.csv`` go to
+`benchmarks/results/verdict.csv`; those that it holds already are not computed again. A stone takes
+some 4 minutes of CPU and 3.7 GB. The stones of the first seeds are also worn with caps on the
+pressure. `--tables` prints the tables of the document from the rows alone.
 """
+
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -59,9 +63,9 @@ def scored(study, strengths):
     return tables["wear"].merge(counted, on="patch")
 
 
-def rows_of(seed):
-    """Rows of one stone, worn in both ways."""
-    config = specimen_config()
+def rows_of(seed, files):
+    """Rows of one stone, worn in both ways; `files` change the default config."""
+    config = specimen_config(*files)
     strengths = STRENGTHS if seed in SEEDS[:WITH_STRENGTHS] else ()
     studies = specimen_studies(config, worn_patches(config), seed, WORN_BY)
     tables = [
@@ -128,4 +132,5 @@ def tables(rows):
 
 
 if __name__ == "__main__":
-    run_stones(__doc__, RESULT, rows_of, tables, SEEDS)
+    default = {"type": Path, "nargs": "*", "default": []}
+    run_stones(__doc__, RESULT, rows_of, tables, SEEDS, config=default)
