@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gst.run.batches import files_of, share_out
+from gst.run.batches import share_out
+from gst.run.stored import files_of
 
 IDS = st.lists(
     st.text("0123456789ABEN", min_size=1), unique=True, min_size=1, max_size=80

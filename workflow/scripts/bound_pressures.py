@@ -6,7 +6,6 @@ from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
 from gst.run.stored import active_tool_of, dataset_of
 from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
-from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures
 
 
@@ -25,7 +24,7 @@ def main(
     patch_mm: float,
     seed: int,
 ) -> None:
-    pressed = read_dataset(face), dataset_of(composite), active_tool_of(second)
+    pressed = dataset_of(face), dataset_of(composite), active_tool_of(second)
     macroscale = Macroscale(*pressed, radius_mm, dataset_of(use))
     limits = pressure_intervals(
         macroscale,

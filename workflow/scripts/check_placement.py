@@ -6,10 +6,9 @@ from typing import Any
 import pandas as pd
 
 from gst.config.tables import write_table
-from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
+from gst.run.stored import dataset_of, scans_of
 from gstlib.coupling.placement import check_placement
-from gstlib.io.store import Stored, read_dataset
 
 
 def main(
@@ -21,11 +20,10 @@ def main(
     **settings: Any,
 ) -> None:
     """`settings` are arguments of `check_placement`."""
-    height = read_dataset(face, only=["height"]).height
-    scans = Stored(files_of(t0, patches["patch"]), ["height"])
-    write_table(
-        table, check_placement(height, pd.DataFrame(patches), scans, **settings)
-    )
+    height = dataset_of(face, ["height"]).height
+    scans = scans_of(t0, patches["patch"])
+    placement = check_placement(height, pd.DataFrame(patches), scans, **settings)
+    write_table(table, placement)
 
 
 run_in_snakemake(main)

@@ -3,17 +3,17 @@
 from pathlib import Path
 
 from gst.run.logs import run_in_snakemake
+from gst.run.stored import dataset_of
 from gst.share.tool import tool_with
 from gstlib.io.files import write_whole
-from gstlib.io.store import read_dataset
 
 
 def main(
     mesh: Path, face: Path, contact: Path, exposure: Path, tool: Path, *, mesh_unit: str
 ) -> None:
     fields = {
-        "pressure_MPa": read_dataset(contact, only=["pressure"]).pressure,
-        "exposure_N_per_mm": read_dataset(exposure, only=["exposure"]).exposure,
+        "pressure_MPa": dataset_of(contact, ["pressure"]).pressure,
+        "exposure_N_per_mm": dataset_of(exposure, ["exposure"]).exposure,
     }
     write_whole(tool, tool_with(fields, mesh, mesh_unit, face).ply())
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from gst.config.tables import write_table
+from gst.run.contacts import contacts_of
 from gst.run.logs import run_in_snakemake
-from gst.run.stored import contacts_of
-from gstlib.io.store import read_dataset
+from gst.run.stored import dataset_of
 from gstlib.validation.single_scale import two_scales_table
 
 
@@ -22,7 +22,7 @@ def main(
         variant: contacts_of(folders, patches)
         for variant, folders in zip(variants, [contacts, others], strict=False)
     }
-    write_table(table, two_scales_table(by_variant, read_dataset(reference)))
+    write_table(table, two_scales_table(by_variant, dataset_of(reference)))
 
 
 run_in_snakemake(main)

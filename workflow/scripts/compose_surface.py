@@ -5,10 +5,8 @@ from typing import Any
 
 import pandas as pd
 
-from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
-from gst.run.writing import write_result
-from gstlib.io.store import Stored, read_dataset
+from gst.run.stored import dataset_of, scans_of, write_result
 from gstlib.macroscale.composite import compose_surface
 
 
@@ -21,10 +19,8 @@ def main(
     **settings: Any,
 ) -> None:
     """`settings` are arguments of `compose_surface`."""
-    scans = Stored(files_of(t0, patches["patch"]), ["height"])
-    composed = compose_surface(
-        read_dataset(face), pd.DataFrame(patches), scans, **settings
-    )
+    around, scans = dataset_of(face), scans_of(t0, patches["patch"])
+    composed = compose_surface(around, pd.DataFrame(patches), scans, **settings)
     write_result(composite, composed, "compose_surface")
 
 

@@ -8,7 +8,6 @@ from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
 from gst.run.stored import dataset_of
 from gstlib.coupling.pressures import couple_scales
-from gstlib.io.store import read_dataset
 from gstlib.use.outcome import pressures_of_use
 
 
@@ -21,9 +20,7 @@ def main(
     patches: dict[str, list],
     patch_mm: float,
 ) -> None:
-    pressed = (
-        read_dataset(file, only=["pressure"]).pressure for file in (contact, square)
-    )
+    pressed = (dataset_of(file, ["pressure"]).pressure for file in (contact, square))
     table = couple_scales(*pressed, pd.DataFrame(patches), patch_mm=patch_mm)
     write_table(pressures, pressures_of_use(table, dataset_of(use), patch_mm=patch_mm))
 

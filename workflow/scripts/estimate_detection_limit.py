@@ -4,11 +4,9 @@ from pathlib import Path
 
 import xarray as xr
 
-from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
-from gst.run.writing import write_result
+from gst.run.stored import scans_of, write_result
 from gstlib.change.change import SCAN_FIELDS, estimate_detection_limit
-from gstlib.io.store import Stored
 
 
 def main(
@@ -20,9 +18,7 @@ def main(
     **settings: float,
 ) -> None:
     """`settings` are arguments of `estimate_detection_limit`."""
-    first, second = (
-        Stored(files_of(folders, patches), SCAN_FIELDS) for folders in (t0, repeats)
-    )
+    first, second = (scans_of(each, patches, SCAN_FIELDS) for each in (t0, repeats))
     measured = estimate_detection_limit(first, second, **settings)
     attrs = measured._asdict() if measured else {}  # nothing where no repeat serves
     write_result(detection, xr.Dataset(attrs=attrs), "estimate_detection_limit")

@@ -5,10 +5,10 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 
+from gst.run.contacts import contact_of, contacts_of
 from gst.run.logs import run_in_snakemake
-from gst.run.stored import active_tool_of, changes_of, contact_of, contacts_of
-from gst.run.writing import write_result
-from gstlib.io.tables import read_pressures, read_table
+from gst.run.stored import active_tool_of, changes_of, table_of, write_result
+from gstlib.io.tables import read_pressures
 from gstlib.macroscale.gesture import Gesture
 from gstlib.wear.fit import fit_wear
 
@@ -33,7 +33,7 @@ def main(
     if poses:
         tool = pressed.interface.counterface, active_tool_of(second), size_mm
         gesture = Gesture(*tool, pressed.load.load_point, pd.DataFrame(poses))
-    tables = read_pressures(pressures), read_table(registration)
+    tables = read_pressures(pressures), table_of(registration)
     maps = contacts_of(contacts, patches), changes_of(registered, patches)
     worn = fit_wear(pressed, *tables, *maps, gesture=gesture, **wear)
     write_result(square, worn.path if worn else xr.Dataset(), "fit_wear")

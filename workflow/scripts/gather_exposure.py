@@ -4,8 +4,7 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
-from gst.run.writing import write_result
-from gstlib.io.store import read_dataset
+from gst.run.stored import dataset_of, write_result
 from gstlib.io.tables import read_table
 from gstlib.macroscale.gesture import exposure, exposure_table
 
@@ -13,7 +12,7 @@ from gstlib.macroscale.gesture import exposure, exposure_table
 def main(
     batches: list[Path], pressures: Path | list, fields: Path, table: Path | None = None
 ) -> None:
-    left = exposure(read_dataset(batch) for batch in batches)
+    left = exposure(dataset_of(batch) for batch in batches)
     write_result(fields, left, "gather_exposure")
     if table is not None:
         by_patch = read_table(pressures, ["patch", "pressure_MPa"])

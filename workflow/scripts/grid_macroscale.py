@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
-from gst.run.writing import write_result
+from gst.run.stored import write_result
 from gstlib.io.meshes import read_mesh
 from gstlib.macroscale.active_tool import stated_tool
 from gstlib.macroscale.face import grid_macroscale

@@ -7,8 +7,7 @@ import pandas as pd
 
 from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
-from gst.run.stored import face_of, table_of
-from gst.run.writing import write_result
+from gst.run.stored import face_of, table_of, write_result
 from gstlib.use.outcome import use_of_study
 
 

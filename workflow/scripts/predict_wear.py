@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
+from gst.run.contacts import contacts_of
 from gst.run.logs import run_in_snakemake
-from gst.run.stored import contacts_of, dataset_of
-from gst.run.writing import write_result
-from gstlib.io.store import read_dataset
+from gst.run.stored import dataset_of, write_result
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import predict_wear
 
@@ -23,7 +22,7 @@ def main(
 
     `settings` are arguments of `predict_wear`.
     """
-    worn = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
+    worn = WornSquare.from_datasets(dataset_of(square), dataset_of(fitted))
     depths.mkdir(exist_ok=True)
     pressed = contacts_of(contacts, patches)
     for patch, depth in predict_wear(pressed, worn, **settings):

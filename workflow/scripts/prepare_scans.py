@@ -4,7 +4,7 @@ import logging
 from pathlib import Path
 
 from gst.run.logs import run_in_snakemake
-from gst.run.writing import write_result
+from gst.run.stored import write_result
 from gstlib.errors import concerning
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_patch

@@ -6,8 +6,7 @@ from typing import Any
 import pandas as pd
 
 from gst.run.logs import run_in_snakemake
-from gst.run.stored import active_tool_of, dataset_of, face_of
-from gst.run.writing import write_result
+from gst.run.stored import active_tool_of, dataset_of, face_of, write_result
 from gstlib.macroscale.gesture import Gesture, press_poses
 from gstlib.use.outcome import as_used
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
-from gstlib.io.store import read_dataset
+from gst.run.stored import dataset_of
 from gstlib.macroscale.sampling_sites import propose_places
 
 
 def main(exposure: Path, table: Path, *, size_mm: float, patch_mm: float) -> None:
-    fields = read_dataset(exposure, only=["exposure", "touched"])
+    fields = dataset_of(exposure, ["exposure", "touched"])
     write_table(table, propose_places(fields, size_mm=size_mm, patch_mm=patch_mm))
 
 

@@ -3,12 +3,11 @@
 import logging
 from pathlib import Path
 
-from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
-from gst.run.writing import write_result
+from gst.run.stored import scans_of, write_result
 from gstlib.change.change import SCAN_FIELDS, Detection, register_patch
 from gstlib.change.form import form_warning
-from gstlib.io.store import read_attributes, read_dataset
+from gstlib.io.store import read_attributes
 
 
 def main(
@@ -21,11 +20,10 @@ def main(
     **settings: float,
 ) -> None:
     """`settings` are arguments of `register_patch`."""
-    first, second = files_of(t0, patches), files_of(t1, patches)
+    first, second = (scans_of(each, patches, SCAN_FIELDS) for each in (t0, t1))
     measured = Detection.from_attrs(read_attributes(detection)) if detection else None
     for patch in patches:
-        scans = [read_dataset(files[patch], SCAN_FIELDS) for files in (first, second)]
-        logging.getLogger("gst").info("%s", patch)
+        scans = first[patch], second[patch]
         if doubt := form_warning(*(scan.height for scan in scans)):
             logging.getLogger("gstlib").warning("patch %s: %s", patch, doubt)
         change = register_patch(*scans, patch=patch, detection=measured, **settings)

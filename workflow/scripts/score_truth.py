@@ -3,11 +3,10 @@
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.batches import files_by_epoch, files_of
 from gst.run.logs import run_in_snakemake
-from gst.run.stored import table_of
-from gstlib.io.store import Stored, read_dataset
-from gstlib.io.tables import read_pressures, read_table
+from gst.run.stored import changes_of, dataset_of, files_by_epoch, table_of
+from gstlib.io.store import Stored
+from gstlib.io.tables import read_pressures
 from gstlib.specimen.score import score_truth
 
 
@@ -26,14 +25,14 @@ def main(
     patches: list[str],
 ) -> None:
     scores = score_truth(
-        read_dataset(truth),
-        placement=read_table(placement),
+        dataset_of(truth),
+        placement=table_of(placement),
         pressures=read_pressures(pressures),
         two_scales=table_of(two_scales),
         use=table_of(use),
-        face=read_dataset(surface, only=["height"]),
+        face=dataset_of(surface, ["height"]),
         scans=Stored(files_by_epoch({"T0": t0, "T1": t1}, patches)),
-        changes=Stored(files_of(registered, patches), ["change", "loss"]),
+        changes=changes_of(registered, patches, ["change", "loss"]),
     )
     write_table(table, scores)
 

@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.batches import files_of
+from gst.run.contacts import contacts_of
 from gst.run.logs import run_in_snakemake
-from gst.run.stored import changes_of, contacts_of, dataset_of
+from gst.run.stored import changes_of, dataset_of, files_of, table_of
 from gstlib.coupling.pressures import covered
-from gstlib.io.store import Stored, read_dataset
-from gstlib.io.tables import read_pressures, read_table
+from gstlib.io.store import Stored
+from gstlib.io.tables import read_pressures
 from gstlib.use.laws import law_table
 from gstlib.use.outcome import losses_of
 from gstlib.validation.summary import score_wear
@@ -32,9 +32,9 @@ def main(
     **tables: Path,
 ) -> None:
     """`tables` are the files for the tables of `score_wear`, by name."""
-    stone = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
+    stone = WornSquare.from_datasets(dataset_of(square), dataset_of(fitted))
     prediction = Prediction.from_worn(Stored(files_of(depths, worn)), stone)
-    measured = read_pressures(pressures), read_table(registration)
+    measured = read_pressures(pressures), table_of(registration)
     scores = score_wear(
         contacts_of(contacts, worn),
         changes_of(registered, worn),

@@ -7,9 +7,9 @@ import pandas as pd
 
 from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
+from gst.run.stored import dataset_of
 from gstlib.change.selection import select_patches
 from gstlib.coupling.pressures import covered_pressures
-from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 
 
@@ -24,7 +24,7 @@ def main(
 ) -> None:
     """Without scans after use, patches are selected by their pressure alone."""
     matches = read_table(registration) if registration else pd.DataFrame({"patch": []})
-    pressed = read_dataset(contact, only=["pressure"]).pressure
+    pressed = dataset_of(contact, ["pressure"]).pressure
     bear = covered_pressures(
         read_pressures(pressures), pressed, matches, patch_mm=patch_mm
     )

@@ -5,8 +5,7 @@ from pathlib import Path
 
 from gst.config.tables import write_table
 from gst.run.logs import run_in_snakemake
-from gst.run.stored import dataset_of, face_of
-from gst.run.writing import write_result
+from gst.run.stored import dataset_of, face_of, write_result
 from gstlib.contact import contact_path
 from gstlib.macroscale.equilibrium import face_under_load, macroscale_table
 from gstlib.macroscale.plausibility import plausibility_warnings

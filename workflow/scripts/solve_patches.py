@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-from gst.run.batches import files_of
+from gst.run.contacts import contact_of
 from gst.run.logs import run_in_snakemake
-from gst.run.stored import contact_of
-from gst.run.writing import write_result
-from gstlib.io.store import Stored, read_dataset
+from gst.run.stored import dataset_of, scans_of, write_result
 from gstlib.io.tables import read_pressures
 from gstlib.microscale.patches import Microscale, solve_patches
 
@@ -24,13 +22,12 @@ def main(
     variants: list[str],
     microscale: dict[str, float],
 ) -> None:
-    scans = files_of(t0, patches)
-    around = {"counterface": read_dataset(counterface).height} if counterface else {}
+    around = {"counterface": dataset_of(counterface).height} if counterface else {}
     if composite:
-        around |= {"composite": read_dataset(composite), "contact": contact_of(contact)}
+        around |= {"composite": dataset_of(composite), "contact": contact_of(contact)}
     folders = dict(zip(variants, [contacts, others], strict=False))
     solved = solve_patches(
-        Stored(scans, ["height"]),
+        scans_of(t0, patches),
         read_pressures(pressures),
         Microscale(**microscale),
         variants=variants,

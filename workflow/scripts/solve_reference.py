@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-from gst.run.batches import files_of
+from gst.run.contacts import contact_of
 from gst.run.logs import run_in_snakemake
-from gst.run.stored import contact_of
-from gst.run.writing import write_result
-from gstlib.io.store import Stored, read_dataset
+from gst.run.stored import dataset_of, scans_of, write_result
 from gstlib.specimen.score import true_contact
 from gstlib.validation.single_scale import drawn_surfaces, solve_realisations
 
@@ -23,12 +21,12 @@ def main(
     *,
     drawn: dict,
 ) -> None:
-    mesh, around = read_dataset(face), contact_of(macroscale)
-    lying = read_dataset(truth).sel(epoch="T0") if truth else read_dataset(composite)
-    scans = Stored(files_of(t0, lying.patch.values), ["height"])
+    mesh, around = dataset_of(face), contact_of(macroscale)
+    lying = dataset_of(truth).sel(epoch="T0") if truth else dataset_of(composite)
+    scans = scans_of(t0, lying.patch.values)
     if truth:
         around = true_contact(lying, mesh.counterface, around, source=truth)
-        surfaces = [read_dataset(true_surface).height.astype(float)]
+        surfaces = [dataset_of(true_surface).height.astype(float)]
     else:
         surfaces = drawn_surfaces(mesh, lying, scans, **drawn)
     whole, on_patches = solve_realisations(

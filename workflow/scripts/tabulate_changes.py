@@ -4,8 +4,8 @@ import logging
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
+from gst.run.stored import changes_of
 from gstlib.change.selection import (
     exchanged_epochs,
     other_heights,
@@ -13,7 +13,6 @@ from gstlib.change.selection import (
     rise_warnings,
 )
 from gstlib.errors import raise_unless_accepted
-from gstlib.io.store import Stored
 
 
 def main(
@@ -25,7 +24,7 @@ def main(
     max_gain_to_loss_ratio: float,
     accept: list[str],
 ) -> None:
-    changes = Stored(files_of(registered, worn), ["change", "loss", "gain"])
+    changes = changes_of(registered, worn, ["change", "loss", "gain"])
     table = registration_table(
         changes, selection, max_gain_to_loss_ratio=max_gain_to_loss_ratio
     )

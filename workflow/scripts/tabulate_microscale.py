@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
+from gst.run.stored import files_of
 from gstlib.io.store import Stored
 from gstlib.io.tables import studied_files
 from gstlib.microscale.patches import LOAD_PATHS, microscale_tables

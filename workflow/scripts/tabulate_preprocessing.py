@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.batches import files_by_epoch
 from gst.run.logs import run_in_snakemake
+from gst.run.stored import files_by_epoch
 from gstlib.io.store import read_attributes
 from gstlib.preprocess.scans import preprocessing_table
 

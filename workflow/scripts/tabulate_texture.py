@@ -3,10 +3,9 @@
 from pathlib import Path
 
 from gst.config.tables import write_table
-from gst.run.batches import files_of
 from gst.run.logs import run_in_snakemake
+from gst.run.stored import changes_of, scans_of
 from gstlib.change.texture import measure_texture
-from gstlib.io.store import Stored
 
 
 def main(
@@ -18,8 +17,8 @@ def main(
     worn: list[str],
     texture: dict,
 ) -> None:
-    scans = Stored(files_of(t0, patches), ["height"])
-    changes = Stored(files_of(registered, worn), ["t1"])
+    scans = scans_of(t0, patches)
+    changes = changes_of(registered, worn, ["t1"])
     write_table(table, measure_texture(scans, changes, **texture))
 
 

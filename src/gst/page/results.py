@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pandas as pd
 import xarray as xr
 
-from gst.run.batches import files_of
+from gst.run.stored import files_of
 from gstlib.coupling.pressures import stated
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
