@@ -11,7 +11,7 @@ record is only read and compared. Nothing is written or deleted because a record
 import hashlib
 import json
 import os
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Container, Iterable, Mapping, Sequence, Set
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -46,8 +46,8 @@ def step_of(
     log: str | Path, params: Mapping, inputs: Iterable, outputs: Iterable
 ) -> Step:
     """A step, from Snakemake's data."""
-    read, made = ([Path(file) for file in files] for files in (inputs, outputs))
-    return Step(Path(log).stem, dict(params), read, made)
+    files = ([*map(Path, paths)] for paths in (inputs, outputs))
+    return Step(Path(log).stem, dict(params), *files)
 
 
 def hashes_of(steps: Iterable[Step], results: Path) -> dict[str, str]:
@@ -98,7 +98,7 @@ def given_to(results: Path, step: Step, contents: "_Contents | None" = None) -> 
     """
     contents = contents or _Contents(results)
     own = {path for path in step.inputs if path.is_relative_to(results)}
-    others = [path for path in step.inputs if path not in own]
+    others = {*step.inputs} - own
     return {
         "params": _asked(step, results),
         "inputs": contents.digests(own),
@@ -192,7 +192,7 @@ def break_in(results: Path, config: Mapping[str, Any] | None = None) -> str | No
     if config is not None and made_with != _plain(config, results):
         return "the results were made with another config"
     accepted = made_with.get("accept", ())
-    return next(_breaks(results, steps, places_of(config), accepted), None)
+    return _first_break(results, steps, places_of(config), accepted)
 
 
 def other_files(results: Path, files: Iterable[str]) -> str | None:
@@ -223,7 +223,7 @@ def certified_inputs(
     Raises an `InputError` if a step was asked something else, or if a file is not as its step made
     it, or not as a step read it.
     """
-    _refuse(results, next(_breaks(results, steps, places_of(files)), None))
+    _refuse(results, _first_break(results, steps, places_of(files)))
     read: dict[str, str] = {}
     for each in steps:
         read |= _part_of(results, each, "files")
@@ -237,9 +237,9 @@ def versions_of(results: Path, steps: Iterable[str]) -> dict[str, str]:
     for step in steps:
         for name, version in _part_of(results, step, "software").items():
             versions.setdefault(name, set()).add(version)
-    texts = {name: ", ".join(sorted(each)) for name, each in sorted(versions.items())}
     return {
-        name: f"mixed: {text}" if ", " in text else text for name, text in texts.items()
+        name: "mixed: " * (len(each) > 1) + ", ".join(sorted(each))
+        for name, each in sorted(versions.items())
     }
 
 
@@ -249,52 +249,49 @@ def _refuse(results: Path, problem: str | None) -> None:
         raise InputError(results, problem, remedy)
 
 
-def _breaks(
+def _first_break(
     results: Path,
     steps: Mapping[str, str | None],
     places: Set[Path],
     accepted: Container[str] | None = None,
-) -> Iterator[str]:
-    """Every break between these steps, in a sentence; `places` are those of measured files."""
+) -> str | None:
+    """The first break between these steps, in a sentence; `places` are those of measured files."""
     records = {}
     for name, step_hash in steps.items():
         record = read_record(results, name)
         if record is None:
-            yield f"no record lists the files that the step {name} made"
-            continue
+            return f"no record lists the files that the step {name} made"
         records[name] = record
         if step_hash not in (None, _hash(record["params"])):
-            yield f"the step {name} was made with other params or files than the config gives"
+            return f"the step {name} was made with other params or files than the config gives"
         if accepted is not None and (fault := _judged_otherwise(record, accepted)):
-            yield f"{fault} since the step {name} was made"
-    yield from _changed_files(results, records, places)
+            return f"{fault} since the step {name} was made"
+    return _edited_file(results, records, places)
 
 
-def _changed_files(
+def _edited_file(
     results: Path, records: Mapping[str, Record], places: Set[Path]
-) -> Iterator[str]:
-    """Every file that is not as the records have it; its maker is named before its readers."""
+) -> str | None:
+    """The first file that is not as the records have it; its maker is named before its readers."""
     contents = _Contents(results)
     for part, verb in (("outputs", "made"), ("inputs", "read"), ("files", "read")):
         for name, record in records.items():
             for file, digest in record[part].items():
                 path = Path(file) if part == "files" else results / file
-                if part == "files" and not is_readable(path, places):
+                is_gone = part == "files" and not is_readable(path, places)
+                if is_gone or contents.digest(path) == digest:
                     continue  # measured files may be gone
-                if contents.digest(path) == digest:
-                    continue
                 if os.path.exists(path):
-                    yield f"{path} is not as the step {name} {verb} it"
-                else:
-                    yield f"{path}, which the step {name} {verb}, is missing"
+                    return f"{path} is not as the step {name} {verb} it"
+                return f"{path}, which the step {name} {verb}, is missing"
+    return None
 
 
 def made_in(results: Path) -> list[Path]:
     """Every file of a finished study, as its steps recorded them."""
     steps = steps_in(results)
-    return [
-        results / name for each in steps for name in _part_of(results, each, "outputs")
-    ]
+    made = (_part_of(results, step, "outputs") for step in steps)
+    return [results / name for files in made for name in files]
 
 
 def steps_in(results: Path) -> dict[str, str | None]:
@@ -315,9 +312,8 @@ def check_links(results: Path) -> None:
         real = Path(os.path.realpath(path))
         if not real.is_relative_to(whole):
             problem = f"is a link to {real}, outside the results"
-            raise InputError(
-                path, problem, "Remove the link: a study writes only there."
-            )
+            remedy = "Remove the link: a study writes only there."
+            raise InputError(path, problem, remedy)
 
 
 def _part_of(results: Path, step: str, part: str) -> dict[str, Any]:
@@ -359,22 +355,19 @@ class _Contents:
         """Of a folder the files that its step recorded: other programs leave theirs there, too."""
         if not os.path.isdir(path):
             return [path]
-        if maker := self._makers.get(name := _plain(path, self.results)):
-            made = maker["outputs"]
-            return [
-                self.results / each for each in made if Path(each).is_relative_to(name)
-            ]
+        if maker := self._makers.get(_plain(path, self.results)):
+            made = (self.results / name for name in maker["outputs"])
+            return [file for file in made if file.is_relative_to(path)]
         return [file for file in sorted(path.rglob("[!.]*")) if file.is_file()]
 
     @cached_property
     def _makers(self) -> dict[str, Record]:
         """The record of the step that made a file or a folder, by its name in the results."""
-        names = [file.stem for file in sorted(self.results.glob(f"{LOGS}/*.json"))]
-        records = [
-            record for name in names if (record := read_record(self.results, name))
-        ]
         return {
-            name: record for record in records for name in record["params"]["makes"]
+            name: record
+            for file in sorted(self.results.glob(f"{LOGS}/*.json"))
+            if (record := read_record(self.results, file.stem))
+            for name in record["params"]["makes"]
         }
 
 

@@ -86,14 +86,9 @@ def study_provenance(
     return {"config": dict(config), "inputs": dict(inputs), "software": software}
 
 
+@functools.cache
 def software() -> dict[str, str]:
     """Version of Python, and of every package that gstlib and its workflow require."""
-    return {"python": platform.python_version(), **_packages()}
-
-
-@functools.cache
-def _packages() -> dict[str, str]:
-    """Version of every package that gstlib and its workflow require."""
     required = set()
     for text in _requirements():
         package = Requirement(text)
@@ -101,7 +96,8 @@ def _packages() -> dict[str, str]:
             if package.marker is None or package.marker.evaluate({"extra": extra}):
                 required.add(package.name)
     names = sorted(required - {"gstlib"}, key=str.lower)
-    return {name: metadata.version(name) for name in names}
+    packages = {name: metadata.version(name) for name in names}
+    return {"python": platform.python_version(), **packages}
 
 
 def _requirements() -> list[str]:
@@ -109,14 +105,10 @@ def _requirements() -> list[str]:
     try:
         return metadata.requires("gstlib") or []
     except metadata.PackageNotFoundError:
-        project = tomllib.loads((gst.ROOT / "pyproject.toml").read_text("utf-8"))[
-            "project"
-        ]
+        text = (gst.ROOT / "pyproject.toml").read_text("utf-8")
+        project = tomllib.loads(text)["project"]
         extras = project["optional-dependencies"]
-        return [
-            *project["dependencies"],
-            *(text for name in _EXTRAS for text in extras[name]),
-        ]
+        return sum((extras[name] for name in _EXTRAS), project["dependencies"])
 
 
 @functools.cache
@@ -262,15 +254,16 @@ def _module(file: Path) -> tuple[set[str], bytes]:
     text: set[int] = set()
     for statement in _statements(ast.parse(content).body):
         span = range(statement.lineno, (statement.end_lineno or 0) + 1)
-        if isinstance(statement, ast.Import):
-            imports.update(alias.name for alias in statement.names)
-        elif isinstance(statement, ast.ImportFrom):
-            source = f"{'.' * statement.level}{statement.module or ''}"
-            imports.update(f"{source}.{alias.name}" for alias in statement.names)
-        elif isinstance(statement, ast.Raise) or _is_text(statement):
-            silent.update(span)
-        elif any(b'"""' in line for line in lines[span.start - 1 : span.stop - 1]):
-            text.update(span)  # in which a # or an empty line need not be a comment
+        match statement:
+            case ast.Import(names):
+                imports.update(alias.name for alias in names)
+            case ast.ImportFrom(module, names, level):
+                source = f"{'.' * level}{module or ''}"
+                imports.update(f"{source}.{alias.name}" for alias in names)
+            case ast.Raise() | ast.Expr(ast.Constant(str())):
+                silent.update(span)
+            case _ if any(b'"""' in lines[number - 1] for number in span):
+                text.update(span)  # in which a # or an empty line need not be a comment
     code = (
         line
         for number, line in enumerate(lines, start=1)
@@ -283,18 +276,6 @@ def _module(file: Path) -> tuple[set[str], bytes]:
 def _statements(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
     """The simple statements of a body and of all bodies in it."""
     for statement in body:
-        inside = [
-            each
-            for field in ("body", "orelse", "finalbody", "handlers", "cases")
-            for each in getattr(statement, field, ())
-        ]
-        if inside:
-            yield from _statements(inside)
-        else:
-            yield statement
-
-
-def _is_text(statement: ast.stmt) -> bool:
-    """Whether a statement is a string alone, such as a docstring."""
-    value = statement.value if isinstance(statement, ast.Expr) else None
-    return isinstance(value, ast.Constant) and isinstance(value.value, str)
+        fields = "body", "orelse", "finalbody", "handlers", "cases"
+        inside = [each for field in fields for each in getattr(statement, field, ())]
+        yield from _statements(inside) if inside else [statement]

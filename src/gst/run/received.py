@@ -120,9 +120,8 @@ def regular_file(path: str | Path, within: str | Path) -> Path:
     """The real path of a regular file in a folder; raises an `InputError` if it is not one."""
     if not is_readable(path, {Path(os.path.realpath(within))}):
         problem = f"is not a regular file within the folder {os.path.realpath(within)}"
-        raise InputError(
-            path, problem, "Remove it, or run the study again in its own folder."
-        )
+        remedy = "Remove it, or run the study again in its own folder."
+        raise InputError(path, problem, remedy)
     return Path(os.path.realpath(path))
 
 
