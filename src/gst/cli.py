@@ -8,7 +8,6 @@ The commands have these exit codes. Once `study` has started Snakemake, it retur
 """
 
 import io
-import itertools
 import logging
 import os
 import shlex
@@ -54,9 +53,8 @@ def _in_its_folder(
     if config not in (folder, study) or not study.is_file():
         return config
     # paths in config/study.yaml of a package start from the folder around config
-    if config == study and not study.read_text("utf-8-sig", "replace").startswith(
-        _MADE_BY_NEW
-    ):
+    text = study.read_text("utf-8-sig", "replace")
+    if config == study and not text.startswith(_MADE_BY_NEW):
         return config
     if folder.resolve() != Path.cwd():
         click.echo(f"In {folder}:")
@@ -80,12 +78,6 @@ _PICTURE = click.option(
     callback=_drawable,
     help="Picture (PNG, SVG or PDF), by default a new one here, named after its source.",
 )
-
-
-def _new_file(path: Path) -> Path:
-    """The path, with a number if there is such a file already."""
-    numbered = (path.with_stem(f"{path.stem}_{n}") for n in itertools.count(2))
-    return next(file for file in itertools.chain([path], numbered) if not file.exists())
 
 
 _CONFIG = click.argument(
@@ -264,6 +256,7 @@ def press(scan, output, **options) -> None:
     """Press one SCAN on a flat, and draw curve and maps."""
     from gst.page.figures.inspected import pressed_figure
     from gst.page.figures.style import save_figure
+    from gst.run.owned import free_name
     from gst.share.press import describe_press, press_scan
 
     prepared, contact = press_scan(scan, **options)
@@ -271,7 +264,7 @@ def press(scan, output, **options) -> None:
     click.echo(curve.to_string(index=False, float_format="{:.5g}".format))
     summary = describe_press(prepared, contact.final, options["modulus"])
     click.echo(f"\n{summary}")
-    picture = output or _new_file(Path(f"{scan.name}.png"))
+    picture = output or free_name(Path(f"{scan.name}.png"))
     save_figure(pressed_figure(prepared["height"], contact, scan.name), picture)
     table = picture.with_name(f"{picture.stem}_curve.csv")
     write_whole(table, curve.to_csv(index=False, float_format="%.5g").encode())
@@ -294,12 +287,13 @@ def change(t0, t1, repeat, output, **options) -> None:
     """Measure the loss between two scans T0 and T1; draw it."""
     from gst.page.figures.inspected import changed_figure
     from gst.page.figures.style import save_figure
+    from gst.run.owned import free_name
     from gst.share.change import compare_scans, describe_change
 
     height, changed = compare_scans(t0, t1, repeat, **options)
     for line in describe_change(changed):
         click.echo(line)
-    picture = output or _new_file(Path(f"{t1.stem}_change.png"))
+    picture = output or free_name(Path(f"{t1.stem}_change.png"))
     save_figure(changed_figure(height, changed, (t0.name, t1.name)), picture)
     click.echo(f"picture     {picture}")
 

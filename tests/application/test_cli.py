@@ -1,6 +1,5 @@
 """A command that cannot do what it is asked for says so in a line, with exit code 2."""
 
-import math
 import re
 from pathlib import Path
 
@@ -54,7 +53,7 @@ def test_a_command_that_cannot_be_done_says_why(tmp_path, monkeypatch, command, 
 
 
 def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
-    """A sphere's cap: the area of Hertz; of a bowl that bears on its border: a warning."""
+    """A sphere's cap: the pressure of Hertz; of a bowl that bears on its border: a warning."""
     monkeypatch.chdir(tmp_path)
     spacing, n, radius = 0.008, 50, 20.0
     x = (np.arange(n) - (n - 1) / 2) * spacing
@@ -62,12 +61,10 @@ def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
     result = run("press", "cap.plu", "--pressure", "22", "--modulus", "1e4")
     assert (result.exit_code, result.stderr) == (0, "")
     assert Path("cap.plu.png").stat().st_size > 5000
-    *_, last = [line.split() for line in result.stdout.splitlines() if "e-" in line]
-    exact = Sphere(22.0 * (n * spacing) ** 2, radius, 1e4)
-    area = math.pi * (exact.contact_radius / n / spacing) ** 2
-    assert [float(value) for value in last[1:3]] == pytest.approx([22, area], rel=0.03)
     curve = pd.read_csv("cap.plu_curve.csv")
     assert curve.mean_pressure_MPa.iloc[-1] == pytest.approx(22)
+    assert all(name in result.stdout for name in curve)
+    exact = Sphere(22.0 * (n * spacing) ** 2, radius, 1e4)
     peak = float(re.search(r"peak pressure (\S+) MPa", result.stdout)[1])
     assert peak == pytest.approx(exact.peak_pressure, rel=0.03)
     assert "E* 10000 MPa" in result.stdout
@@ -78,27 +75,22 @@ def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
     assert "periodic=" not in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("options", "remedy"),
+    [
+        ("--spacing-um 4", "Set --unit to "),
+        ("--unit um", "Set --spacing-um to "),
+        ("--unit m --spacing-um 4", "Check --unit"),
+    ],
+)
 @pytest.mark.parametrize("command", ["press a.txt --pressure 5", "change a.txt a.txt"])
-@pytest.mark.parametrize("option", ["--unit", "--spacing-um"])
 def test_a_scan_alone_is_told_of_options_and_not_of_a_config(
-    tmp_path, monkeypatch, command, option
+    tmp_path, monkeypatch, command, options, remedy
 ):
     monkeypatch.chdir(tmp_path)
     np.savetxt("a.txt", np.random.default_rng(1).normal(size=(30, 30)))
-    other = {"--unit": ("--spacing-um", "4"), "--spacing-um": ("--unit", "um")}[option]
-    result = run(*command.split(), *other)
+    result = run(*command.split(), *options.split())
     assert result.exit_code == 2
-    assert f"Set {option} to " in result.stderr
-    for word in ("config", "scans.", "patch"):
-        assert word not in result.stderr
-
-
-def test_an_odd_scan_is_not_accepted_in_a_config_that_nobody_has(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    np.savetxt("a.txt", np.random.default_rng(1).normal(size=(30, 30)))
-    options = ("--pressure", "5", "--unit", "m", "--spacing-um", "4")
-    result = run("press", "a.txt", *options)
-    assert result.exit_code == 2
-    assert "Check --unit" in result.stderr
-    for word in ("config", "accept"):
+    assert remedy in result.stderr
+    for word in ("config", "scans.", "patch", "accept"):
         assert word not in result.stderr

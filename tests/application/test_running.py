@@ -59,6 +59,16 @@ def folder(tmp_path, monkeypatch):
 USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
 
 
+@pytest.fixture
+def asked(monkeypatch):
+    """What Snakemake is asked, in place of running it: words and options."""
+    asked = []
+    monkeypatch.setattr(
+        running, "_snakemake", lambda *words, **how: asked.append((words, how))
+    )
+    return asked
+
+
 @pytest.mark.parametrize(
     ("config", "asked", "words"),
     [
@@ -136,8 +146,8 @@ def test_one_run_at_a_time_writes_into_a_folder(folder):
         job.communicate()
 
 
+@pytest.mark.usefixtures("asked")
 def test_the_page_is_named_from_where_the_user_stands(folder, monkeypatch, capsys):
-    monkeypatch.setattr(running, "_snakemake", lambda *_, **__: 0)
     for each in ("break_in", "other_files"):
         monkeypatch.setattr(running, each, lambda *_: None)
     (folder / "mine.yaml").rename(folder / "study.yaml")
@@ -148,26 +158,23 @@ def test_the_page_is_named_from_where_the_user_stands(folder, monkeypatch, capsy
         assert f"Open {page}/index.html in" in capsys.readouterr().out
 
 
-def test_a_profile_is_named_from_where_the_user_stands(folder, monkeypatch):
+def test_a_profile_is_named_from_where_the_user_stands(folder, monkeypatch, asked):
     """The study is in a folder that `gst new` made; an editor has marked its encoding."""
-    ran = []
-    monkeypatch.setattr(running, "_snakemake", lambda *words, **_: ran.append(words))
     study, here = folder / "study.yaml", folder / "home"
     study.write_text("\ufeff# Made by `gst new`\ntitle: mine\n")
     shutil.copytree(gst.ROOT / "profiles/default", here / "profiles/mine")
     monkeypatch.chdir(here)
     with pytest.raises(SystemExit):
         main(["study", "../study.yaml", "--plan", "--profile", "./profiles/mine"])
-    assert here / "profiles/mine" in ran[0]
+    assert here / "profiles/mine" in asked[0][0]
     assert Path.cwd() == folder
 
 
 @pytest.mark.parametrize("option", ["-n", "-np", "-nq", "-pn", "--dry", "--dryrun"])
-def test_a_dry_run_of_snakemake_is_a_plan(folder, option, monkeypatch, capsys):
-    asked = []
-    monkeypatch.setattr(running, "_snakemake", lambda *_, **how: asked.append(how) or 0)
-    assert run_study("mine.yaml", **USUAL | {"options": [option]}) == 0
-    assert asked == [{"environment": {PLAN: "1"}}]
+@pytest.mark.usefixtures("folder")
+def test_a_dry_run_of_snakemake_is_a_plan(option, asked, capsys):
+    run_study("mine.yaml", **USUAL | {"options": [option]})
+    assert asked[0][1] == {"environment": {PLAN: "1"}}
     assert "Done" not in capsys.readouterr().out
 
 

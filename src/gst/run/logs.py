@@ -58,9 +58,8 @@ class _LogFile(logging.FileHandler):
         self._screen.setLevel(logging.WARNING)
 
     def close(self) -> None:
-        with suppress(
-            OSError
-        ):  # if it could not be written, it cannot be flushed either
+        # if it could not be written, it cannot be flushed either
+        with suppress(OSError):
             super().close()
 
 
@@ -93,16 +92,12 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
     except GstError as error:
         log.error("%s", error)
         raise SystemExit(1) from None
-    except ImportError as error:
-        problem = (
-            "a package that the program needs is missing or broken: install it again"
-        )
-        log.exception("%s (%s)", problem, error)
-        raise SystemExit(1) from None
-    except Exception:
-        log.exception(
-            "unexpected error: this is a bug in the program, please report it"
-        )
+    except Exception as error:
+        problem = "unexpected error: this is a bug in the program, please report it"
+        if isinstance(error, ImportError):
+            missing = "a package that the program needs is missing or broken"
+            problem = f"{missing}: install it again ({error})"
+        log.exception("%s", problem)
         raise SystemExit(1) from None
     finally:
         for handler in (file, screen):
@@ -115,19 +110,21 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
 
 def logged(log: Path, level: str) -> list[str]:
     """Records of a level in a log of `job_log`; a traceback is cut to its last three lines."""
-    text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
     shown = []
-    for match in _RECORD.finditer(text):
+    for match in _RECORD.finditer(_text_of(log)):
         if match[1] == level:
             message, _, trace = match[2].strip().partition(_TRACEBACK)
             shown.append("\n  ".join([message, *trace.splitlines()[-3:]]))
     return shown
 
 
+def _text_of(log: Path) -> str:
+    return log.read_text("utf-8", "replace") if log.is_file() else ""
+
+
 def last_took(results: Path, step: str) -> str:
     """How long a step took when it last ran, from its log; empty if that is gone."""
-    log = results / LOGS / f"{step}.log"
-    text = log.read_text("utf-8", "replace") if log.is_file() else ""
+    text = _text_of(results / LOGS / f"{step}.log")
     last = text.rstrip("\n").rpartition("\n")[2]
     return last.partition(TOOK)[2].partition(",")[0]
 
@@ -182,36 +179,31 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
     left out: it only shows that the program has changed. The param ``accept`` is a container that
     notes which faults the script asks about.
     """
-    files: dict[str, Path | list[Path]] = {}
-    for names in (snakemake.input, snakemake.output):
-        for name, file in names.items():
-            files[name] = (
-                Path(file) if isinstance(file, str) else [Path(one) for one in file]
-            )
+    log_file = Path(snakemake.log[0])
+    results = log_file.parents[1]
+    files = {
+        name: Path(file) if isinstance(file, str) else [*map(Path, file)]
+        for names in (snakemake.input, snakemake.output)
+        for name, file in names.items()
+    }
     # What was imported stays: to look for garbage among it, the last time when the interpreter
     # ends, takes a quarter of a second.
     gc.freeze()
     accepted = _Accepted(snakemake.config.get("accept", ()))
-    settings = {
-        name: value for name, value in snakemake.params.items() if name != "code"
-    }
+    settings = dict(snakemake.params)
+    settings.pop("code", None)
     if "accept" in settings:
         settings["accept"] = accepted
-    results = Path(snakemake.log[0]).parents[1]
-    step = step_of(
-        snakemake.log[0], snakemake.params, snakemake.input, snakemake.output
-    )
-    with job_log(snakemake.log[0]) as log:
+    step = step_of(log_file, snakemake.params, snakemake.input, snakemake.output)
+    with job_log(log_file) as log:
         _refuse_other_params(results, step)
         # of files that are about to change
         record_of(results, step.name).unlink(missing_ok=True)
-        read = given_to(results, step) | {
-            "software": software(),
-            "faults": accepted.asked,
-        }
+        ran_on = {"software": software(), "faults": accepted.asked}
+        read = given_to(results, step) | ran_on
         with accepting(accepted):
             main(**files, **settings)
-        messages = {level: logged(Path(snakemake.log[0]), level) for level in LEVELS}
+        messages = {level: logged(log_file, level) for level in LEVELS}
         write_record(results, step, read, messages)
         log.info("%s", _used())
 
@@ -220,16 +212,12 @@ def _used() -> str:
     """What this process has used so far, exactly; Snakemake's `benchmark` samples it, at a cost."""
     import resource  # Windows has none; there, all but a study may run
 
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    wall_s, cpu_s = time.perf_counter() - _START, used.ru_utime + used.ru_stime
-    status, memory_mb = (
-        Path("/proc/self/status"),
-        used.ru_maxrss / 1e6,
-    )  # bytes on macOS
-    if (
-        status.is_file()
-    ):  # Linux: what is above counts the process that started this one, too
-        memory_mb = (
-            int(re.findall(r"VmHWM:\s+(\d+)", status.read_text())[0]) * 1024 / 1e6
-        )
-    return f"{TOOK}{wall_s:.2f} s, {cpu_s:.2f} s of CPU, {memory_mb:.0f} MB of memory"
+    wall_s, cpu_s = time.perf_counter() - _START, time.process_time()
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # bytes on macOS
+    status = Path("/proc/self/status")
+    # Linux: what is above counts the process that started this one, too
+    if status.is_file():
+        memory = 1024 * int(re.findall(r"VmHWM:\s+(\d+)", status.read_text())[0])
+    return (
+        f"{TOOK}{wall_s:.2f} s, {cpu_s:.2f} s of CPU, {memory / 1e6:.0f} MB of memory"
+    )

@@ -8,6 +8,7 @@ One run at a time writes into the folder, which holds its lock. Every process of
 folder in its environment, so that jobs which outlive a killed run are seen, too.
 """
 
+import itertools
 import os
 import platform
 import re
@@ -15,7 +16,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import psutil
 from filelock import SoftFileLock, Timeout
@@ -26,12 +27,10 @@ from gst.run.received import AnyRecord, read_json, regular_file
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
-CLAIMS = (
-    ".gst_outputs"  # in the results: the files that a study would write, one a line
-)
-MOVED = (
-    "moved_aside"  # in the results: the user's files from folders that were made anew
-)
+# In the results: the files that a study would write, one a line; the user's files from folders
+# that were made anew.
+CLAIMS = ".gst_outputs"
+MOVED = "moved_aside"
 # In the results, while a run is at work there: its process and its machine.
 LOCK = ".gst_lock"
 # Environment variable of every process of a run: the results that it writes.
@@ -87,18 +86,21 @@ def refuse_foreign(steps: Iterable[Step], results: Path) -> None:
             if file.relative_to(results).as_posix() in owned:
                 continue
             problem = "a step would write in its place, and no record shows that a study made it"
-            remedy = "Give `results` another name in the config, or move the file."
-            print(f"ERROR: {InputError(file, problem, remedy)}", file=sys.stderr)
-            sys.exit(2)  # Snakemake would give any other error another code
+            _end(file, problem, "move the file")
 
 
 def _refuse_earlier(results: Path) -> None:
     """End with exit code 2 if an earlier version made these results, under other names."""
-    if not any((results / f"logs/{step}.json").is_file() for step in STEPS):
-        return
-    problem = "contains the results of an earlier version, whose steps and tables had other names"
-    remedy = "Give `results` another name in the config, or remove the folder."
-    print(f"ERROR: {InputError(results, problem, remedy)}", file=sys.stderr)
+    if any(record_of(results, step).is_file() for step in STEPS):
+        made = "contains the results of an earlier version"
+        problem = f"{made}, whose steps and tables had other names"
+        _end(results, problem, "remove the folder")
+
+
+def _end(path: Path, problem: str, remedy: str) -> NoReturn:
+    """End with exit code 2: Snakemake would give an error another code."""
+    remedy = f"Give `results` another name in the config, or {remedy}."
+    print(f"ERROR: {InputError(path, problem, remedy)}", file=sys.stderr)
     sys.exit(2)
 
 
@@ -106,9 +108,8 @@ def refuse_links(folder: Path) -> None:
     """Refuse links in Snakemake's own folder, through which it would write elsewhere."""
     for path in (folder, *folder.iterdir()):
         if path.is_symlink():
-            raise InputError(
-                path, "is a link", "Remove it: Snakemake writes into this folder."
-            )
+            remedy = "Remove it: Snakemake writes into this folder."
+            raise InputError(path, "is a link", remedy)
 
 
 def claim(files: Iterable[Path], results: Path) -> None:
@@ -141,9 +142,8 @@ def move_aside(jobs: Iterable[Any], results: Path, patches: Sequence[str]) -> No
         for file in (file for folder in job.output for file in _files_in(Path(folder))):
             made = _finished(file)
             is_made = made.relative_to(results).as_posix() in names
-            if not (
-                is_made or file.name == _STAMP or made.stem.partition("_")[0] in left
-            ):
+            is_left = made.stem.partition("_")[0] in left
+            if not (is_made or is_left or file.name == _STAMP):
                 moved.append(_moved(file, results))
     if moved:
         print(
@@ -156,10 +156,9 @@ def move_aside(jobs: Iterable[Any], results: Path, patches: Sequence[str]) -> No
 def alive(results: Path) -> list[int]:
     """The processes of a run on this machine that writes these results, by number."""
     mark = str(results.resolve())
-    processes = psutil.process_iter(["environ"])
     return [
         each.pid
-        for each in processes
+        for each in psutil.process_iter(["environ"])
         if (each.info["environ"] or {}).get(RESULTS) == mark
     ]
 
@@ -171,7 +170,8 @@ def locked(results: Path) -> Iterator[None]:
     Raises an `InputError` if a run is, or may be, active there.
     """
     check_writable(results)
-    lock = SoftFileLock(results / LOCK)
+    file = results / LOCK
+    lock = SoftFileLock(file)
     try:
         with lock.acquire(timeout=0):
             if pids := alive(results):
@@ -179,24 +179,21 @@ def locked(results: Path) -> Iterator[None]:
             yield
     except Timeout:
         if lock.pid is None:
-            raise InputError(
-                results / LOCK, "is no lock of gst", "Remove it."
-            ) from None
-        host = Path(lock.lock_file).read_text(encoding="utf-8").split()[1]
+            raise InputError(file, "is no lock of gst", "Remove it.") from None
+        host = file.read_text("utf-8").split()[1]
         if host.partition("?")[0] == platform.node():
             raise _at_work(results, [lock.pid]) from None
         problem = (
             f"a run that was started on {host} may still be at work on these results"
         )
-        remedy = f"If it is not, remove {lock.lock_file} and try again."
+        remedy = f"If it is not, remove {file} and try again."
         raise InputError(results, problem, remedy) from None
 
 
 def _at_work(results: Path, pids: Sequence[int]) -> InputError:
     problem = f"a run or its jobs are still at work on these results (processes {pids})"
-    return InputError(
-        results, problem, f"Wait, or end them: kill {' '.join(map(str, pids))}"
-    )
+    remedy = f"Wait, or end them: kill {' '.join(map(str, pids))}"
+    return InputError(results, problem, remedy)
 
 
 def written_by(steps: Iterable[Step], results: Path) -> Iterator[Path]:
@@ -208,11 +205,8 @@ def written_by(steps: Iterable[Step], results: Path) -> Iterator[Path]:
 
 def _in_the_way(path: Path, results: Path) -> Iterator[Path]:
     """The files that are lost if a step writes `path`; also one in the place of its folder."""
-    for each in (
-        path,
-        *(folder for folder in path.parents if results in folder.parents),
-    ):
-        if os.path.lexists(each) and not each.is_dir():
+    for each in (path, *path.parents):
+        if results in each.parents and os.path.lexists(each) and not each.is_dir():
             yield each
     yield from _files_in(path)
 
@@ -235,10 +229,11 @@ def _moved(file: Path, results: Path) -> Path:
     """Move a file, within the results, to where no file is yet."""
     aside = results / MOVED / file.relative_to(results)
     aside.parent.mkdir(parents=True, exist_ok=True)
-    number, target = 1, aside
-    while os.path.lexists(target):
-        number, target = (
-            number + 1,
-            aside.with_name(f"{aside.stem}_{number}{aside.suffix}"),
-        )
-    return file.rename(target)
+    return file.rename(free_name(aside))
+
+
+def free_name(path: Path) -> Path:
+    """The path, with a number if something lies there already."""
+    numbered = (path.with_stem(f"{path.stem}_{n}") for n in itertools.count(2))
+    names = itertools.chain([path], numbered)
+    return next(name for name in names if not os.path.lexists(name))

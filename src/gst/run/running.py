@@ -75,9 +75,8 @@ def run_study(
         raise InputError("--cores", "0 cores run no step", "Give 1 or more, or all.")
     if importlib.util.find_spec("snakemake") is None:
         problem = "Snakemake, which runs the study, is not installed"
-        raise InputError(
-            "gst study", problem, "Install it: pip install 'gstlib[workflow]'"
-        )
+        remedy = "Install it: pip install 'gstlib[workflow]'"
+        raise InputError("gst study", problem, remedy)
     shipped = ROOT / "profiles" / profile
     folder = (here or Path()) / profile if os.sep in profile else shipped
     if not folder.is_dir():
@@ -88,15 +87,13 @@ def run_study(
         problem = (
             "this profile hands jobs to Slurm, and there is no sbatch on this machine"
         )
-        raise InputError(
-            folder, problem, "Start the study where Slurm is, or without --profile."
-        )
+        remedy = "Start the study where Slurm is, or without --profile."
+        raise InputError(folder, problem, remedy)
     results = Path(read["results"])
     refuse_other_study(read)
     check_links(results)
     plan = plan or any(map(_PLANNING.fullmatch, options))
-    command: list[object] = ["--configfile", config, "--workflow-profile", folder]
-    command += given
+    command = ["--configfile", config, "--workflow-profile", folder, *given]
     if plan:
         code = _snakemake(*command, "--dry-run", *options, environment={PLAN: "1"})
     else:
@@ -105,14 +102,11 @@ def run_study(
         with locked(results):
             mark = {RESULTS: str(results.resolve())}
             code = _snakemake(*command, *options, environment=mark)
-    if code == NO_RUN:
-        return 0
     if code or plan:
-        return code
+        return 0 if code == NO_RUN else code
     # the options asked for less, or the config was edited meanwhile
     read = read_config(config)
-    broken = break_in(results, read)
-    broken = broken or other_files(
+    broken = break_in(results, read) or other_files(
         results, files_read(read, read_study(read, str(config)))
     )
     if broken:
@@ -133,16 +127,8 @@ def _is_refused(option: str) -> bool:
 
 def _snakemake(*arguments: object, environment: dict[str, str]) -> int:
     """Run Snakemake, and return its exit code; the lock is that of gst."""
-    snakefile = ROOT / "Snakefile"
-    command = [
-        sys.executable,
-        "-m",
-        "gst.run.scheduler",
-        "--nolock",
-        "--snakefile",
-        snakefile,
-    ]
-    words = list(map(str, [*command, *arguments]))
+    command = sys.executable, "-m", "gst.run.scheduler", "--nolock"
+    words = [*map(str, (*command, "--snakefile", ROOT / "Snakefile", *arguments))]
     around = _REUSE_MEMORY | os.environ | _NO_OTHER_CODE | environment
     # an entry without a name is the working folder
     named = filter(None, around.get("PYTHONPATH", "").split(os.pathsep))

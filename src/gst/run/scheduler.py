@@ -43,7 +43,7 @@ def steps_of(workflow: Any, results: Path) -> list[Step]:
     ]
     with_wildcards = [rule for rule in rules if rule.has_wildcards()]
     jobs: list[tuple[Any, dict]] = [
-        (rule, {}) for rule in rules if not rule.has_wildcards()
+        (rule, {}) for rule in rules if rule not in with_wildcards
     ]
     steps: dict[str, Step] = {}
     for rule, values in jobs:  # which grow
@@ -55,12 +55,9 @@ def steps_of(workflow: Any, results: Path) -> list[Step]:
         if step.name in steps:
             continue
         steps[step.name] = step
-        for file in inputs:
-            if results not in Path(file).parents:
-                continue
-            for maker in with_wildcards:
-                if maker.is_producer(file):
-                    jobs.append((maker, maker.get_wildcards(file)))
+        for file, maker in product(inputs, with_wildcards):
+            if results in Path(file).parents and maker.is_producer(file):
+                jobs.append((maker, maker.get_wildcards(file)))
     return list(steps.values())
 
 
@@ -119,9 +116,8 @@ def adapt(
         AGAIN.update(plan_again(steps, results, accepted))
         order_dates(steps, AGAIN)
         asked = json.loads(os.environ.get(ASKED, "{}"))
-        os.environ[ASKED] = json.dumps(
-            asked | {str(results): hashes_of(steps, results)}
-        )
+        asked[str(results)] = hashes_of(steps, results)
+        os.environ[ASKED] = json.dumps(asked)
 
 
 def end(scheduler: JobScheduler, *_: Any) -> None:
