@@ -77,9 +77,8 @@ def default_of(node: dict) -> str:
 def allowed(node: dict) -> str:
     """The values that a key may take, in words."""
     if "enum" in node:
-        return ", ".join(
-            "null" if value is None else str(value) for value in node["enum"]
-        )
+        values = ("null" if value is None else value for value in node["enum"])
+        return ", ".join(map(str, values))
     kinds = node["type"] if isinstance(node["type"], list) else [node["type"]]
     kind = " or ".join(
         {"string": "text", "object": "section"}.get(kind, kind) for kind in kinds
@@ -102,18 +101,16 @@ def table(schema: dict) -> str:
 
 def choices() -> Iterator[str]:
     """Every modelling choice marked in the code, by stage."""
-    of_stage: dict[str, list[str]] = {stage: [] for stage in STAGES}
-    for file in sorted(
-        [*ROOT.glob("src/**/*.py"), *ROOT.glob("workflow/scripts/*.py")]
-    ):
+    listed = {stage: [f"## {title}", ""] for stage, title in STAGES.items()}
+    files = *ROOT.glob("src/**/*.py"), *ROOT.glob("workflow/scripts/*.py")
+    for file in sorted(files):
         name = file.relative_to(ROOT).as_posix()
-        stage = stage_of(name)
-        for match in ASSUMPTION.finditer(file.read_text(encoding="utf-8")):
+        for match in ASSUMPTION.finditer(file.read_text("utf-8")):
             text = " ".join(line.strip(" \t#") for line in match[1].splitlines())
-            of_stage[stage].append(f"- {choice_of(text, name)} (`{name}`)")
-    for stage, listed in of_stage.items():
-        if listed:
-            yield "\n".join([f"## {STAGES[stage]}", "", *listed])
+            listed[stage_of(name)].append(f"- {choice_of(text, name)} (`{name}`)")
+    for lines in listed.values():
+        if len(lines) > 2:
+            yield "\n".join(lines)
 
 
 def choice_of(text: str, name: str) -> str:
@@ -177,18 +174,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
-    schemas = ROOT / "workflow" / "schemas"
-    patches, poses, published = (
-        yaml.safe_load((schemas / f"{name}.schema.yaml").read_text("utf-8"))
-        for name in ("patches", "poses", "published")
-    )
+    schemas = {"config": json_schema()}
+    for name in ("patches", "poses", "published"):
+        text = (ROOT / f"workflow/schemas/{name}.schema.yaml").read_text("utf-8")
+        schemas[name] = yaml.safe_load(text)
     documents = {
-        "config/README.md": {
-            "config": table(json_schema()),
-            "patches": table(patches),
-            "poses": table(poses),
-            "published": table(published),
-        },
+        "config/README.md": {name: table(each) for name, each in schemas.items()},
         "docs/reference/tables.md": {"tables": "\n\n".join(results())},
         "docs/reference/choices.md": {"choices": "\n\n".join(choices())},
         "docs/reference/cli.md": {
@@ -197,13 +188,13 @@ def main() -> None:
     }
     stale = []
     for name, parts in documents.items():
-        old = (ROOT / name).read_text(encoding="utf-8")
+        old = (ROOT / name).read_text("utf-8")
         new = filled(old, parts)
-        if new != old:
+        if check and new != old:
             stale.append(name)
-            if not check:
-                (ROOT / name).write_text(new, encoding="utf-8")
-    if check and stale:
+        elif new != old:
+            (ROOT / name).write_text(new, encoding="utf-8")
+    if stale:
         raise SystemExit(f"out of date: {', '.join(stale)}; run `make docs`")
 
 

@@ -7,76 +7,52 @@ tables of a new run. Each renamed heading and value is printed.
 """
 
 import argparse
-import csv
-import re
-import sys
 from pathlib import Path
+
+import pandas as pd
 
 from gst.config.renamed import COLUMNS, VALUES
 
+STATISTIC = r"(?P<statistic>[^(]+)(?:\((?P<x>[^,]+)(?:, (?P<y>.+))?\))?$"
 
-def renamed(name: str, rows: list[list[str]]) -> tuple[list[list[str]], list[str]]:
-    """The rows of a table under the present names, and a line for each name that changed."""
+
+def renamed(name: str, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """A table under the present names, and a line for each name that changed."""
     columns = COLUMNS.get(name, {})
-    header = [columns.get(column, column) for column in rows[0]]
-    changes = [
-        f"{old} -> {new}"
-        for old, new in zip(rows[0], header, strict=True)
-        if old != new
-    ]
+    changes = [f"{old} -> {columns[old]}" for old in table if old in columns]
+    table = table.rename(columns=columns)
     for column, values in VALUES.get(name, {}).items():
-        place = header.index(column)
-        present = sorted({row[place] for row in rows[1:]} & {*values})
+        present = sorted({*table[column]} & {*values})
         changes += [f"{column}: {value} -> {values[value]}" for value in present]
-        for row in rows[1:]:
-            row[place] = values.get(row[place], row[place])
-    rows = [header, *rows[1:]]
-    if name == "validation_summary" and "x" not in header:
-        rows = _separated(rows)
+        table[column] = table[column].replace(values)
+    if name == "validation_summary" and "x" not in table:
+        # three columns in place of a statistic such as ``spearman(x, y)``
+        parts = table["statistic"].str.extract(STATISTIC).fillna("")
+        place = table.columns.get_loc("statistic")
+        around = table.iloc[:, :place], table.iloc[:, place + 1 :]
+        table = pd.concat([around[0], parts, around[1]], axis=1)
         changes.append("statistic -> statistic, x, y")
-    return rows, changes
+    return table, changes
 
 
-def _separated(rows: list[list[str]]) -> list[list[str]]:
-    """The rows with three cells in place of a statistic such as ``spearman(x, y)``."""
-    place = rows[0].index("statistic")
-    separated = [[*rows[0][: place + 1], "x", "y", *rows[0][place + 1 :]]]
-    for row in rows[1:]:
-        name, x, y = re.fullmatch(
-            r"([^(]+)(?:\(([^,]+)(?:, (.+))?\))?", row[place]
-        ).groups("")
-        separated.append([*row[:place], name, x, y, *row[place + 1 :]])
-    return separated
-
-
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("tables", type=Path, help="folder with the old tables")
     parser.add_argument("copies", type=Path, help="new folder for the renamed copies")
     arguments = parser.parse_args()
     files = sorted(arguments.tables.glob("*.csv"))
     if not files:
-        print(
-            f"ERROR: {arguments.tables} does not contain a table (*.csv)",
-            file=sys.stderr,
-        )
-        return 2
+        parser.error(f"{arguments.tables} does not contain a table (*.csv)")
     if arguments.copies.exists():
-        print(f"ERROR: {arguments.copies} exists: name a new folder", file=sys.stderr)
-        return 2
+        parser.error(f"{arguments.copies} exists: name a new folder")
     arguments.copies.mkdir(parents=True)
     for file in files:
-        with file.open(newline="", encoding="utf-8") as stream:
-            rows = [*csv.reader(stream)]
-        rows, changes = renamed(file.stem, rows) if rows else (rows, [])
-        with (arguments.copies / file.name).open(
-            "w", newline="", encoding="utf-8"
-        ) as stream:
-            csv.writer(stream, lineterminator="\n").writerows(rows)
+        old = pd.read_csv(file, dtype=str, keep_default_na=False)
+        table, changes = renamed(file.stem, old)
+        table.to_csv(arguments.copies / file.name, index=False, lineterminator="\n")
         for change in changes:
             print(f"{file.name}: {change}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

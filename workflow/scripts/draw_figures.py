@@ -1,34 +1,24 @@
 """Draw figures of the study from stored results: those whose pictures the rule names."""
 
-import math
-from pathlib import Path
+import dataclasses
+from typing import Any
 
 from gst.page.figures.study import draw
 from gst.page.results import Results
-from gst.run.logs import run_script
+from gst.run.logs import run_in_snakemake
 
 PICTURES = "_png", "_svg", "_pdf", "_jpg"
 
 
-def main(
-    *,
-    patches: list[str] | tuple = (),
-    worn: list[str] | tuple = (),
-    max_plotted_patches: int = 0,
-    places: dict[str, list] | None = None,
-    size_mm: float = math.nan,
-    patch_mm: float = math.nan,
-    force_N: float = math.nan,
-    mesh_unit: str = "mm",
-    note: str | None,
-    **files: Path | list[Path],
-) -> None:
-    """`files` are those that the figures show, and their pictures (see `draw`)."""
+def main(*, note: str | None, **files: Any) -> None:
+    """`files` are those that the figures show, and their pictures (see `draw`).
+
+    Settings of `Results` are among them, by the names of its fields.
+    """
+    fields = {field.name for field in dataclasses.fields(Results)} & files.keys()
+    settings = {name: files.pop(name) for name in fields}
     pictures = {name: file for name, file in files.items() if name.endswith(PICTURES)}
-    shown = patches, worn, max_plotted_patches
-    study = Results(files, *shown, places, size_mm, patch_mm, force_N, mesh_unit)
-    draw(study, pictures, note)
+    draw(Results(files, **settings), pictures, note)
 
 
-if "snakemake" in globals():
-    run_script(snakemake, main)
+run_in_snakemake(main)
