@@ -65,9 +65,7 @@ def main(
     origin = study_provenance(config, inputs, commit, program, versions)
     about = {
         "methods": methods_text(
-            origin,
-            [file.stem for file in shown if file.suffix == ".csv"],
-            study.table("use") if "use" in study.tables else None,
+            origin, study.tables, study.table("use") if "use" in study.tables else None
         ),
         "config_faults": config_faults,
         "active_tool": active_tool,
