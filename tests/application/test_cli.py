@@ -32,7 +32,6 @@ def run(*arguments):
         ("diff full gone", "gone: has no tables"),
         ("export full", "holds no finished study"),
         ("package full", "no finished study"),
-        ("nothing", "No such command"),
     ],
 )
 def test_a_command_that_cannot_be_done_says_why(tmp_path, monkeypatch, command, words):

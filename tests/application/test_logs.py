@@ -55,10 +55,7 @@ class Run:
         names = ("quiet", "verbose", "debug_dag", "printshellcmds", "dryrun")
         self.handler = LogHandler(SimpleNamespace(**dict.fromkeys(names, False)), None)
         self.total = total
-        self.tell(
-            LogEvent.RUN_INFO,
-            stats={"total": total + 1, "all": 1, "solve_patches": total},
-        )
+        self.tell(LogEvent.RUN_INFO, stats={"total": total + 1, "all": 1})
 
     def tell(self, event, text="", **facts):
         record = logging.LogRecord("snakemake", logging.INFO, "", 0, text, None, None)
@@ -113,9 +110,8 @@ def test_the_display_shows_warnings_and_the_error_of_a_failed_step_once(
         raise EMPTY
     run.tell(LogEvent.JOB_ERROR, jobid=2, rule_msg=None)
     run.begin(3, log)
-    run.tell(
-        LogEvent.JOB_ERROR, jobid=3, rule_msg=None
-    )  # killed before it wrote anything
+    # killed before it wrote anything
+    run.tell(LogEvent.JOB_ERROR, jobid=3, rule_msg=None)
     run.handler.close()
     text, place = shown(), f"\n  step: Pressing patch %d\n  log:  {log}\n"
     assert "yesterday" not in text

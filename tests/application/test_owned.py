@@ -8,26 +8,16 @@ from gst.run.owned import claim, claim_picture, claimed_by, refuse_foreign, writ
 
 def test_what_a_killed_run_left_is_the_study_s_own(tmp_path):
     """Of files that it listed before its first step. A new name in the list is checked again."""
-    page, depth, late = (
-        tmp_path / name for name in ("index.html", "wear/7.h5", "late.csv")
-    )
-    steps = [
-        Step("write_page", {}, [], [page]),
-        Step("predict", {}, [], [depth.parent]),
-    ]
+    page, wear, late = (tmp_path / name for name in ("index.html", "wear", "late.csv"))
+    steps = [Step("write_page", {}, [], [page, wear])]
     claim(written_by(steps, tmp_path), tmp_path)
-    depth.parent.mkdir()
-    for file in (page, depth, late):
+    wear.mkdir()
+    for file in (page, wear / "7.h5", late):
         file.write_text("")
     refuse_foreign(steps, tmp_path)
-    other_step = Step("late", {}, [], [late])
-    in_a_folder = Step(
-        "late", {}, [], [late / "1"]
-    )  # a file in the place of the folder
-    for step in (other_step, in_a_folder):
-        with pytest.raises(SystemExit) as ended:
-            refuse_foreign([*steps, step], tmp_path)
-        assert ended.value.code == 2
+    for output in (late, late / "1"):  # a file in the place of the folder
+        with pytest.raises(SystemExit, match="2"):
+            refuse_foreign([*steps, Step("late", {}, [], [output])], tmp_path)
 
 
 def test_the_picture_of_a_check_takes_no_file_s_place(tmp_path):

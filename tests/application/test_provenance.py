@@ -86,11 +86,6 @@ ADDED = [
     ("gstlib/__init__.pyi", X, set()),
     (SCHEMA, TABLE, {"tabulate_texture", "draw_figures", "write_page"}),
     (SCHEMA, TABLE.replace("meaning: meaning", "meaning: another"), {"write_page"}),
-    (
-        SCHEMA,
-        TABLE.replace("unit: mm", "unit: m"),
-        {"tabulate_texture", "draw_figures", "write_page"},
-    ),
 ]
 
 
