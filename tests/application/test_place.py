@@ -93,15 +93,13 @@ def server(study):
         thread.join()
 
 
-def ask(server, path, sent=None, token=None, **headers):
+def ask(server, path, sent=None, headers=None, token=None):
     """The status of an answer, and its content."""
     link = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=600)
     body = sent if sent is None or isinstance(sent, str) else json.dumps(sent)
-    if sent is not None:
-        headers = {"Content_Type": "application/json"} | headers
-    named = {name.replace("_", "-"): value for name, value in headers.items()}
     address = f"/{server.token if token is None else token}/{path}"
-    link.request("GET" if sent is None else "POST", address, body, named)
+    headers = {"Content-Type": "application/json"} | (headers or {})
+    link.request("GET" if sent is None else "POST", address, body, headers)
     answer = link.getresponse()
     content = answer.read()
     link.close()
@@ -112,7 +110,7 @@ def ask(server, path, sent=None, token=None, **headers):
 def save(server, path, sent, digest=None):
     """The answer to a page that shows the files as they are, or those of a former digest."""
     digest = digest_of(server.config) if digest is None else digest
-    return ask(server, path, sent, Study_Digest=digest)
+    return ask(server, path, sent, {"Study-Digest": digest})
 
 
 def saved(server, path, sent):
@@ -152,7 +150,6 @@ def files_in(folder):
 
 BOTH = row("A", 1, 1), row("B", 2, 2)
 REFUSED = {
-    "no token": ("state", None, {"token": ""}, 403),
     "a foreign name": ("state", None, {"Host": "evil.example"}, 403),
     "a foreign page": ("state", None, {"Origin": "http://evil.example"}, 403),
     "a way up": ("results/../study.yaml", None, {}, 403),
@@ -165,7 +162,7 @@ REFUSED = {
         {},
         422,
     ),
-    "an upload": ("answers", {}, {"Content_Length": "3000000"}, 413),
+    "an upload": ("answers", {}, {"Content-Length": "3000000"}, 413),
     "a key that names a file": ("answers", {"inputs.mesh": "/etc/passwd"}, {}, 422),
     "a value that cannot be meant": ("answers", {"load.force_N": -1}, {}, 422),
     "no JSON": ("answers", "{", {}, 400),
@@ -175,14 +172,15 @@ REFUSED = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_is_refused(server, study, case):
-    path, sent, options, expected = REFUSED[case]
+    path, sent, headers, expected = REFUSED[case]
     before = files_in(study)
-    digest = digest_of(server.config)
-    status, content = ask(server, path, sent, **options, Study_Digest=digest)
+    headers = {"Study-Digest": digest_of(server.config)} | headers
+    status, content = ask(server, path, sent, headers)
     assert status == expected
     assert set(content) == {"error"}
     assert "secret" not in content["error"].replace(str(study.parent), "")
     assert files_in(study) == before
+    assert ask(server, path, sent, headers, token="")[0] == 403
 
 
 def test_files_and_folders_of_the_results_are_shown(server):
@@ -429,18 +427,25 @@ def test_a_server_whose_terminal_is_closed_leaves_no_token_and_no_lock(study):
 def test_the_stone_has_the_colours_of_its_mesh(study, kind):
     stone = trimesh.creation.icosphere(subdivisions=2, radius=10.0)
     is_up = stone.vertices[:, 2] > 0
-    rgb = np.where(is_up[:, np.newaxis], [255, 0, 0], [0, 0, 255]).astype(np.uint8)
-    stone.visual.vertex_colors = rgb
-    if kind == "texture":
+    if kind == "vertices":
+        rgb = np.where(is_up[:, np.newaxis], [255, 0, 0], [0, 0, 255])
+        stone.visual.vertex_colors = rgb.astype(np.uint8)
+    else:
         uv = np.column_stack([np.where(is_up, 0.99, 0.01), 0.5 + 0 * is_up])
         picture = Image.fromarray(np.array([[[0, 0, 255], [255, 0, 0]]], np.uint8))
         stone.visual = trimesh.visual.TextureVisuals(uv=uv, image=picture)
     stone.export("stone.glb")
     configure("stone.ply", "stone.glb")
     data = stone_of(Path("study.yaml"))
-    rgb = np.frombuffer(base64.b64decode(data["colours"]), np.uint8).reshape(-1, 3)
-    z = np.frombuffer(base64.b64decode(data["vertices"]), "<f4").reshape(-1, 3)[:, 2]
-    np.testing.assert_array_equal(rgb[:, 0] > 128, z > 0)
+    red = unpacked(data["colours"], np.uint8)[:, 0]
+    np.testing.assert_array_equal(
+        red > 128, unpacked(data["vertices"], "<f4")[:, 2] > 0
+    )
+
+
+def unpacked(text, kind):
+    """Three numbers for each vertex."""
+    return np.frombuffer(base64.b64decode(text), kind).reshape(-1, 3)
 
 
 def test_scans_find_their_exact_places_near_those_by_hand(server, study):
