@@ -1,7 +1,7 @@
 """Scripts refuse what they cannot use, and pass on what is doubtful."""
 
-import importlib.util
 import re
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +13,8 @@ from gstlib.surfaces.grid import make_surface
 WORKFLOW = Path(__file__).parents[2] / "workflow"
 
 
-def script_of(rule):
-    path = WORKFLOW / f"scripts/{rule}.py"
-    spec = importlib.util.spec_from_file_location("script", path)
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    return script
+def main_of(rule):
+    return runpy.run_path(str(WORKFLOW / f"scripts/{rule}.py"))["main"]
 
 
 def test_a_changed_program_is_a_reason_to_run_every_script_again():
@@ -33,11 +29,8 @@ def test_a_changed_program_is_a_reason_to_run_every_script_again():
             r"^ *rule ", file.read_text(encoding="utf-8"), flags=re.MULTILINE
         ):
             for script in re.findall(r'script:\s*"\.\./scripts/(\w+\.py)"', rule):
-                param = (
-                    "**DRAWN"
-                    if script == "draw_figures.py"
-                    else f'code=code("{script}")'
-                )
+                is_drawn = script == "draw_figures.py"
+                param = "**DRAWN" if is_drawn else f'code=code("{script}")'
                 assert param in rule, rule
                 scripts.add(script)
     assert {path.name for path in WORKFLOW.glob("scripts/*.py")} == scripts
@@ -53,7 +46,7 @@ def test_published_values_of_patches_whatever_their_names(tmp_path):
     rows = "patch pressure,NA,,11\npatch pressure,007,MPa,\nmean pressure,,MPa,21\n"
     published.write_text(f"quantity,patch,unit,value\n{rows}")
     arguments = published, path, pressures, tmp_path / "published.csv"
-    script_of("compare_published").main(*arguments)
+    main_of("compare_published")(*arguments)
     rows = arguments[-1].read_text().splitlines()[1:]
     assert [row.partition(",")[2] for row in rows] == [
         "NA,MPa,11,12",
@@ -78,5 +71,5 @@ def test_a_doubtful_contact_of_the_stone_is_told(tmp_path, caplog):
         "tolerance": 1e-6,
         "maximum_displacement_um": 100.0,
     }
-    script_of("solve_macroscale").main(face, [], *written, force_N=500.0, **settings)
+    main_of("solve_macroscale")(face, [], *written, force_N=500.0, **settings)
     assert any("from the edge of the face" in message for message in caplog.messages)
