@@ -86,7 +86,7 @@ def fields_of(results):
             if isinstance(value, np.number):
                 numbers[f"{where} @{name}"] = value
     for name, values in drawn_in_space(results / "index.html"):
-        numbers[f"page {name}"] = values
+        numbers[f"page{name}"] = values
     rows = [
         (name, *facts(np.asarray(values, float))) for name, values in numbers.items()
     ]
@@ -96,26 +96,25 @@ def fields_of(results):
 
 def drawn_in_space(page):
     """Each array that the page's script is given, by its name."""
-
-    def arrays(value, name):
-        if isinstance(value, dict):
-            parts = {f"{name} {key}".strip(): part for key, part in value.items()}
-        elif isinstance(value, list) and any(isinstance(part, dict) for part in value):
-            parts = {f"{name} {number}": part for number, part in enumerate(value)}
-        else:
-            parts = {}
-            if isinstance(value, str):
-                value = unpacked(value, name.split()[-1])
-            if np.asarray(value).dtype.kind in "biuf":
-                yield name, value
-        for key, part in parts.items():
-            yield from arrays(part, key)
-
     content = page.read_text(encoding="utf-8")
     scene = re.search(
         r'<script type="application/json" id="scene">(.*?)</script>', content, re.S
     )
     yield from arrays(json.loads(scene[1]) if scene else {}, "")
+
+
+def arrays(value, name):
+    """Each array in a value of JSON, by the names of the parts in which it lies."""
+    if isinstance(value, list) and any(isinstance(part, dict) for part in value):
+        value = dict(enumerate(value))
+    if isinstance(value, dict):
+        for key, part in value.items():
+            yield from arrays(part, f"{name} {key}")
+        return
+    if isinstance(value, str):
+        value = unpacked(value, name.split()[-1])
+    if np.asarray(value).dtype.kind in "biuf":
+        yield name, value
 
 
 def unpacked(text, name):
@@ -147,9 +146,7 @@ def facts(values):
 def pictures_of(results):
     """Of each picture its size in pixels, and the grey of its parts from the upper left."""
     rows = []
-    for file in sorted(
-        [*results.glob("figures/**/*.png"), *results.glob("figures/**/*.jpg")]
-    ):
+    for file in sorted(results.glob("figures/**/*.[pj][np]g")):
         with Image.open(file) as picture:
             # the colours count, too: each channel with its own weight
             parts = picture.convert("RGB").resize((6, 4), Image.Resampling.BOX)

@@ -76,34 +76,35 @@ def test_the_grids_lie_where_the_patches_do(finished_tiny, exported, name):
     """In µm from the square's corner; the rows run from north to south."""
     results = finished_tiny.results
     expected = stored(results)[name]
-    spacing_mm = spacing_of(expected)[0]
     file = exported / f"{PATCH}_{name}.asc"
     lines = file.read_text().splitlines()
     head = {key.lower(): float(value) for key, value in map(str.split, lines[:6])}
     cells = np.loadtxt(lines[6:])[::-1]
-    heights = 1e-3 * np.where(cells == head["nodata_value"], np.nan, cells)
-    np.testing.assert_allclose(heights, expected.values, rtol=1e-5, atol=1e-9)
-    np.testing.assert_allclose(
-        read_scan(file, unit="um").values, expected.values, rtol=1e-5, atol=1e-9
-    )
+    heights = np.where(cells == head["nodata_value"], np.nan, cells)
+    assert head["cellsize"] == pytest.approx(1e3 * spacing_of(expected)[0])
+    assert_placed(results, expected, heights, (head["xllcorner"], head["yllcorner"]))
+    read = read_scan(file, unit="um")
+    np.testing.assert_allclose(read.values, 1e-3 * heights, rtol=1e-12)
+
+
+def assert_placed(results, expected, heights, corner):
+    """Heights and the lower left corner of a grid, µm, are those of the patch."""
+    np.testing.assert_allclose(1e-3 * heights, expected.values, rtol=1e-5, atol=1e-9)
     places = read_table(results / "tables/patch_pressures.csv").set_index("patch")
-    corner = places.loc[PATCH, ["x_mm", "y_mm"]] - 0.5 * spacing_mm * len(expected)
-    shown = head["xllcorner"], head["yllcorner"], head["cellsize"]
-    assert shown == pytest.approx((*(1e3 * corner), 1e3 * spacing_mm))
+    side_mm = spacing_of(expected)[0] * len(expected)
+    at = places.loc[PATCH, ["x_mm", "y_mm"]] - side_mm / 2
+    assert corner == pytest.approx(tuple(1e3 * at))
 
 
 @pytest.mark.slow
 def test_a_gis_reads_the_grids(finished_tiny, exported):
     """Rasterio, which reads with GDAL as QGIS does, is in the environment of the checks."""
     rasterio = pytest.importorskip("rasterio", reason="make test-all installs it")
-    expected = stored(finished_tiny.results)["loss"]
-    file = exported / f"{PATCH}_loss.asc"
-    with rasterio.open(file) as grid:
+    results = finished_tiny.results
+    with rasterio.open(exported / f"{PATCH}_loss.asc") as grid:
         heights = grid.read(1, masked=True).filled(np.nan)[::-1]
         corner = grid.bounds.left, grid.bounds.bottom
-    np.testing.assert_allclose(1e-3 * heights, expected.values, rtol=1e-5, atol=1e-9)
-    head = dict(line.split() for line in file.read_text().lower().splitlines()[:6])
-    assert corner == pytest.approx((float(head["xllcorner"]), float(head["yllcorner"])))
+    assert_placed(results, stored(results)["loss"], heights, corner)
 
 
 @pytest.mark.parametrize(
