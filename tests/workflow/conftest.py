@@ -204,18 +204,54 @@ def middle_of(thing):
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
+# Texts whose contrast is less than WCAG's 4.5 to 1, and controls without a name.
+UNREADABLE = """() => {
+  const numbers = (text) => text.match(/[0-9.]+/g).map(Number);
+  const light = (rgb) => [0.2126, 0.7152, 0.0722].reduce((sum, share, k) => {
+    const value = rgb[k] / 255;
+    return sum + share * (value <= 0.04 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
+  }, 0);
+  const seen = (each) => each.checkVisibility({ opacityProperty: true })
+    && !each.disabled && !each.closest("[inert]");
+  const ground = (each) => {
+    const rgba = numbers(getComputedStyle(each).backgroundColor);
+    return rgba[3] === 0 && each.parentElement ? ground(each.parentElement) : rgba;
+  };
+  const isPale = (each) => {
+    const [a, b] = [numbers(getComputedStyle(each).color), ground(each)].map(light);
+    return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05) < 4.5;
+  };
+  const isText = (node) => node.nodeType === 3 && node.data.trim();
+  const hasText = (each) => [...each.childNodes].some(isText);
+  const name = (each) => each.ariaLabel || (each.labels?.[0] || each).textContent.trim();
+  const everything = [...document.querySelectorAll("body *:not(svg *)")].filter(seen);
+  return [
+    ...everything.filter((each) => hasText(each) && isPale(each)),
+    ...everything.filter((each) => each.matches("input, select, button") && !name(each)),
+  ].map((each) => each.outerHTML);
+}"""
+
+
 @contextmanager
-def opened(browser, file, size=(1366, 768)):
-    """A page with a stone; it asks for nothing but itself, and complains of nothing."""
+def opened(browser, address, size=(1366, 768), complaints=()):
+    """A page with a stone. It asks for nothing but what lies under its address.
+
+    It complains of nothing, except what is part of `complaints`.
+    """
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
     page.set_default_timeout(0)  # a busy machine is no fault
-    asked, complaints = listened_to(page)
-    page.goto(file.as_uri())
-    page.wait_for_selector("canvas")
-    yield page
-    page.close()
-    assert [url for url in asked if not url.startswith("data:")] == [file.as_uri()]
-    assert complaints == []
+    asked, complained = listened_to(page)
+    try:
+        page.goto(address)
+        page.wait_for_selector("canvas", state="attached")
+        own = address, page.url.partition("#")[0], "data:"
+        yield page
+    finally:
+        page.close()
+    assert [url for url in asked if not url.startswith(own)] == []
+    assert [
+        line for line in complained if not any(part in line for part in complaints)
+    ] == []
 
 
 def as_measured(study, finished):
