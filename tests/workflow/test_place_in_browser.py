@@ -17,8 +17,6 @@ import yaml
 
 from gst.config.edited import with_values
 from gst.config.patches import read_patches
-from gstlib.io.meshes import read_mesh
-from gstlib.surfaces.frames import find_frame
 
 from .conftest import UNREADABLE, middle_of, opened, run
 
@@ -67,34 +65,30 @@ def placing(browser, folder, *options, complaints=()):
     assert server.returncode in (0, -signal.SIGTERM)
 
 
-@pytest.fixture(scope="module")
-def stone(finished_tiny):
-    return read_mesh(finished_tiny.results / "specimen/mesh.stl", unit="mm")
+def state_of(page):
+    """The study as its files have it, once what was done is in them."""
+    return page.evaluate("last.then(() => ask('state'))")
 
 
-def frame_of(folder, stone):
-    return find_frame(config_of(folder)["square"]["points_mm"], stone, size_mm=5.0)
+def answers_of(page):
+    return state_of(page)["answers"]
 
 
-def config_of(folder):
-    return yaml.safe_load((folder / "study.yaml").read_text())
+def table_of(page):
+    """Of each patch, its place, and its grade."""
+    return pd.DataFrame(state_of(page)["patches"]).set_index("patch").astype(float)
 
 
-def table_of(folder):
-    return read_patches(
-        folder / "patches.csv", size_mm=5.0, patch_size_mm=0.85
-    ).set_index("patch")
-
-
-def saved(page):
-    """Wait until what was done is in the files."""
-    page.evaluate("last")
+def corners_of(page):
+    """Three corners of the square, and unit vectors along its x and its y."""
+    corners = np.array(state_of(page)["square"]["points_mm"])
+    axes = corners[1:] - corners[0]
+    return corners, axes / np.linalg.norm(axes, axis=1, keepdims=True)
 
 
 def enter(page, place, value):
     page.fill(place, str(value))
     page.locator(place).dispatch_event("change")
-    saved(page)
 
 
 def click_stone(page, right=0, up=0):
@@ -103,7 +97,6 @@ def click_stone(page, right=0, up=0):
     box = canvas.bounding_box()
     middle = {"x": box["width"] / 2 + right, "y": box["height"] / 2 - up}
     canvas.click(position=middle)  # once it no longer moves
-    saved(page)
 
 
 def seen_on_plan(page, x_mm, y_mm):
@@ -120,19 +113,18 @@ def drag(page, thing, right, up):
     page.mouse.down()
     page.mouse.move(x + right, y - up, steps=3)
     page.mouse.up()
-    saved(page)
 
 
-def say_what_was_scanned(page, folder):
+def say_what_was_scanned(page):
     page.select_option("#files select", "7_T1.plu")
-    saved(page)
-    assert ";7_T1.plu" in (folder / "patches.csv").read_text()
     page.check("text=a mould of it")
-    saved(page)
-    assert config_of(folder)["scans"]["mould"] == {"invert": True, "flip": "x"}
+    state = state_of(page)
+    assert state["asked"] == []
+    mould = {"scans.mould.invert": True, "scans.mould.flip": "x"}
+    assert mould.items() <= state["answers"].items()
 
 
-def lay_square(page, folder, stone):
+def lay_square(page):
     """By three corners, undone, by its middle, and turned."""
     page.check("text=click three corners")
     for right, up in (
@@ -141,26 +133,23 @@ def lay_square(page, folder, stone):
         (60, -60),
     ):  # clockwise: x and y are exchanged
         click_stone(page, right, up)
-    assert frame_of(folder, stone).normal[2] > 0.9
+    assert np.cross(*corners_of(page)[1])[2] > 0.9
     page.click("#undo")
-    saved(page)
-    assert config_of(folder)["square"]["points_mm"] == "TODO"
+    assert state_of(page)["square"]["points_mm"] is None
     page.check("text=click its middle")
     click_stone(page)
     enter(page, "#turn", 30)
-    turned = frame_of(folder, stone)
+    _, turned = corners_of(page)
     assert page.input_value("#turn") == "30"
     enter(page, "#turn", 0)
-    flat = frame_of(folder, stone)
-    assert np.dot(turned.x_axis, flat.axes[:2].T) == pytest.approx(
-        (np.cos(np.pi / 6), 0.5), abs=1e-3
-    )
-    middle = flat.origin + 2.5 * flat.axes[:2].sum(axis=0)
+    corners, flat = corners_of(page)
+    assert flat @ turned[0] == pytest.approx((np.cos(np.pi / 6), 0.5), abs=1e-3)
+    middle = corners[1:].mean(axis=0)
     assert middle[:2] == pytest.approx([0, 0], abs=0.5)  # that of the stone's view
-    assert flat.normal[2] > 0.9
+    assert np.cross(*flat)[2] > 0.9
 
 
-def place_scans(page, folder, wanted):
+def place_scans(page, wanted):
     """The first by hand, the others by numbers."""
     page.check("text=Place the scans")
     first, *others = wanted.index
@@ -172,44 +161,41 @@ def place_scans(page, folder, wanted):
     for patch in others:
         for key in ("x_mm", "y_mm"):
             enter(page, f"#{key}-{patch}", wanted[key][patch])
-    placed = table_of(folder)
+    placed = table_of(page)
     assert placed[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
         wanted.loc[placed.index, ["x_mm", "y_mm"]].to_numpy(), abs=0.03
     )
     return first
 
 
-def turn_and_move(page, folder, patch):
+def turn_and_move(page, patch):
     """By handle, by keys, all together; undone step by step."""
-    before = table_of(folder)
+    before = table_of(page)
     on_plan = page.locator(f"#plan [data-patch='{patch}']")
     half = on_plan.locator("rect").bounding_box()["height"] / 2
     drag(page, on_plan.locator(".handle"), -half, -half)  # from its top to its left
-    assert table_of(folder).rotation_deg[patch] == pytest.approx(90, abs=3)
+    assert table_of(page).rotation_deg[patch] == pytest.approx(90, abs=3)
     on_plan.focus()
     page.keyboard.press("ArrowLeft")
     page.keyboard.press("Shift+ArrowUp")
-    saved(page)
-    moved = table_of(folder)
+    moved = table_of(page)
     assert moved.x_mm[patch] == pytest.approx(before.x_mm[patch] - 0.05)
     assert moved.y_mm[patch] == pytest.approx(before.y_mm[patch] + 0.005)
     page.check("#together")
     on_plan.focus()
     page.keyboard.press("ArrowLeft")
     page.click("#mirror")
-    saved(page)
-    mirrored = table_of(folder)
+    mirrored = table_of(page)
     assert mirrored.x_mm.to_numpy() == pytest.approx(5.05 - moved.x_mm.to_numpy())
     assert mirrored.rotation_deg.equals(-moved.rotation_deg)
     for _ in range(5):
         page.click("#undo")
-        saved(page)
     page.uncheck("#together")
     columns = ["x_mm", "y_mm", "rotation_deg"]
-    assert table_of(folder)[columns].equals(before[columns])
+    assert table_of(page)[columns].equals(before[columns])
 
 
-def say_how(page, folder):
+def say_how(page):
     page.click("text=2 How")
     assert page.locator("#how [type=radio]:checked").count() == 1  # of the mould
     assert page.input_value("#rock") == "?"
@@ -220,22 +206,16 @@ def say_how(page, folder):
     page.fill("[data-key='material.young_2_MPa']", "88300")
     page.fill("[data-key='material.poisson_2']", "0.11")
     page.press("[data-key='material.poisson_2']", "Tab")
-    saved(page)
-    config = config_of(folder)
-    assert config["load"]["force_N"] == 100
-    assert config["counterface"] == {"radius_mm": 274}
-    assert config["uncertainty"]["radius_log_sd"] == 0.98
+    answers = {"load.force_N": 100, "counterface.radius_mm": 274}
+    answers |= {"uncertainty.radius_log_sd": 0.98, "material.young_1_MPa": 73000}
+    answers |= {"material.poisson_1": 0.25, "material.young_2_MPa": 88300}
+    assert answers.items() <= answers_of(page).items()
     page.click("text=1 Where")
     page.check("text=Set the load point")
     page.mouse.click(*seen_on_plan(page, 3.5, 3.5))
-    saved(page)
-    assert config_of(folder)["load"]["at_mm"] == pytest.approx([3.5, 3.5], abs=0.03)
+    assert answers_of(page)["load.at_mm"] == pytest.approx([3.5, 3.5], abs=0.03)
     page.click("#load-middle")
-    saved(page)
-    assert config_of(folder)["load"]["at_mm"] is None
-    page.click("text=2 How")
-    stones = {"young_1_MPa": 73000, "poisson_1": 0.25, "young_2_MPa": 88300}
-    assert stones.items() <= config["material"].items()
+    assert answers_of(page)["load.at_mm"] is None
 
 
 def wait_for(page, name):
@@ -259,7 +239,7 @@ def open_result(page):
     assert page.inner_text("#no-result") == ""
 
 
-def test_the_five_steps(browser, folder, finished_tiny, stone):
+def test_the_five_steps(browser, folder, finished_tiny):
     places = finished_tiny.folder / "config/patches_tiny.tsv"
     wanted = read_patches(places, size_mm=5.0, patch_size_mm=0.85).set_index("patch")
     with placing(browser, folder) as (page, _):
@@ -268,20 +248,20 @@ def test_the_five_steps(browser, folder, finished_tiny, stone):
         wait_for(page, "check")
         assert "square.points_mm" in page.locator("#check .error").first.inner_text()
         page.click("text=1 Where")
-        say_what_was_scanned(page, folder)
-        lay_square(page, folder, stone)
-        first = place_scans(page, folder, wanted)
+        say_what_was_scanned(page)
+        lay_square(page)
+        first = place_scans(page, wanted)
         page.click("#exact")
         page.wait_for_selector("#status.wrong")
         assert "too coarse" in page.inner_text("#status")  # as the specimen's mesh is
-        turn_and_move(page, folder, first)
+        turn_and_move(page, first)
     text = (folder / "study.yaml").read_text()
     with placing(browser, folder) as (page, _):  # of another server, on another port
         page.click("text=1 Where")
         page.wait_for_selector("#plan")  # all scans are placed
         assert page.input_value("#size") == "5"
         assert (folder / "study.yaml").read_text() == text  # to look is not to change
-        say_how(page, folder)
+        say_how(page)
         page.click("text=3 Check")
         page.wait_for_selector("#check .error")  # of before, and said to be so
         assert "changed" in page.locator("#check [role=status]").inner_text()
@@ -342,22 +322,22 @@ def test_a_stale_page_saves_nothing_and_shows_what_was_not_saved(browser, unscan
         click_stone(page)
         page.check("text=Grade positions")
         page.click("#add")
-        saved(page)
+        page.evaluate("last")  # is saved, or refused
         edited = table.read_text() + "7;1;1;0\n"
         table.write_text(edited)
         page.click("#add")
         page.click("text=2 How")
         page.check("text=with a hand: 100 N")
-        saved(page)
+        page.evaluate("last")  # is saved, or refused
         page.click("text=1 Where")
         assert "reload the page" in page.inner_text("#status")
         assert page.locator("#places [aria-label='Remove 2']").is_visible()
         assert page.is_checked("text=with a hand: 100 N")
         assert table.read_text() == edited
-        assert config_of(unscanned)["load"]["force_N"] == 550
+        assert answers_of(page)["load.force_N"] == 550
         page.reload()
         page.click("[aria-label='Remove 7']")
-        saved(page)
+        page.evaluate("last")  # is saved, or refused
         assert "patches.csv.bak" in page.inner_text("#status")
 
 
@@ -366,19 +346,15 @@ def test_the_square_is_proposed_from_the_view_and_its_face_follows(browser, unsc
     with placing(browser, unscanned) as (page, _):
         click_stone(page, right=-330)
         assert "Click the stone itself" in page.inner_text("#status")
-        assert config_of(unscanned)["square"]["points_mm"] == "TODO"
+        assert state_of(page)["square"]["points_mm"] is None
         page.click("#propose")
-        saved(page)
-        assert config_of(unscanned)["square"]["size_mm"] == pytest.approx(
-            0.3 * 20, 0.05
-        )
+        assert state_of(page)["square"]["size_mm"] == pytest.approx(0.3 * 20, 0.05)
         page.focus("canvas")
         for _ in range(15):
             page.keyboard.press("+")
         page.click("#propose")
-        saved(page)
-        config = config_of(unscanned)
-        side = config["square"]["size_mm"]
+        state = state_of(page)
+        side = state["square"]["size_mm"]
         assert side == pytest.approx(
             page.evaluate(
                 "(() => { const box = document.querySelector('canvas').getBoundingClientRect();"
@@ -388,7 +364,7 @@ def test_the_square_is_proposed_from_the_view_and_its_face_follows(browser, unsc
             ),
             rel=0.05,
         )
-        assert config["macroscale"]["face_mm"] == pytest.approx(3 * side, rel=0.01)
+        assert state["face_mm"] == pytest.approx(3 * side, rel=0.01)
         page.check("text=Grade positions")
         page.mouse.click(*seen_on_plan(page, 2.5, 2.5 + 2.9))
         assert "outside the square" in page.inner_text("#status")
@@ -397,7 +373,7 @@ def test_the_square_is_proposed_from_the_view_and_its_face_follows(browser, unsc
         page.fill("#load-x", "400")
         page.press("#load-x", "Tab")
         assert "must be on the face" in page.inner_text("#status")
-        assert "at_mm" not in config_of(unscanned)["load"]
+        assert answers_of(page)["load.at_mm"] is None
 
 
 def test_the_progress_is_the_steps_and_the_time_since_the_start(browser, unscanned):
@@ -458,8 +434,8 @@ def test_each_cause_has_its_own_button(browser, unscanned):
         page.click("#causes >> text=Accept")
         page.click("text=Take back")
         page.wait_for_selector("text=Take back", state="detached")
-        assert config_of(unscanned)["macroscale"]["face_mm"] == 14.4
-        assert config_of(unscanned)["accept"] == []
+        assert state_of(page)["face_mm"] == 14.4
+        assert answers_of(page)["accept"] == []
         assert (unscanned / "study.yaml.bak").is_file()
         assert page.locator("nav a.wrong").count() == 0
         page.click("#next")
@@ -491,7 +467,7 @@ def assert_harmless(frame):
 
 
 def test_a_script_in_a_received_result_cannot_use_the_server(browser, unscanned):
-    results = unscanned / config_of(unscanned)["results"]
+    results = unscanned / "results"
     results.mkdir()
     (results / "index.html").write_text(ATTACK)
     refusals = "Blocked opening", "Security Policy"  # which the browser tells
@@ -511,25 +487,18 @@ def test_a_script_in_a_received_result_cannot_use_the_server(browser, unscanned)
         assert page.evaluate("fetch('state').then((answer) => answer.status)") == 200
 
 
-def grades_of(folder):
-    return pd.read_csv(folder / "patches.csv", sep=";")
-
-
 def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
-    folder = unscanned
-    with placing(browser, folder) as (page, server):
+    with placing(browser, unscanned) as (page, server):
         click_stone(page)
         page.check("text=Grade positions")
         page.mouse.click(*seen_on_plan(page, 3.5, 4.5))
-        saved(page)
-        table = grades_of(folder)
+        table = table_of(page)
         assert table.wear_grade.isna().all()  # until somebody grades it
         page.keyboard.press("0")
         page.click("#add")
         page.select_option("#grade-2", "3")
-        saved(page)
         assert "6 are needed" in page.inner_text("#hint")
-        table = grades_of(folder)
+        table = table_of(page)
         assert table.wear_grade.tolist() == [0, 3]
         assert table[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
             np.array([[3.5, 4.5], [2.5, 2.5]]), abs=0.03
@@ -537,18 +506,16 @@ def test_places_are_graded_and_a_run_is_stopped(browser, unscanned):
         page.click("#grid")
         for key in "0123":
             page.keyboard.press(key)
-        saved(page)
-        table = grades_of(folder)
+        table = table_of(page)
         assert len(table) == 2 + 15  # one of sixteen is near the first position
-        assert table.wear_grade[2:6].tolist() == [0, 1, 2, 3]
-        assert table.wear_grade[6:].isna().all()
+        assert table.wear_grade.iloc[2:6].tolist() == [0, 1, 2, 3]
+        assert table.wear_grade.iloc[6:].isna().all()
         # what is on the stone stays there if the square grows about its middle
         page.check("text=Place the square")
         enter(page, "#size", 7)
-        grown = grades_of(folder)
+        grown = table_of(page)
         assert (grown.x_mm - table.x_mm).to_numpy() == pytest.approx(1)
         page.click("#undo")
-        saved(page)
         page.click("text=4 Run")
         page.click("[data-start=study]")
         page.wait_for_selector("#run .messages p", timeout=0)
