@@ -23,7 +23,6 @@ import trimesh
 import yaml
 from matplotlib.image import imread
 from PIL import Image
-from scipy.ndimage import gaussian_filter
 from stones import TURN, rough_stone, taken
 
 from gst.check.fixing import Cure
@@ -63,19 +62,20 @@ POINTS_MM = [[0, 0, 10], [5, 0, 10], [0, 5, 10]]
 def study(tmp_path, monkeypatch):
     """A study in the working folder, beside a file that is none of its own."""
     folder = tmp_path / "study"
-    (folder / "scans").mkdir(parents=True)
-    (folder / "results").mkdir()
-    (tmp_path / "secret").write_text("secret")
-    (folder / "results/index.html").write_text("<title>result</title>")
-    (folder / "results/tables").mkdir()
-    (folder / "results/tables/a b.csv").write_text("1")
+    files = {
+        "study.yaml": CONFIG,
+        "patches.tsv": TABLE,
+        "results/index.html": "<title>result</title>",
+        "results/tables/a b.csv": "1",
+        "../secret": "secret",
+    }
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
     (folder / "results/link").symlink_to(tmp_path / "secret")
-    (folder / "study.yaml").write_text(CONFIG)
-    (folder / "patches.tsv").write_text(TABLE)
     trimesh.creation.icosphere(subdivisions=2, radius=10.0).export(folder / "stone.ply")
-    ground = 0.02 * gaussian_filter(
-        np.random.default_rng(1).normal(size=(POINTS, POINTS)), 2
-    )
+    ground = 1e-3 * np.random.default_rng(1).normal(size=(POINTS, POINTS))
+    (folder / "scans").mkdir()
     for name in ("a", "b"):
         write_plu(folder / f"scans/{name}.plu", ground, SPACING)
     monkeypatch.chdir(folder)
