@@ -82,24 +82,14 @@ def test_an_accepted_fault_is_told_by_the_check_and_by_the_step(measured, check)
 
 
 def test_everything_wrong_with_the_files_is_reported_at_once(measured, check):
-    """By the check, and by the first step of a run, which leaves nothing half made."""
     truncated, mesh = (
         measured.folder / f"data/{name}" for name in ("scans/7_T0.plu", "mesh.stl")
     )
     truncated.write_bytes(truncated.read_bytes()[:3000])
     trimesh.load_mesh(mesh).apply_scale(1e-3).export(mesh)
-    words = ["2 problems", "mesh_unit", "truncated", "data/mesh.stl", "7_T0.plu"]
-    result = measured.run()
-    for code, text in (
-        check(measured),
-        (result.returncode, result.stdout + result.stderr),
-    ):
-        assert code > 0
-        assert absent(words, text) == []
-    assert not [
-        file for file in measured.results.rglob("*") if file.suffix in (".h5", ".csv")
-    ]
+    words = "2 problems", "mesh_unit", "truncated", "data/mesh.stl", "7_T0.plu"
+    code, text = check(measured)
+    assert (code, absent(words, text)) == (2, [])
     mesh.unlink()
-    assert (
-        absent(["data/mesh.stl does not exist", "7_T0.plu"], check(measured)[1]) == []
-    )
+    words = "data/mesh.stl does not exist", "7_T0.plu"
+    assert absent(words, check(measured)[1]) == []

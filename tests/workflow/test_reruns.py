@@ -106,7 +106,9 @@ def test_files_are_checked_before_any_is_read(measured):
     scan = measured.folder / "data/scans/13_T0.plu"
     whole = scan.read_bytes()
     scan.write_bytes(whole[:999])
-    assert measured.run("--until", "prepare_scans", "grid_macroscale").returncode != 0
+    refused = measured.run("--until", "prepare_scans", "grid_macroscale")
+    assert refused.returncode != 0
+    assert "13_T0.plu" in refused.stderr
     assert {file.stem for file in measured.results.glob("logs/*")} == {"check_inputs"}
     scan.write_bytes(whole)
     measured.succeed("--until", "prepare_scans", "grid_macroscale")
