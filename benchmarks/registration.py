@@ -15,21 +15,21 @@ import time
 from functools import partial
 from importlib.util import find_spec
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy.ndimage
 from runner import RESULTS, options, save
 from skimage.registration import phase_cross_correlation
-from skimage.transform import EuclideanTransform
 
 from gstlib.change.registration import register
+from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
 
 # Points along a side, and their distance, mm.
 SIZE, SPACING = 512, 1.66e-3
+NOISE = 0.1e-3  # mm
 # Farthest shift, as a share of the field, and largest turn, degrees.
 SHIFT, TURN = 0.2, 2.0
 CONDITIONS = {
@@ -42,36 +42,33 @@ CONDITIONS = {
 # Band of the detail, points: gstlib's own, for the coarse step of the libraries as well.
 BAND = (1.5, 21.0)
 LOST = 0.5
+# How often SimpleITK runs without the points that disagree.
+STEPS = 3
 
 
-class Pose(NamedTuple):
-    """Where T1 lies on T0: shift (rows, columns) of its centre in points, turn in radians."""
+def scans(place, seed, *, wear=0.0, spikes=0.0, tilt=1e-3):
+    """T0 and T1 (mm) of one stone: a self-affine field with a roll-off, its highest part worn.
 
-    shift: np.ndarray
-    turn: float
-
-
-def scans(size, *, shift, turn, seed, wear=0.0, spikes=0.0, tilt=1e-3, noise=0.1e-3):
-    """T0 and T1 (mm) of one stone: a self-affine field with a roll-off, its highest part worn."""
+    `place` is that of T1 on T0, in points from its centre, here and in all that follows.
+    """
     rng = np.random.default_rng(seed)
-    whole = 2 * size
+    whole = 2 * SIZE
     wave = np.hypot(*np.meshgrid(*[np.fft.fftfreq(whole) * whole] * 2, indexing="ij"))
     amplitude = np.where(wave > 0, np.maximum(wave, 6) ** -1.8, 0) * (wave < whole / 4)
     stone = np.fft.ifft2(
         np.fft.fft2(rng.standard_normal((whole, whole))) * amplitude
     ).real
     stone *= 5e-3 / stone.std()
-    middle = slice((whole - size) // 2, (whole + size) // 2)
+    middle = slice((whole - SIZE) // 2, (whole + SIZE) // 2)
     top = np.quantile(stone[middle, middle], 1 - wear)
     worn = np.minimum(stone, top + 0.2 * (stone - top))
-    v, u = np.indices((size, size)) - (size - 1) / 2
-    rows = np.cos(turn) * v + np.sin(turn) * u + shift[0] + (whole - 1) / 2
-    columns = np.cos(turn) * u - np.sin(turn) * v + shift[1] + (whole - 1) / 2
-    after = scipy.ndimage.map_coordinates(worn, [rows, columns], order=3)
+    v, u = np.indices((SIZE, SIZE)) - (SIZE - 1) / 2
+    at = np.array(place.points(v, u)) + (whole - 1) / 2
+    after = scipy.ndimage.map_coordinates(worn, at, order=3)
     after += tilt * SPACING * (u - 0.5 * v)
     epochs = []
     for heights in (stone[middle, middle], after):
-        measured = heights + noise * rng.standard_normal(heights.shape)
+        measured = heights + NOISE * rng.standard_normal(heights.shape)
         spike = rng.random(heights.shape) < spikes
         measured += spike * rng.uniform(5e-3, 30e-3, heights.shape)
         epochs.append(remove_plane(make_surface(measured, SPACING))[0].values)
@@ -85,8 +82,8 @@ def gstlib_register(t0, t1):
         make_surface(t1, SPACING),
         maximum_shift_mm=0.3 * len(t0) * SPACING,
     )
-    shift = np.array([match.shift_y_mm, match.shift_x_mm]) / SPACING
-    return Pose(shift, math.radians(match.rotation_deg))
+    shift = match.shift_y_mm / SPACING, match.shift_x_mm / SPACING
+    return PatchPosition(*shift, match.rotation_deg)
 
 
 def detail(heights):
@@ -109,21 +106,7 @@ def masked_correlation(t0, t1):
         moving_mask=everywhere,
         overlap_ratio=0.3,
     )
-    return Pose(factor * np.asarray(shift, dtype=float), 0.0)
-
-
-def from_matrix(matrix, centre):
-    """Pose from the matrix (x, y, 1) of T0's points to T1's."""
-    x, y = EuclideanTransform(matrix).inverse([centre, centre])[0] - centre
-    return Pose(np.array([y, x]), math.atan2(matrix[0, 1], matrix[0, 0]))
-
-
-def to_matrix(pose, centre):
-    """Matrix (x, y, 1) of T0's points to T1's."""
-    turned = EuclideanTransform(rotation=-pose.turn)
-    moved = EuclideanTransform(translation=-centre - pose.shift[::-1])
-    back = EuclideanTransform(translation=[centre, centre])
-    return (moved + turned + back).params
+    return PatchPosition(*(factor * shift))
 
 
 def smooth(heights):
@@ -132,18 +115,15 @@ def smooth(heights):
     return scipy.ndimage.gaussian_filter(np.clip(heights, -bound, bound), 1.0)
 
 
-def settled(t0, t1, pose):
+def settled(t0, t1, place):
     """T1 with the plane of what did not change taken off, and the mask of that on T0's grid."""
-    centre = (len(t1) - 1) / 2
-    matrix = to_matrix(pose, centre)
-    v, u = np.indices(t0.shape)
-    x, y, _ = np.einsum("ij,jkl->ikl", matrix, np.stack([u, v, np.ones(u.shape)]))
-    moved = scipy.ndimage.map_coordinates(t1, [y, x], order=1, cval=np.nan)
+    centre = (SIZE - 1) / 2
+    # from the centre of T1, about which the plane is taken off
+    seen = np.array(place.seen(*np.indices(t0.shape) - centre))
+    moved = scipy.ndimage.map_coordinates(t1, seen + centre, order=1, cval=np.nan)
     inside = np.isfinite(moved)
     left = (moved - t0)[inside]
-    # in T1's coordinates, where the plane is taken off
-    along = np.stack([y[inside] - centre, x[inside] - centre], axis=1)
-    design = np.column_stack([np.ones(left.size), along])
+    design = np.column_stack([np.ones(left.size), *seen[:, inside]])
     plane = np.array([np.median(left), 0.0, 0.0])
     for _ in range(10):
         off = left - design @ plane
@@ -156,62 +136,47 @@ def settled(t0, t1, pose):
     return t1 - plane[0] - plane[1] * rows - plane[2] * columns, mask
 
 
-def refined(t0, t1, step, stages):
-    """The pose after steps with a library, from the coarse shift.
-
-    Each stage has an option of the library, and whether the heights are compared without the
-    points that disagree; otherwise the detail is. ``step(pose, images, mask, option)`` returns a
-    matrix; the mask, on the grid of T0, is missing where all points count. Heights are in µm.
-    """
-    pose = masked_correlation(t0, t1)
-    for option, is_trimmed in stages:
-        images, mask = (detail(t0), detail(t1)), None
-        if is_trimmed:
-            flat, mask = settled(t0, t1, pose)
-            images = smooth(t0), smooth(flat)
-        matrix = step(pose, [1e3 * image for image in images], mask, option)
-        pose = from_matrix(matrix, (len(t1) - 1) / 2)
-    return pose
-
-
 def simpleitk(t0, t1):
     """SimpleITK: Euler transform; correlation of the detail, then trimmed least squares."""
     import SimpleITK as sitk  # noqa: N813
 
-    def step(pose, images, mask, factors):
-        a, b = map(sitk.GetImageFromArray, images)
+    centre = (SIZE - 1) / 2
+    place = masked_correlation(t0, t1)
+    for factors in ([4, 2, 1], *STEPS * [[1]]):
+        method = sitk.ImageRegistrationMethod()
+        if len(factors) > 1:
+            images = detail(t0), detail(t1)
+            method.SetMetricAsCorrelation()
+            method.SetInterpolator(sitk.sitkLinear)
+        else:
+            flat, mask = settled(t0, t1, place)
+            images = smooth(t0), smooth(flat)
+            method.SetMetricAsMeanSquares()
+            method.SetInterpolator(sitk.sitkBSpline3)
+            method.SetMetricFixedMask(sitk.GetImageFromArray(mask))
+        shift = np.array([place.x_mm, place.y_mm])
         transform = sitk.Euler2DTransform()
         # about the point that lies on T1's centre, so that shift and turn do not couple
-        transform.SetCenter((len(t1) - 1) / 2 + pose.shift[::-1])
-        transform.SetAngle(-pose.turn)
-        transform.SetTranslation((-pose.shift[::-1]).tolist())
-        method = sitk.ImageRegistrationMethod()
+        transform.SetCenter(centre + shift)
+        transform.SetAngle(-math.radians(place.rotation_deg))
+        transform.SetTranslation((-shift).tolist())
         method.SetShrinkFactorsPerLevel(factors)
         method.SetSmoothingSigmasPerLevel([f / 2 if f > 1 else 0 for f in factors])
         method.SetOptimizerAsRegularStepGradientDescent(1.0, 1e-4, 200, 0.6)
         method.SetOptimizerScalesFromPhysicalShift()
         method.SetInitialTransform(transform, inPlace=True)
-        if mask is None:
-            method.SetMetricAsCorrelation()
-            method.SetInterpolator(sitk.sitkLinear)
-        else:
-            method.SetMetricAsMeanSquares()
-            method.SetInterpolator(sitk.sitkBSpline3)
-            method.SetMetricFixedMask(sitk.GetImageFromArray(mask))
-        method.Execute(a, b)
-        at = np.array([transform.TransformPoint(p) for p in ((0, 0), (1, 0), (0, 1))])
-        matrix = np.eye(3)
-        matrix[:2] = np.column_stack([at[1] - at[0], at[2] - at[0], at[0]])
-        return matrix
-
-    stages = [([4, 2, 1], False), ([1], True), ([1], True), ([1], True)]
-    return refined(t0, t1, step, stages)
+        # in µm
+        method.Execute(*(sitk.GetImageFromArray(1e3 * image) for image in images))
+        x, y = transform.GetInverse().TransformPoint((centre, centre))
+        turn = -math.degrees(transform.GetAngle())
+        place = PatchPosition(y - centre, x - centre, turn)
+    return place
 
 
 METHODS = {
-    "gstlib": (gstlib_register, "gstlib"),
-    "scikit-image, masked": (masked_correlation, "skimage"),
-    "SimpleITK": (simpleitk, "SimpleITK"),
+    "gstlib": gstlib_register,
+    "scikit-image, masked": masked_correlation,
+    "SimpleITK": simpleitk,
 }
 
 
@@ -220,8 +185,8 @@ def main():
     chosen = options(__doc__, RESULTS / "registration.csv", cases=cases)
     if not chosen.tables:
         rows = []
-        for label, (method, module) in METHODS.items():
-            if find_spec(module) is None:
+        for label, method in METHODS.items():
+            if method is simpleitk and find_spec(label) is None:
                 print(f"{label}: not available")
                 continue
             for name, case in product(CONDITIONS, range(chosen.cases)):
@@ -236,18 +201,19 @@ def measure(label, method, condition, case):
     rng = np.random.default_rng([case, *condition.encode()])
     way, share, turn_deg = rng.uniform([0, 0, -TURN], [2 * math.pi, SHIFT, TURN])
     shift = share * SIZE * np.array([math.sin(way), math.cos(way)])
-    turn = math.radians(turn_deg)
-    t0, t1 = scans(SIZE, shift=shift, turn=turn, seed=case, **CONDITIONS[condition])
+    true = PatchPosition(*shift, turn_deg)
+    t0, t1 = scans(true, case, **CONDITIONS[condition])
     row = {"method": label, "condition": condition}
     start = time.process_time()
     try:
-        pose = method(t0, t1)
+        place = method(t0, t1)
     except Exception as failure:  # whatever a library raises where it does not converge
         print(f"{label}, {condition}, case {case}: {failure}")
-        pose = Pose(np.full(2, np.inf), np.inf)
+        place = PatchPosition(np.inf, np.inf, np.inf)
     row["cpu_s"] = time.process_time() - start
-    row["error_points"] = float(np.hypot(*(pose.shift - shift)))
-    row["turn_error_deg"] = math.degrees(abs(pose.turn - turn))
+    *off, turn_deg = np.subtract(place, true)
+    row["error_points"] = float(np.hypot(*off))
+    row["turn_error_deg"] = abs(turn_deg)
     return row
 
 
