@@ -13,7 +13,9 @@ import pandas as pd
 from cases import CODES, GOAL
 from environments import UnavailableError, interpreter
 from evaluate import evaluate
-from problems import MODULUS, SCRATCH, Surface
+from problems import MODULUS, Surface
+
+from gstlib.bem import load_path
 
 CODES_FOLDER = Path(__file__).parent / "codes"
 # Tolerances on the ladder differ by a quarter of a decade, about what one iteration gains; a code
@@ -58,9 +60,9 @@ class Run(NamedTuple):
 def run(code, surface, levels, tolerance):
     """Solve once in a process of its own, and evaluate what it returns."""
     wanted, control = levels[code.control], code.control
-    with tempfile.TemporaryDirectory(dir=SCRATCH) as folder:
+    with tempfile.TemporaryDirectory() as folder:
         task = {
-            "problem": str(surface.stored()),
+            "problem": f"{folder}/problem.npz",
             "variant": code.variant,
             "control": control,
             "levels": wanted,
@@ -70,6 +72,7 @@ def run(code, surface, levels, tolerance):
             "fields": f"{folder}/fields.npz",
             "record": f"{folder}/record.json",
         }
+        surface.store(task["problem"])
         Path(folder, "task.json").write_text(json.dumps(task), encoding="utf-8")
         solve(code, f"{folder}/task.json")
         record = json.loads(Path(task["record"]).read_text(encoding="utf-8"))
@@ -113,25 +116,16 @@ def solve(code, task):
 
 def levels_of(surface, pressure, steps):
     """The same states for load and for displacement control, from a reference far more accurate."""
-    store = SCRATCH / f"{surface.stored().stem}-{pressure:g}MPa-{steps}.json"
-    if not store.exists():
-        from gstlib.bem import load_path
-
-        path = load_path(
-            surface.heights(),
-            surface.spacing,
-            MODULUS,
-            target_pressure=pressure,
-            steps=steps,
-            periodic=surface.periodic,
-            tolerance=1e-11,
-        )
-        levels = {
-            "load": list(path.mean_pressure),
-            "displacement": list(path.displacement),
-        }
-        store.write_text(json.dumps(levels), encoding="utf-8")
-    return json.loads(store.read_text(encoding="utf-8"))
+    path = load_path(
+        surface.heights(),
+        surface.spacing,
+        MODULUS,
+        target_pressure=pressure,
+        steps=steps,
+        periodic=surface.periodic,
+        tolerance=1e-11,
+    )
+    return {"load": list(path.mean_pressure), "displacement": list(path.displacement)}
 
 
 def tightened(tolerance, attempt):
@@ -160,12 +154,10 @@ class Calibration:
 
     def __init__(self, path):
         self.path = path
-        keys = ["case", "code"]
+        self.tolerances = {}
         if path.exists():
-            stored = pd.read_csv(path, sep=";").set_index(keys)
-        else:
-            stored = pd.DataFrame(columns=[*keys, "tolerance"]).set_index(keys)
-        self.tolerances = stored.tolerance.to_dict()
+            stored = pd.read_csv(path, sep=";", index_col=["case", "code"])
+            self.tolerances = stored.tolerance.to_dict()
 
     def find(self, case, code, attempt):
         """Tolerance and its run; ``attempt(tolerance)`` makes one."""
@@ -177,8 +169,8 @@ class Calibration:
                 tolerance, best = tolerance * RUNG, looser
         self.tolerances[case, code.label] = tolerance
         table = pd.Series(self.tolerances, name="tolerance").sort_index()
-        table = table.rename_axis(["case", "code"]).reset_index()
-        table.to_csv(self.path, sep=";", index=False, float_format="%.3g")
+        table = table.rename_axis(["case", "code"])
+        table.to_csv(self.path, sep=";", float_format="%.3g")
         return tolerance, best
 
 
@@ -247,29 +239,32 @@ def row(code, tolerance, runs):
     }
 
 
-def measure_growth(case, runs, calibration, keep):
-    """Measure each code, size and seed; `keep` stores the rows after each."""
+def measure_growth(case, runs, calibration):
+    """Measure each code, size and seed; the rows so far after each."""
     rows = []
     reached = {}
-    for label, sizes, seeds, cut_off in runs:
+    tasks = (
+        (label, Surface("rough", size, seed, cut_off))
+        for label, sizes, seeds, cut_off in runs
+        for size in sizes
+        for seed in seeds
+    )
+    for label, surface in tasks:
         code = CODES[label]
+        _, size, seed, cut_off, _ = surface
+        # a finer grid starts with what the coarser one needed
         first = calibration.tolerances.get(("rough-76", label), LOOSEST)
-        for size in sizes:
-            for seed in seeds:
-                surface = Surface("rough", size, seed, cut_off)
-                # a finer grid starts with what the coarser one needed
-                tolerance = reached.get((label, seed, cut_off), first)
-                try:
-                    levels = {"load": [case.pressure]}
-                    if code.control == "displacement":
-                        levels = levels_of(surface, case.pressure, 1)
-                    name = f"{case.name} {size}² seed {seed}"
-                    attempt = attempts(name, code, surface, levels)
-                    tolerance, result = tightened(tolerance, attempt)
-                except (RunError, UnavailableError) as problem:
-                    print(f"peer {label}: not available ({problem})", flush=True)
-                    continue
-                reached[label, seed, cut_off] = tolerance
-                entry = row(code, tolerance, [result])
-                rows.append({"size": size, "seed": seed, "cut_off": cut_off, **entry})
-                keep(rows)
+        tolerance = reached.get((label, seed, cut_off), first)
+        levels = {"load": [case.pressure]}
+        if code.control == "displacement":
+            levels = levels_of(surface, case.pressure, 1)
+        attempt = attempts(f"{case.name} {size}² seed {seed}", code, surface, levels)
+        try:
+            tolerance, result = tightened(tolerance, attempt)
+        except (RunError, UnavailableError) as problem:
+            print(f"peer {label}: not available ({problem})", flush=True)
+            continue
+        reached[label, seed, cut_off] = tolerance
+        entry = row(code, tolerance, [result])
+        rows.append({"size": size, "seed": seed, "cut_off": cut_off, **entry})
+        yield rows

@@ -1,14 +1,11 @@
-"""The surfaces on which codes are compared, made once and stored for runners of any interpreter."""
+"""The surfaces on which codes are compared, and how runners of any interpreter get them."""
 
-import hashlib
-from dataclasses import dataclass
-from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from gstlib.specimen.randomness import self_affine_field, stream
 
-SCRATCH = Path(__file__).parent / ".scratch"
 # Side of the patch (mm) and contact modulus (MPa) of the study.
 LENGTH = 0.85
 MODULUS = 12820.0
@@ -18,8 +15,7 @@ RMS, HURST, ROLL_OFF, CUT_OFF = 0.005, 0.8, 0.2, 4
 RADIUS = 1.5
 
 
-@dataclass(frozen=True)
-class Surface:
+class Surface(NamedTuple):
     """A surface on n × n elements of one patch, alone or `periodic`: repeated without end.
 
     `kind` "rough": self-affine, the same statistics at every n but for the cut-off, which stays at
@@ -33,13 +29,6 @@ class Surface:
     seed: int = 0
     cut_off: int = CUT_OFF
     periodic: bool = False
-
-    @property
-    def name(self):
-        rough = f"-seed{self.seed}-cut{self.cut_off}" if self.kind == "rough" else ""
-        return f"{self.kind}-{self.size}{rough}" + (
-            "-periodic" if self.periodic else ""
-        )
 
     @property
     def spacing(self):
@@ -60,17 +49,12 @@ class Surface:
         ).astype(float)
         return (field - field.mean()) * (RMS / field.std())
 
-    def stored(self):
-        """The npz that runners read; written at the first call."""
-        recipe = repr((self, LENGTH, MODULUS, RMS, HURST, ROLL_OFF, RADIUS)).encode()
-        path = SCRATCH / f"{self.name}-{hashlib.sha256(recipe).hexdigest()[:8]}.npz"
-        if not path.exists():
-            SCRATCH.mkdir(exist_ok=True)
-            np.savez(
-                path,
-                heights=self.heights(),
-                spacing=self.spacing,
-                contact_modulus=MODULUS,
-                periodic=self.periodic,
-            )
-        return path
+    def store(self, path):
+        """Write the problem to an npz, which runners read."""
+        np.savez(
+            path,
+            heights=self.heights(),
+            spacing=self.spacing,
+            contact_modulus=MODULUS,
+            periodic=self.periodic,
+        )

@@ -41,12 +41,12 @@ def measure(case, chosen, available, calibration):
 
     if isinstance(case, Growth):
         grids = [grids for grids in case.runs if wanted(grids.code)]
-        measure_growth(case, grids, calibration, lambda rows: write_table(path, rows))
-    else:
-        labels = list(filter(wanted, case.codes))
-        rows = measure_case(case, labels, calibration, chosen.repeats)
-        if rows:
+        for rows in measure_growth(case, grids, calibration):
             write_table(path, rows)
+        return
+    labels = list(filter(wanted, case.codes))
+    if rows := measure_case(case, labels, calibration, chosen.repeats):
+        write_table(path, rows)
 
 
 def check_environments(cases):
