@@ -1,8 +1,9 @@
 """The figures of the documents are those of the committed rows: benchmarks/README.md lists them.
 
 `TABLES` has, for each table of a document, the values that its last columns show, `WORDS` the
-values in a sentence, and `FIRST` the values in the first table of the evidence. Values are selected
-as in `cells`, or computed by a function. Figures are compared as they are rounded.
+values in a sentence, and `FIRST` the values in the first table of the evidence, with the number of
+cases last. Values are selected as in `cells`, or computed by a function. Figures are compared as
+they are rounded.
 """
 
 import functools
@@ -52,12 +53,17 @@ SHOWN_TESTS = [
 ]
 MCC, GAIN = "mean MCC", "law's gain"
 MAPS, VOLUMES = "law's map_error_um / its", "law's volume_error / its"
+OF_LAW = f"{MCC}, attainable, {GAIN}, p, {MAPS}, {VOLUMES}"
 ALIKE = "scan_points == 128 and trial == 'default'"
+DEFAULT = f"{ALIKE} and radius_mm == 200"
+AT_1_MM = "distance_mm == 1 and variant == 'equilibrium'"
 TWO = "variant in ['equilibrium', 'paper']"
 LOAD_CASE = "y_mm, x_mm, log_radius"
 INTERLAYER = f"better: relative(out_of_contact){power.WITH_INTERLAYER}"
 STUDY = ROOT / "tests/baseline/tables"
 OTHER_STONES = "scans in ['another', 'smooth']"
+BY_HAND = "how == 'by hand' and scans == 'own'"
+OF_STRIKES = "correlation_smooth, correlation_halves, patches"
 
 
 def numbers(shown):
@@ -126,31 +132,25 @@ SUMMARIES = {
     "breech_faces": measured_surfaces.summary,
     "chance": chance.rates,
     "false_stops": false_stops.summary,
-    "finding": lambda rows: rows.set_index(["how", "scans"]),
     "left_out": left_out.summary,
-    "placement": lambda rows: rows.set_index(
-        ["stone", "patches", "mistake"]
-    ).sort_index(),
     "power": shown_rates,
     "power_inferred": shown_rates,
-    "registration": lambda rows: rows.set_index(["method", "condition"]),
     "scale": lambda rows: rows.set_index("quantity").T,
     "statistics_of_contact": statistics_of_contact.summary,
     "strikes": strikes.summary,
     "transforms": transforms.ratios,
-    "two_scales": lambda rows: (
-        two_scales.summary(rows).set_index(two_scales.OF_ROW).sort_index()
-    ),
+    "two_scales": two_scales.summary,
     "use": lambda rows: use.summary(rows).rename_axis("case"),
-    "verdict": lambda rows: verdict.model_table(rows).set_index(
-        ["worn by", "model", "stones"]
-    ),
+    "verdict": verdict.model_table,
 }
+# By what rows are looked up, and in which order they are then.
+INDEX = {"placement": ["stone", "patches", "mistake"], "two_scales": two_scales.OF_ROW}
 
 
 @functools.cache
 def summary_of(name):
-    return SUMMARIES.get(name, pd.DataFrame)(rows_of(name))
+    frame = SUMMARIES.get(name, pd.DataFrame)(rows_of(name))
+    return frame.set_index(INDEX[name]).sort_index() if name in INDEX else frame
 
 
 def cells(name, query, columns):
@@ -184,16 +184,15 @@ def uses(cases, columns):
     )
 
 
-def best_baselines(column, by=None):
-    """The law beside the best baseline: of the stones worn by the law, and of those by the rule."""
-    for worn_by in reversed(verdict.WORN_BY):
-        models = summary_of("verdict").loc[worn_by].loc[[*verdict.BASELINES]]
+def of_best_baseline(column, *worn_by, by=None):
+    """A column of the law beside the best baseline, by what wore the stones; and how many."""
+    shown = []
+    for wears in worn_by or reversed(verdict.WORN_BY):
+        models = summary_of("verdict").query("`worn by` == @wears")
+        models = models[models.model.isin(verdict.BASELINES)]
         reached = models[by or column].map(lambda cell: values(cell)[0])
-        yield models[column][reached.idxmax()]
-
-
-def stones_of(name):
-    return [rows_of(name).seed.nunique()]
+        shown += values(models[column][reached.idxmax()])
+    return shown, {*models.stones}
 
 
 # --- Tables ---------------------------------------------------------------------------------------
@@ -293,8 +292,8 @@ TABLES = {
     ),
     "## The load point and other errors": two_scales_by_load_point,
     "| changed |": two_scales_by_error,
-    "| summits worn by a rule | mean": ("verdict", "`worn by` == 'summits'", ""),
-    "| worn by Archard's law |": ("verdict", "`worn by` == 'archard'", ""),
+    "| summits worn by a rule | mean": ("verdict", "`worn by` == 'summits'", OF_LAW),
+    "| worn by Archard's law |": ("verdict", "`worn by` == 'archard'", OF_LAW),
     "## How was it used?": (
         "use",
         "",
@@ -409,8 +408,9 @@ def peers():
 
 
 def law_and_best_baseline():
+    models = summary_of("verdict").set_index(["worn by", "model"])
     for worn_by in verdict.WORN_BY:
-        reached = summary_of("verdict")[MCC][worn_by].droplevel("stones")
+        reached = models[MCC][worn_by]
         yield reached[verdict.BARE]
         yield max(reached[[*verdict.BASELINES]], key=lambda cell: values(cell)[0])
 
@@ -435,7 +435,7 @@ def scales_in_detail():
 
 def elsewhere():
     """Scans that were taken elsewhere: those that the stage shows, and those that pass by hand."""
-    scans = summary_of("finding").xs("one elsewhere", level="scans")
+    scans = summary_of("finding").query("scans == 'one elsewhere'").set_index("how")
     told = round(20 * (1 - scans.found_fraction["tied by the stage"]))
     return told, scans.found_and_wrong["by hand"]
 
@@ -471,7 +471,7 @@ WORDS = {
     ),
     r"true pressure of (\S+ % \[.*?\]) of 500 patches, and of (\S+ % \[.*?\]) of the 236": (
         "two_scales",
-        f"{ALIKE} and radius_mm == 200 and distance_mm == 1 and variant == 'equilibrium'",
+        f"{DEFAULT} and {AT_1_MM}",
         "held%, loaded_held%",
     ),
     r"error of volumes at 200 mm is (\S+ \[.*?\]) in equilibrium, (\S+ \[.*?\]) .*? and (\S+) "
@@ -519,7 +519,7 @@ WORDS = {
     r"finds it on (\w+) of the (\w+) stones .*? on (\w+) of the (\w+) others": interlayers,
     r"hand, (\d+) of (\d+) scans are \*not certain": (
         "finding",
-        "how == 'by hand' and scans == 'own'",
+        BY_HAND,
         "not_certain, number",
     ),
     r"With 2 GPa, up to (\d+) % of a patch's contact": largest_share_at_cap,
@@ -553,15 +553,6 @@ def test_a_sentence_says_what_the_rows_show(pattern):
 # --- The first table ------------------------------------------------------------------------------
 
 
-def gains():
-    return [*map(values, best_baselines(GAIN, by=MCC))]
-
-
-def used(cases, columns):
-    """Columns of the summary of uses, and how many stones there are of each case."""
-    return uses(cases, columns), {*uses(cases, "stones")}
-
-
 def claims_without_contact():
     claimed, count, _ = claims_of_uses()
     return [claimed], [count]
@@ -572,42 +563,27 @@ def edges_named():
     return [right, named], [count]
 
 
-def of_strikes(positions):
-    row = (
-        summary_of("strikes").query("positions == @positions and rms_um == 5").squeeze()
-    )
-    return [row.correlation_smooth, row.correlation_halves], [row.patches]
+def of_mean_volume():
+    models = summary_of("verdict").query("model == 'mean_volume'")
+    return values(*models[VOLUMES][::-1]), {*models.stones}
 
 
-def of_level(name, wears):
+def of_false_stops():
+    counts = summary_of("false_stops").sum()
+    return [counts.stop], [counts.studies]
+
+
+def of_level(name):
     """The least and the largest rate of claims that are false."""
+    wears = power.BY_RULE[1:]
     rates = [cell[0] for row in claims_of_tests(name, wears) for cell in row]
     stones = summary_of(name).query("wear in @wears").specimens.max()
     return [min(rates), max(rates)], [stones]
 
 
-def of_test(test, wear, drawn=None):
-    rates = summary_of("power").query("test == @test and wear == @wear")
-    if drawn:
-        row = rates[rates.drawn == drawn].squeeze()
-        return percent(row.rate), [row.specimens]
-    row = rates[rates.drawn.isna()].squeeze()
-    return percent(row.rate, row.low, row.high), [row.specimens]
-
-
 def of_interlayer():
     right, worn, wrong, others = interlayers()
     return [right, wrong], [worn, others]
-
-
-def of_scale(*rows, name="misplaced", of_each=1):
-    (stones,) = stones_of("two_scales")
-    return percent(*(row[name] for row in rows)), [of_each * stones]
-
-
-def of_scans(how):
-    row = summary_of("finding").loc[(how, "own")]
-    return percent(row.found_fraction), [row.number]
 
 
 def of_other_stones():
@@ -618,11 +594,6 @@ def of_other_stones():
 def of_mistakes():
     shares = next(mistakes_in_places())
     return [shares[4], shares[2], shares[5]], summary_of("placement").studies.unique()
-
-
-def of_registration():
-    row = summary_of("registration").loc["gstlib", "of all"]
-    return [row.error_median_points, row.error_largest_points], [row.cases]
 
 
 def wrong_matches():
@@ -659,57 +630,77 @@ def of_speed(*names):
     return sorted({fastest.min(), fastest.max()}), [len(fastest)]
 
 
-# The rows of the first table: the values of its numbers, and how many cases there are.
 FIRST = {
-    "locates it better": lambda: (gains()[0], stones_of("verdict")),
-    "a rule without contact": lambda: (gains()[1], stones_of("verdict")),
-    "depth maps": lambda: (values(*best_baselines(MAPS)), stones_of("verdict")),
-    "volumes of the best": lambda: (
-        values(*best_baselines(VOLUMES)),
-        stones_of("verdict"),
-    ),
-    "mean volume": lambda: (
-        values(*summary_of("verdict")[VOLUMES][:, "mean_volume"][::-1]),
-        stones_of("verdict"),
-    ),
+    "locates it better": lambda: of_best_baseline(GAIN, "archard", by=MCC),
+    "a rule without contact": lambda: of_best_baseline(GAIN, "summits", by=MCC),
+    "depth maps": lambda: of_best_baseline(MAPS),
+    "volumes of the best": lambda: of_best_baseline(VOLUMES),
+    "mean volume": of_mean_volume,
     "a cap on the pressure": lambda: (
         [[*strengths()][1][at][0] for at in (0, -1)],
         [verdict.WITH_STRENGTHS],
     ),
-    "contain the true values": lambda: used("law", "held_95"),
-    "strikes scatter": lambda: used("scatter, stroke", "held_95"),
-    "the middle half": lambda: used("scatter, stroke, control", "held_50"),
+    "contain the true values": ("use", "case == 'law'", "held_95, stones"),
+    "strikes scatter": ("use", "case in ['scatter', 'stroke']", "held_95, stones"),
+    "the middle half": lambda: (uses("scatter, stroke, control", "held_50"), [40]),
     "not attributed": claims_without_contact,
-    "if a load made": lambda: used("law", "pressed"),
-    "than the prior": lambda: used("law", "inferred, told, known"),
-    "twice the force": lambda: used("force, squared, root", "held_95"),
-    "right edge": edges_named,
-    "new pieces": lambda: of_strikes("elsewhere"),
-    "the same piece": lambda: of_strikes("again"),
-    "unrelated to contact": lambda: of_level("power", power.BY_RULE[1:]),
-    "load case is inferred": lambda: of_level("power_inferred", power.BY_RULE[1:]),
-    "better than chance": lambda: of_test(SHOWN_TESTS[0], "archard"),
-    "also shows that": lambda: of_test(SHOWN_TESTS[1], "archard"),
-    "finds an interlayer": of_interlayer,
-    "twelve patches": lambda: of_test(SHOWN_TESTS[-2], "summits", 12),
-    "method of 2024": lambda: of_scale(scale_of("equilibrium"), scale_of("paper")),
-    "by a millimetre": lambda: of_scale(scale_of("equilibrium", distance=1)),
-    "intervals of pressure": lambda: of_scale(
-        scale_of("equilibrium", distance=1), name="held", of_each=25
+    "if a load made": ("use", "case == 'law'", "pressed, stones"),
+    "than the prior": ("use", "case == 'law'", "inferred, told, known, stones"),
+    "twice the force": (
+        "use",
+        "case in ['force', 'squared', 'root']",
+        "held_95, stones",
     ),
-    "tied by the stage": lambda: of_scans("tied by the stage"),
-    "placed by hand": lambda: of_scans("by hand"),
+    "right edge": edges_named,
+    "new pieces": ("strikes", "positions == 'elsewhere' and rms_um == 5", OF_STRIKES),
+    "the same piece": ("strikes", "positions == 'again' and rms_um == 5", OF_STRIKES),
+    "unrelated to contact": lambda: of_level("power"),
+    "load case is inferred": lambda: of_level("power_inferred"),
+    "better than chance": (
+        "power",
+        "test == @SHOWN_TESTS[0] and wear == 'archard'",
+        "rate%+low%+high%, specimens",
+    ),
+    "also shows that": (
+        "power",
+        "test == @SHOWN_TESTS[1] and wear == 'archard'",
+        "rate%+low%+high%, specimens",
+    ),
+    "finds an interlayer": of_interlayer,
+    "twelve patches": (
+        "power",
+        "test == @SHOWN_TESTS[-2] and wear == 'summits' and drawn == 12",
+        "rate%, specimens",
+    ),
+    "method of 2024": (
+        "two_scales",
+        f"{DEFAULT} and distance_mm == 0 and {TWO}",
+        "misplaced%, specimens",
+    ),
+    "by a millimetre": (
+        "two_scales",
+        f"{DEFAULT} and {AT_1_MM}",
+        "misplaced%, specimens",
+    ),
+    "intervals of pressure": lambda: (
+        percent(scale_of("equilibrium", distance=1).held),
+        [500],
+    ),
+    "tied by the stage": (
+        "finding",
+        "how == 'tied by the stage' and scans == 'own'",
+        "found_fraction%, number",
+    ),
+    "placed by hand": ("finding", BY_HAND, "found_fraction%, number"),
     "of another stone": of_other_stones,
     "wrong position, orientation": of_mistakes,
-    "correct study": lambda: (
-        [summary_of("false_stops").stop.sum()],
-        [summary_of("false_stops").studies.sum()],
+    "correct study": of_false_stops,
+    "synthetic scans": (
+        "registration",
+        "method == 'gstlib' and condition == 'of all'",
+        "error_median_points, error_largest_points, cases",
     ),
-    "synthetic scans": of_registration,
-    "turned by at most": lambda: (
-        [summary_of("breech_faces").found["related"]],
-        [summary_of("breech_faces").pairs["related"]],
-    ),
+    "turned by at most": ("breech_faces", "kind == 'related'", "found, pairs"),
     "a wrong match": wrong_matches,
     "measured repeats": of_repeats,
     "every state": of_accuracy,
@@ -722,12 +713,25 @@ FIRST = {
 }
 
 
+def numbers_and_count(claim):
+    """The values of a row of the first table, and its number of cases."""
+    if callable(claim):
+        return claim()
+    numbers, counts = [], set()
+    for *shown, count in cells(*claim):
+        numbers += itertools.chain(*shown)
+        counts |= {*count}
+    return numbers, counts
+
+
 @pytest.mark.parametrize("part", FIRST)
 def test_the_first_table_shows_the_rows(part):
     ((_, number, count, verdict_of_it),) = [
         row for row in table("# Evidence") if part in row[0]
     ]
-    for cell, exact in zip((number, count), FIRST[part](), strict=True):
+    for cell, exact in zip(
+        (number, count), numbers_and_count(FIRST[part]), strict=True
+    ):
         for shown, value in zip(numbers(cell), exact, strict=True):
             assert_same(shown, value)
     assert verdict_of_it in ("holds", "does not hold", "not shown")
@@ -788,7 +792,7 @@ def test_names_in_the_first_column_are_those_of_the_rows():
     for heading, names in (
         ("## How was it used?", summary_of("use").index),
         ("**Repeats.**", rows_of("repeats").pair),
-        ("| way | found |", summary_of("finding").xs("own", level="scans").index),
+        ("| way | found |", summary_of("finding").query("scans == 'own'").how),
         ("## False stops", [f"{n} × {n}" for n in summary_of("false_stops").index]),
         ("## Hundreds of patches", summary_of("scale").index),
     ):
@@ -834,7 +838,7 @@ def test_the_picture_of_readme_shows_the_stored_study():
 
 
 def test_scans_are_found_on_their_own_stone_alone():
-    own = summary_of("finding").xs("own", level="scans")
+    own = summary_of("finding").query("scans == 'own'")
     assert (own.held_fraction >= 0.9).all()
     # honest errors are not just large
     assert (own.stated_rms_um <= 1.5 * own.true_rms_um).all()
