@@ -16,6 +16,7 @@ case of a plan is not made again. Then the tables of the seeds are printed.
 """
 
 from itertools import groupby, product
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ import pandas as pd
 import trimesh
 import xarray as xr
 from runner import RESULTS, add_rows, options
-from specimens import changed, merged, specimen_config, take
+from specimens import changed, merged, specimen_config, study_of, take
 
 from gst.config.reading import read_study
 from gstlib.coupling.intervals import Errors, Macroscale, draw_point, pressure_intervals
@@ -36,7 +37,6 @@ from gstlib.specimen.generate import within_square
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import place_scans, sample, take_scan
 from gstlib.specimen.stone import Stone
-from gstlib.study import Study
 from gstlib.surfaces.footprints import PatchPosition, places_of, square_of
 from gstlib.surfaces.grid import make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -129,25 +129,20 @@ def scanned(stone, surface, patches, parameters):
             surface, stone, place, parameters.scan_points, order=3, patch=row.patch
         )
         plane = remove_plane(make_surface(true, parameters.scan_spacing_mm))[1]
-        scans[row.patch], _ = take_scan(true, row.patch, "T0", parameters)
+        scans[row.patch, "T0"], _ = take_scan(true, row.patch, "T0", parameters)
         slopes = {"true_slope_y": plane.slope_y, "true_slope_x": plane.slope_x}
         places.append({"patch": row.patch} | place._asdict() | slopes)
     return scans, pd.DataFrame(places)
 
 
-def study_of(config, surface, patches):
+def measured(config, surface, patches):
     """The study of a stone that is measured with the config's errors; the truth about its scans."""
     parameters = SpecimenParameters(**config["specimen"])
     stone = Stone(parameters, config["square"]["size_mm"])
     scans, places = scanned(stone, surface, patches, parameters)
-    vertices, faces = stone.mesh()
-    study = Study(
-        config,
-        patches,
-        read_mesh=lambda: trimesh.Trimesh(vertices, faces, process=False),
-        read_scan=lambda patch, epoch: scans[patch],
-    )
-    return study, places
+    mesh = trimesh.Trimesh(*stone.mesh(), process=False)
+    specimen = SimpleNamespace(mesh=mesh, scans=scans)
+    return study_of(config, patches, specimen), places
 
 
 def under(study, radius_mm):
@@ -172,7 +167,7 @@ def truth_of(study, stone, surface, distance_mm):
     grid = config["macroscale"]["grid"]
     around = (study.face.sizes["x"] - grid) // 2
     height = study.face.height.copy(data=stone.face_means(grid, around))
-    generator = np.random.default_rng([config["specimen"]["seed"], 6])
+    generator = np.random.default_rng([stone.parameters.seed, 6])
     y, x = draw_point(height, (size_mm / 2, size_mm / 2), distance_mm, generator)
     true = changed(study, {"load": {"at_mm": [x, y]}})
     true.composite = study.face.assign(height=height)
@@ -317,7 +312,7 @@ def specimen(plan, seed):
     truths = {}
     tables = []
     for (trial, radius_mm), group in groupby(cases, lambda case: case[:2]):
-        study, places = study_of(merged(config, TRIALS[trial]), surface, patches)
+        study, places = measured(merged(config, TRIALS[trial]), surface, patches)
         study = under(study, radius_mm)
         contacts = {
             variant: {patch: study.contact_in(variant, patch) for patch in places.patch}
