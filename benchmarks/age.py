@@ -17,32 +17,18 @@ HERE = Path(__file__).parent
 MADE = HERE / "results/made.json"
 EVIDENCE = HERE.parent / "docs/explanation/evidence.md"
 BEGIN, END = "<!-- age: begin -->\n", "<!-- age: end -->\n"
-# What measures: for each file of rows, the scripts that import what made them; none if all did.
-_SOLVER = ("codes/run_gstlib.py", "problems.py")
-SCRIPTS = {
-    **dict.fromkeys(("hertz-256", "hertz-512", "rough-22", "rough-76"), _SOLVER),
-    **dict.fromkeys(
-        ("path-22", "path-76", "periodic-76", "periodic-2000", "growth"), _SOLVER
-    ),
-    "transforms": ("transforms.py", "problems.py"),
-    "statistics_of_contact": ("statistics_of_contact.py",),
-    "registration": ("registration.py",),
-    "finding": ("finding.py", "specimens.py"),
-    "placement": ("placement.py", "specimens.py"),
-    "chance": ("chance.py",),
-    "two_scales": ("two_scales.py", "specimens.py"),
-    "left_out": ("left_out.py", "strikes.py", "specimens.py"),
-    "strikes": ("strikes.py", "specimens.py"),
-    "power": ("power.py", "specimens.py"),
-    "power_inferred": ("power.py", "specimens.py"),
-    "verdict": ("verdict.py", "specimens.py"),
-    "use": ("use.py", "specimens.py"),
-    "false_stops": ("false_stops.py", "specimens.py"),
-    "repeats": ("measured_surfaces.py", "specimens.py"),
-    "breech_faces": ("measured_surfaces.py", "specimens.py"),
-    "margin": (),
-    "scale": (),
-}
+# The files of rows. A script has the name of its rows, apart from these; those that run whole
+# studies by the workflow have all of the program.
+_NAMES = """hertz-256 hertz-512 rough-22 rough-76 path-22 path-76 periodic-76 periodic-2000 growth
+transforms statistics_of_contact registration finding placement chance two_scales left_out strikes
+power power_inferred verdict use false_stops repeats breech_faces margin scale"""
+NAMES = _NAMES.split()
+SCRIPTS = {"power_inferred": "power", "repeats": "measured_surfaces"}
+SCRIPTS |= {"breech_faces": "measured_surfaces"}
+OF_SOLVER, SOLVER = NAMES[: NAMES.index("transforms")], ["codes/run_gstlib", "problems"]
+# What several of the scripts import.
+SHARED = "strikes", "problems", "specimens"
+OF_PROGRAM = "margin", "scale"
 SEVERAL = "several"  # programs made the rows
 
 
@@ -64,17 +50,23 @@ def read():
 
 
 def _program(name):
-    scripts = SCRIPTS[name]
-    return "".join(library_hash(HERE / script) for script in scripts) or program_hash()
+    if name in OF_PROGRAM:
+        return program_hash()
+    scripts = SOLVER
+    if name not in OF_SOLVER:
+        own = SCRIPTS.get(name, name)
+        text = (HERE / f"{own}.py").read_text(encoding="utf-8")
+        scripts = [own, *(other for other in SHARED if f"from {other} import" in text)]
+    return "".join(library_hash(HERE / f"{script}.py") for script in scripts)
 
 
 def ages():
     """Which rows the program as it stands made, and which an earlier one: a line for each."""
     made = read()
     now = [
-        name for name in SCRIPTS if made.get(name, {}).get("program") == _program(name)
+        name for name in NAMES if made.get(name, {}).get("program") == _program(name)
     ]
-    earlier = [name for name in SCRIPTS if name not in now]
+    earlier = [name for name in NAMES if name not in now]
     parts = {
         "Made by the program as it stands": now,
         "Made by an earlier version of the program": earlier,
