@@ -81,6 +81,7 @@ MADE_UM, SCATTER, NOISE = 0.1, 0.3, 0.02
 # How far strikes scatter along each axis, how long a stroke is, and the contacts that stand for it.
 SCATTER_MM, STROKE_MM = 1.0, 4.0
 STRIKES, STEPS = 32, 41
+ONCE = np.zeros((1, 2))
 # Strikes of a use from the prior, and degrees of freedom of the errors of losses.
 PRIOR_STRIKES, FREEDOM = 100, 4
 # How far beyond the square the load point of the case `outside` lies, and what the study is told.
@@ -220,14 +221,18 @@ def law(stone, generator):
     return Trial(stone, stone.losses, truth(stone.point), pressure)
 
 
-def struck(stone, generator, moves, **spread):
-    """Strikes about the load point, moved by so much along y and x (strikes, 2), mm."""
+def struck(stone, generator, moves=ONCE, *, power=1.0, factor=1.0, force=1.0, **spread):
+    """Strikes about the load point, moved by so much along y and x (strikes, 2), mm.
+
+    They have so many times the stated force, and losses go with a power of the pressure.
+    """
     strikes = np.tile(stone.point, (len(moves), 1))
     strikes[:, :2] += moves
-    pressure = pressures_of(stone, strikes)
-    return Trial(
-        stone, made_losses(pressure, generator), truth(stone.point, **spread), pressure
-    )
+    pressure = pressures_of(stone, strikes, force)
+    true = truth(stone.point, **spread)
+    true["log_radius"] += np.log(force)  # the radius is that for the force as stated
+    losses = made_losses(factor * pressure**power, generator)
+    return Trial(stone, losses, true, pressure)
 
 
 def scatter(stone, generator):
@@ -247,19 +252,10 @@ def stroke(stone, generator):
     return struck(stone, generator, moves, stroke_mm=STROKE_MM)
 
 
-def pressed(stone, generator, *, force=1.0, power=1.0, factor=1.0):
-    """One strike, at so many times the stated force; losses go with a power of the pressure."""
-    pressure = pressures_of(stone, stone.point[None], force)
-    true = truth(stone.point)
-    true["log_radius"] += np.log(force)  # the radius is that for the force as stated
-    losses = made_losses(factor * pressure**power, generator)
-    return Trial(stone, losses, true, pressure)
-
-
 def uneven(stone, generator):
     """A wear coefficient that varies over the stone."""
     field = by_patch(stone, random_field(stone, generator, UNEVEN_MM))
-    return pressed(stone, generator, factor=1 + UNEVEN * field / abs(field).max())
+    return struck(stone, generator, factor=1 + UNEVEN * field / abs(field).max())
 
 
 def from_prior(stone, generator):
@@ -294,7 +290,7 @@ def outside(stone, generator):
     point = np.array([*generator.permutation(beyond), stone.point[2]])
     point[:2] += half
     stated = stone.stated._replace(load_point_mm=TOLD_OUTSIDE_MM)
-    return pressed(stone._replace(point=point, stated=stated), generator)
+    return struck(stone._replace(point=point, stated=stated), generator)
 
 
 def two_radii(stone, generator, *, is_told):
@@ -304,7 +300,7 @@ def two_radii(stone, generator, *, is_told):
     middle = 2 * (float(stone.face.size_mm) / 2,)
     radii = radius * ASPECT**0.5, radius / ASPECT**0.5
     over = rounded_counterface(stone.face.height, radii, middle, angle)
-    trial = pressed(stone._replace(face=stone.face.assign(counterface=over)), generator)
+    trial = struck(stone._replace(face=stone.face.assign(counterface=over)), generator)
     return trial if is_told else trial._replace(stone=stone)
 
 
@@ -434,7 +430,7 @@ FIELDS = {
 # How many stones are tried in each case, and what is made of each.
 CASES = {
     "law": (40, law),
-    "control": (40, pressed),
+    "control": (40, struck),
     "scatter": (40, scatter),
     "stroke": (40, stroke),
     **{
@@ -449,9 +445,9 @@ CASES = {
     "outside": (10, outside),
     "two radii": (10, partial(two_radii, is_told=False)),
     "true form": (10, partial(two_radii, is_told=True)),
-    "force": (10, partial(pressed, force=FORCE)),
-    "squared": (10, partial(pressed, power=2.0)),
-    "root": (10, partial(pressed, power=0.5)),
+    "force": (10, partial(struck, force=FORCE)),
+    "squared": (10, partial(struck, power=2.0)),
+    "root": (10, partial(struck, power=0.5)),
     "uneven": (10, uneven),
     "prior": (40, from_prior),
 }
@@ -596,15 +592,14 @@ def ordered(rows):
 
 
 def made(file):
-    """The rows that a file holds already."""
-    if not file.exists():
-        return pd.DataFrame({"seed": [], "case": []})
+    """The rows that a file holds."""
     return ordered(read_table(file))
 
 
-def stones_to_make(names, seeds, rows):
+def stones_to_make(names, seeds, file):
     """Seeds, of these, and the cases of each that have no rows."""
-    there = set(zip(rows.seed, rows.case, strict=True))
+    rows = made(file)[["seed", "case"]] if file.exists() else pd.DataFrame()
+    there = set(rows.itertuples(index=False, name=None))
     for number, seed in enumerate(seeds):
         wanted = (name for name in names if number < CASES[name][0])
         if missing := [name for name in wanted if (seed, name) not in there]:
@@ -628,7 +623,7 @@ def main():
         config = merged(specimen_config(), {"specimen": COARSE})
         make = partial(stone_rows, config, worn_patches(config), chosen.faces)
         seeds = range(chosen.first_seed, chosen.first_seed + chosen.stones)
-        tasks = [*stones_to_make(chosen.cases, seeds, made(chosen.output))]
+        tasks = [*stones_to_make(chosen.cases, seeds, chosen.output)]
         add_rows(chosen.output, make, tasks, chosen.processes, order=ordered)
     print(summary(made(chosen.output)).round(2).T.to_string())
 
