@@ -90,10 +90,8 @@ def config_of(seed, noise_lengths):
     if seed == STOPPED:
         return merged(specimen_config(), changes | OF_STOPPED)
     generator = np.random.default_rng([seed, 13])
-    (worn, worn_radius_mm), (stated, radius_mm) = (
-        drawn_use(generator),
-        drawn_use(generator),
-    )
+    worn, worn_radius_mm = drawn_use(generator)
+    stated, radius_mm = drawn_use(generator)
     changes["specimen"] |= ({} if seed in FINE else COARSE) | {
         "worn_off_middle_mm": tuple(map(float, worn)),
         "worn_radius_mm": worn_radius_mm,
@@ -108,12 +106,12 @@ def config_of(seed, noise_lengths):
 
 
 def message_of(stage):
-    """The message with which a stage stops; empty if it does not."""
+    """The message with which a stage stops; None if it does not."""
     try:
         stage()
     except Exception as error:  # a stage that dies stops the study as well
         return " ".join(f"{type(error).__name__}: {error}".split())
-    return ""
+    return None
 
 
 def check_files(config, specimen):
@@ -132,29 +130,23 @@ def check_files(config, specimen):
             check_study(Path("config.yaml"))
 
 
-def registered(change, at):
-    """What the attributes of a height change state of a patch, against the truth `at` it."""
+def judged(change, at):
+    """A height change of a patch against the truth `at` it: its registration, and its loss."""
+    stated = change.attrs
     t0, t1 = (PatchPosition.from_dataset(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     true_um = MM_TO_UM * np.array(t0.seen(t1.y_mm, t1.x_mm))
-    shift_um = change["shift_y_um"], change["shift_x_um"]
-    return {
-        "found": change["registration_found"],
-        "error_um": float(np.hypot(*(shift_um - true_um))),
-        "turn_error_deg": abs(
-            change["rotation_deg"] - (t1.rotation_deg - t0.rotation_deg)
-        ),
-        "correlation": change["detail_correlation"],
-        "dale_depth_ratio": change["dale_depth_ratio"],
-        "residual_um": change["residual_um"],
-    }
-
-
-def detected(change, at):
-    """Which unworn and worn points of a height change count as lost, against the truth `at` it."""
+    shift_um = stated["shift_y_um"], stated["shift_x_um"]
+    true_deg = t1.rotation_deg - t0.rotation_deg
     is_known = np.isfinite(change.change.values)
     loss, depth = change.loss.values[is_known], at.wear_depth.values[is_known]
     deep = depth * MM_TO_UM > at.attrs["wear_threshold_um"]
     return {
+        "found": stated["registration_found"],
+        "error_um": float(np.hypot(*(shift_um - true_um))),
+        "turn_error_deg": abs(stated["rotation_deg"] - true_deg),
+        "correlation": stated["detail_correlation"],
+        "dale_depth_ratio": stated["dale_depth_ratio"],
+        "residual_um": stated["residual_um"],
         "false_loss": loss[depth == 0].mean(),
         "loss_recall": loss[deep].mean() if deep.any() else np.nan,
         "false_gain": change.gain.values[is_known].mean(),
@@ -170,8 +162,7 @@ def patch_rows(study, truth):
         if row["change"]:
             study.worn.remove(patch)
         else:
-            change = study.changes[patch]
-            row |= registered(change.attrs, at) | detected(change, at)
+            row |= judged(study.changes[patch], at)
         yield row
 
 
@@ -214,9 +205,7 @@ def stone_rows(seed, noise_lengths):
         seed=seed, scan_points=parameters.scan_points
     )
     columns = ["seed", "scan_points", "patch", *STAGES, *_COLUMNS.split()]
-    return table.reindex(columns=columns).replace(
-        {name: {"": np.nan} for name in STAGES}
-    )
+    return table.reindex(columns=columns)
 
 
 def summary(rows):
