@@ -132,11 +132,10 @@ def rejection_rates(p_values):
     return pd.DataFrame(rows)
 
 
-def main(arguments=None):
+def main():
     chosen = options(
         __doc__,
         RESULT,
-        arguments,
         config=[CONFIG],
         first_seed=2001,
         specimens=SPECIMENS,

@@ -19,8 +19,8 @@ ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks/results"
 
 
-def options(text, output, arguments=None, **defaults):
-    """Options of a script, read from the command line or from `arguments`.
+def options(text, output, **defaults):
+    """Options of a script, read from the command line.
 
     `text` is the docstring of the script, and `output` the file of its rows. `defaults` has an
     entry for each further option: its value where it is left out, or a dict of argparse's settings.
@@ -35,7 +35,7 @@ def options(text, output, arguments=None, **defaults):
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--output", type=Path, default=output)
     parser.add_argument("--tables", action="store_true", help="from the rows alone")
-    return parser.parse_args(arguments)
+    return parser.parse_args()
 
 
 def pooled(make, tasks, processes):

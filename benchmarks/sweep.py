@@ -16,7 +16,7 @@ from runner import options, pooled
 from specimens import merged
 
 from gst.config.contradictions import counterface_mesh
-from gst.config.patches import read_patches
+from gst.config.patches import read_patches, scan_files
 from gst.config.poses import poses_of, reach_of
 from gst.config.reading import config_problems, read_config, refuse_config
 from gstlib.io.meshes import read_mesh
@@ -48,7 +48,8 @@ def study_of(config, folder=Path()):
         patch_size_mm=config["scans"]["size_mm"],
         scan_folder=folder / inputs["scan_folder"],
     )
-    files = patches.rename(columns={"t0": "T0", "t1": "T1"}).set_index("patch")
+    scans = scan_files(patches, folder / inputs["scan_folder"], None)
+    files = {(scan.patch, scan.epoch): scan.path for scan in scans}
     reading = {name: config["scans"][name] for name in ("unit", "spacing_um")}
     face = (config["counterface"] or {}).get("scan")
     second = counterface_mesh(config, made)
@@ -63,9 +64,7 @@ def study_of(config, folder=Path()):
         config,
         patches,
         read_mesh=lambda: read_mesh(folder / inputs["mesh"], unit=inputs["mesh_unit"]),
-        read_scan=lambda *scan: read_scan(
-            folder / inputs["scan_folder"] / files.at[scan], **reading
-        ),
+        read_scan=lambda *scan: read_scan(files[scan], **reading),
         read_face=(lambda: read_scan(folder / face, **reading)) if face else None,
         active_tool=ActiveTool.read(**second) if second else None,
     )
@@ -116,14 +115,10 @@ def outcomes_of(setting, config):
     return outcomes(study_of(config)).assign(setting=setting)
 
 
-def main(arguments=None):
-    chosen = options(
-        __doc__,
-        Path("build/sweep.csv"),
-        arguments,
-        config=Path("config/config.yaml"),
-        settings=SETTINGS,
-    )
+def main():
+    config = Path("config/config.yaml")
+    output = Path("build/sweep.csv")
+    chosen = options(__doc__, output, config=config, settings=SETTINGS)
     config = read_config(chosen.config)
     if config["patches"] is None:
         raise SystemExit(

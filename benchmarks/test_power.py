@@ -137,14 +137,16 @@ def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights():
 
 
 @pytest.mark.slow
-def test_two_specimens_from_their_making_to_the_rates(tmp_path):
+def test_two_specimens_from_their_making_to_the_rates(tmp_path, monkeypatch):
     """As small as that of the tiny study; one of them is studied with an interlayer, too."""
     sections = "patches", "specimen", "macroscale", "microscale"
     changes = {name: TINY[name] for name in sections} | {"wear_steps": 2}
     small, rows = tmp_path / "small.yaml", tmp_path / "power.csv"
     small.write_text(yaml.safe_dump(changes))
-    config = ["--config", str(power.CONFIG), str(small), "--output", str(rows)]
-    main([*config, "--specimens", "2", "--interlayers", "1"])
+    command = f"power.py --config {power.CONFIG} {small} --output {rows}"
+    command += " --specimens 2 --interlayers 1"
+    monkeypatch.setattr("sys.argv", command.split())
+    main()
     table = read_table(rows)
     assert set(table.wear) == {*OF_BARE, *OF_INTERLAYER}
     assert table.groupby("test").seed.nunique()["tested_mean(mcc)"] == 2
