@@ -164,15 +164,17 @@ def summary(rows):
     table = []
     for (how, name), group in rows.groupby(["how", "scans"], sort=False):
         placed = group[group.found]
-        own = placed if name == "own" else placed[:0]
-        is_smooth = name == "smooth"
+        own = placed[placed.scans == "own"]
+        wrong = own[own.off_um > WRONG_UM] if name == "own" else placed
         off = own[["off_x_um", "off_y_um"]].abs()
         held = off.le(1.96 * own.stated_um, axis=0)
         row = {
             "how": how,
             "scans": name,
             "mesh_edge_mm": PARAMETERS.mesh_edge_mm,
-            "roughness_um": SMOOTH_UM if is_smooth else PARAMETERS.macroscale_rms_um,
+            "roughness_um": SMOOTH_UM
+            if name == "smooth"
+            else PARAMETERS.macroscale_rms_um,
             "number": len(group),
             "found_fraction": group.found.mean(),
             "not_certain": (~group.certain).sum(),
@@ -181,11 +183,9 @@ def summary(rows):
             "stated_rms_um": own.stated_um.pow(2).mean() ** 0.5,
             "true_rms_um": off.stack().pow(2).mean() ** 0.5,
             "held_fraction": held.stack().mean(),
-            "found_and_wrong": len(placed),
+            "found_and_wrong": len(wrong),
             "turn_median_deg": own.turn_deg.median(),
         }
-        if name == "own":
-            row["found_and_wrong"] = (own.off_um > WRONG_UM).sum()
         for column in ("correlation", "lead"):
             row[f"least_{column}"] = group[column].min()
             row[f"most_{column}"] = group[column].max()

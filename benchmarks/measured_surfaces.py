@@ -211,9 +211,9 @@ def spread(among, count):
     return [among[round(at)] for at in np.linspace(0, len(among) - 1, count)]
 
 
-def breech_rows(first, second, *, is_related):
+def breech_rows(kind, first, second):
     """Pieces of two castings on each other: of the same places, or of any that each has."""
-    if is_related:
+    if kind == "related":
         common = [place for place in places(first) if place in places(second)]
         chosen = spread(common, RELATED)
         pairs = zip(chosen, chosen, strict=True)
@@ -228,7 +228,7 @@ def breech_rows(first, second, *, is_related):
         t0, t1 = (
             prepare_scan(piece, maximum_unmeasured=1.0).height for piece in pieces
         )
-        row = {"first": first, "second": second, "y": y, "x": x}
+        row = {"kind": kind, "first": first, "second": second, "y": y, "x": x}
         row |= {"shift_y_points": v, "shift_x_points": u, "turn_deg": turn}
         spacing = spacing_of(t0)[0]
         try:
@@ -250,10 +250,8 @@ def breech_face_rows():
     """All pairs of castings."""
     names = [f"{face}-{number}" for face in FACES for number in CASTINGS]
     for first, second in combinations(names, 2):
-        is_related = first[:4] == second[:4]
-        kind = "related" if is_related else "unrelated"
-        for row in breech_rows(first, second, is_related=is_related):
-            yield {"kind": kind} | row
+        kind = "related" if first[:4] == second[:4] else "unrelated"
+        yield from breech_rows(kind, first, second)
 
 
 def summary(rows):
@@ -274,15 +272,8 @@ def summary(rows):
 
 
 MAKERS = {"repeats": lambda: map(repeat_row, REPEATS), "breech_faces": breech_face_rows}
-SHOWN = ["pair", "found", "shift_y_um", "shift_x_um", "loss_fraction", "gain_fraction"]
-SHOWN += [
-    "above_noise",
-    "serves",
-    "neighbours_y",
-    "neighbours_x",
-    "white_loss",
-    "white_gain",
-]
+SHOWN = """pair found shift_y_um shift_x_um loss_fraction gain_fraction above_noise serves
+neighbours_y neighbours_x white_loss white_gain"""
 
 
 def main():
@@ -296,7 +287,7 @@ def main():
             rows = pd.DataFrame(MAKERS[name]())
             save(file, rows if "message" in rows else rows.assign(message=np.nan))
         rows = read_table(file)
-        shown = rows[SHOWN] if name == "repeats" else summary(rows)
+        shown = rows[SHOWN.split()] if name == "repeats" else summary(rows)
         print(shown.to_string())
 
 

@@ -113,17 +113,17 @@ def mistaken(table, scans, mistake, generator):
 def undoing(mistake):
     """The orientation that undoes another one."""
     corner = np.arange(4).reshape(2, 2)
-    laid = {name: oriented(oriented(corner, mistake), name) for name in ORIENTATIONS}
-    return next(name for name, again in laid.items() if (again == corner).all())
+    laid = oriented(corner, mistake)
+    return next(name for name in ORIENTATIONS if (oriented(laid, name) == corner).all())
 
 
 def undoing_table(mistake):
     """The mistake of a table that undoes another one."""
-    again = {
-        name: as_measured(*as_measured(0.1, 0.3, 1.0, mistake), 1.0, name)
-        for name in TABLES
-    }
-    return next(name for name, place in again.items() if np.allclose(place, (0.1, 0.3)))
+    place = 0.1, 0.3
+    wrong = as_measured(*place, 1.0, mistake)
+    return next(
+        name for name in TABLES if np.allclose(as_measured(*wrong, 1.0, name), place)
+    )
 
 
 def judged(study, made, error_um):
