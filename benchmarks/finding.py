@@ -10,7 +10,7 @@ one, are to be said not to be found, and so is one that was taken elsewhere than
 import resource
 import time
 from dataclasses import replace
-from itertools import chain, product
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -90,40 +90,36 @@ def of_stone(seed):
     at = np.array([place[:2] for place in places])
     v, u = PatchPosition(*at.mean(axis=0), turn).seen(*at.T)
     offsets = np.transpose([v, -u if mirrored else u])
-    readings = np.array([offsets * signs for signs in product((1, -1), (1, -1))])
+    readings = np.array([offsets * signs for signs in product((1, -1), repeat=2)])
     hand = at + rng.uniform(-OFF, OFF, at.shape)
     turned = turn + rng.uniform(-TURNED, TURNED)
     by_hand = [PatchPosition(*place, turned) for place in hand]
     ways = {"tied by the stage": (tied, readings), "by hand": (match_near, by_hand)}
-    names = map(str, range(99))
-
-    def scanned(stone, places):
-        return [stone.scan(next(names), place, mirrored) for place in places]
-
-    def rows_of(name, surface, scans):
-        for way, (match, start) in ways.items():
-            yield list(timed(way, seed, name, places, match, surface, scans, start))
-
-    rows = []
-    own = replace(PARAMETERS, seed=seed)
-    stones = {
-        "own": Specimen(own),
-        "another": Specimen(replace(own, seed=100 + seed)),
-        "smooth": Specimen(replace(own, macroscale_rms_um=SMOOTH_UM)),
-    }
-    for name, stone in stones.items():
-        surface = stones["own" if name == "another" else name].view
-        scans = scanned(stone, places)
-        large = stone.scan("overview", whole, mirrored, OVERVIEW)
-        rows += timed("overview", seed, name, [whole], alone, surface, large)
-        rows += chain(*rows_of(name, surface, scans))
     margin = 0.75 * PATCH
     # the last is taken half of this from its place along both axes
     wide = SQUARE - 2 * margin
     elsewhere = PatchPosition(*(at[-1] - margin + wide / 2) % wide + margin, turn)
-    scans = scanned(stones["own"], [*places[:-1], elsewhere])
-    one_wrong = rows_of("one elsewhere", stones["own"].view, scans)
-    return rows + [last for *_, last in one_wrong]
+    own = replace(PARAMETERS, seed=seed)
+    own, another, smooth = map(
+        Specimen,
+        (own, replace(own, seed=100 + seed), replace(own, macroscale_rms_um=SMOOTH_UM)),
+    )
+    names = map(str, range(99))
+    rows = []
+    for name, stone, surface, taken in (
+        ("own", own, own.view, places),
+        ("another", another, own.view, places),
+        ("smooth", smooth, smooth.view, places),
+        ("one elsewhere", own, own.view, [*places[:-1], elsewhere]),
+    ):
+        scans = [stone.scan(next(names), place, mirrored) for place in taken]
+        if taken is places:
+            large = stone.scan("overview", whole, mirrored, OVERVIEW)
+            rows += timed("overview", seed, name, [whole], alone, surface, large)
+        for way, (match, start) in ways.items():
+            made = timed(way, seed, name, places, match, surface, scans, start)
+            rows += made if taken is places else [*made][-1:]
+    return rows
 
 
 def alone(surface, scan):
