@@ -17,9 +17,8 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from runner import RESULTS, options, save
+from runner import RESULTS, run_script
 
-from gstlib.io.tables import read_table
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.surfaces.grid import make_surface
 from gstlib.surfaces.leveling import remove_plane
@@ -94,20 +93,22 @@ def rates(rows):
     return table.astype(float).round(3)
 
 
-def main():
-    trials = {"type": int, "default": 3000, "help": "of each case"}
-    chosen = options(__doc__, ROWS, trials=trials)
-    if not chosen.tables:
-        tables = []
-        for number, (name, draw) in enumerate(CASES.items()):
-            rows = []
-            while len(rows) < chosen.trials:
-                rows += draw(np.random.default_rng([number, len(rows)]))
-            tables += [{"case": name} | row for row in rows]
-            print(f"{name}: done", flush=True)
-        save(chosen.output, pd.DataFrame(tables, columns=["case", "p_value", "held"]))
-    print(rates(read_table(chosen.output)).to_string())
+def made(chosen):
+    """The rows of all trials."""
+    rows = []
+    for number, (name, draw) in enumerate(CASES.items()):
+        drawn = []
+        while len(drawn) < chosen.trials:
+            drawn += draw(np.random.default_rng([number, len(drawn)]))
+        rows += [{"case": name} | row for row in drawn]
+        print(f"{name}: done", flush=True)
+    yield pd.DataFrame(rows, columns=["case", "p_value", "held"])
+
+
+def shown(rows):
+    return rates(rows).to_string()
 
 
 if __name__ == "__main__":
-    main()
+    trials = {"type": int, "default": 3000, "help": "of each case"}
+    run_script(__doc__, ROWS, made, shown, trials=trials)

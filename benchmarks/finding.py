@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import trimesh
-from runner import RESULTS, options, pooled, save
+from runner import RESULTS, pooled, run_script
 from specimens import specimen_config
 
 from gst.check.matching import match_map, match_near, match_together
@@ -189,17 +189,18 @@ def summary(rows):
     return pd.DataFrame(table)
 
 
-def main():
-    chosen = options(__doc__, ROWS, stones=20)
-    if not chosen.tables:
-        seeds = [(seed,) for seed in range(20, 20 + chosen.stones)]
-        for rows in pooled(of_stone, seeds, chosen.processes):
-            table = summary(rows)
-        # of processes that have ended
-        peak_MB = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024
-        save(chosen.output, table.assign(peak_memory_MB=peak_MB), digits=3)
-    print(pd.read_csv(chosen.output).to_string(index=False))
+def made(chosen):
+    """The summary of all stones."""
+    seeds = [(seed,) for seed in range(20, 20 + chosen.stones)]
+    *_, rows = pooled(of_stone, seeds, chosen.processes)
+    # of processes that have ended
+    peak_MB = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024
+    yield summary(rows).assign(peak_memory_MB=peak_MB)
+
+
+def shown(rows):
+    return rows.to_string(index=False)
 
 
 if __name__ == "__main__":
-    main()
+    run_script(__doc__, ROWS, made, shown, digits=3, stones=20)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
-from runner import RESULTS, means, options, pooled, save
+from runner import RESULTS, means, pooled, run_script
 from specimens import merged, specimen_config, specimen_studies
 
 from gst.config.reading import read_study
@@ -31,7 +31,6 @@ from gstlib.coupling.orientations import (
 )
 from gstlib.coupling.placement import check_placement
 from gstlib.errors import InputsError
-from gstlib.io.tables import read_table
 
 ROWS = RESULTS / "placement.csv"
 # The default specimen, with scans that are as coarse as the check makes them.
@@ -149,15 +148,17 @@ def judged(study, made, error_um):
     }
 
 
-def main():
-    chosen = options(__doc__, ROWS, first_seed=6001, specimens=20)
-    if not chosen.tables:
-        seeds = range(chosen.first_seed, chosen.first_seed + chosen.specimens)
-        for rows in pooled(of_stone, [(seed,) for seed in seeds], chosen.processes):
-            rows = rows.astype({"right_agree": float})
-            save(chosen.output, means(rows, ["stone", "patches", "mistake"], "studies"))
-    print(read_table(chosen.output).round(3).to_string(index=False))
+def made(chosen):
+    """The means over the specimens that are done."""
+    seeds = range(chosen.first_seed, chosen.first_seed + chosen.specimens)
+    for rows in pooled(of_stone, [(seed,) for seed in seeds], chosen.processes):
+        rows = rows.astype({"right_agree": float})
+        yield means(rows, ["stone", "patches", "mistake"], "studies")
+
+
+def shown(rows):
+    return rows.round(3).to_string(index=False)
 
 
 if __name__ == "__main__":
-    main()
+    run_script(__doc__, ROWS, made, shown, first_seed=6001, specimens=20)

@@ -19,7 +19,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import scipy.ndimage
-from runner import RESULTS, options, save
+from runner import RESULTS, run_script
 from skimage.registration import phase_cross_correlation
 
 from gstlib.change.registration import register
@@ -180,22 +180,6 @@ METHODS = {
 }
 
 
-def main():
-    cases = {"type": int, "default": 10, "help": "pairs of scans a condition"}
-    chosen = options(__doc__, RESULTS / "registration.csv", cases=cases)
-    if not chosen.tables:
-        rows = []
-        for label, method in METHODS.items():
-            if method is simpleitk and find_spec(label) is None:
-                print(f"{label}: not available")
-                continue
-            for name, case in product(CONDITIONS, range(chosen.cases)):
-                rows.append(measure(label, method, name, case))
-            print(f"{label}: done", flush=True)
-        save(chosen.output, summary(pd.DataFrame(rows)), digits=3)
-    print(pd.read_csv(chosen.output).to_string(index=False))
-
-
 def measure(label, method, condition, case):
     """One pair of scans, laid by chance; the same for every method."""
     rng = np.random.default_rng([case, *condition.encode()])
@@ -236,5 +220,25 @@ def summary(table):
     return pd.DataFrame(columns).reset_index()
 
 
+def made(chosen):
+    """The summary of all pairs."""
+    rows = []
+    for label, method in METHODS.items():
+        if method is simpleitk and find_spec(label) is None:
+            print(f"{label}: not available")
+            continue
+        for name, case in product(CONDITIONS, range(chosen.cases)):
+            rows.append(measure(label, method, name, case))
+        print(f"{label}: done", flush=True)
+    yield summary(pd.DataFrame(rows))
+
+
+def shown(rows):
+    return rows.to_string(index=False)
+
+
 if __name__ == "__main__":
-    main()
+    cases = {"type": int, "default": 10, "help": "pairs of scans a condition"}
+    run_script(
+        __doc__, RESULTS / "registration.csv", made, shown, digits=3, cases=cases
+    )

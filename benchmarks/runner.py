@@ -2,7 +2,7 @@
 
 A script holds its cases, a function that makes the rows of one task, and a summary of all rows.
 `options` reads its command line, `pooled` or `add_rows` make the rows, and `save` stores them with
-the program that made them.
+the program that made them; `run_stones` and `run_script` do it all.
 """
 
 import argparse
@@ -104,6 +104,19 @@ def run_stones(text, file, rows_of, show, seeds, **others):
         add_rows(chosen.output, rows_of, tasks, chosen.processes, order=by_seed)
     for table in show(read_table(chosen.output)):
         print(table.to_string(), end="\n\n")
+
+
+def run_script(text, file, make, show, *, digits=None, **others):
+    """Save the rows that a script makes, and print what its rows show.
+
+    ``make(chosen)`` yields all rows that there are, again and again, by the options that were
+    chosen, and ``show(rows)`` returns a text. `text`, `file` and `others` are as in `options`.
+    """
+    chosen = options(text, file, **others)
+    if not chosen.tables:
+        for rows in make(chosen):
+            save(chosen.output, rows, digits=digits)
+    print(show(read_table(chosen.output)))
 
 
 def means(rows, keys, count):

@@ -10,11 +10,10 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from runner import RESULTS, options, save
+from runner import RESULTS, run_script
 
 from gstlib.bem import load_path
 from gstlib.bem.closed_forms import persson_contact_fraction
-from gstlib.io.tables import read_table
 from gstlib.specimen.randomness import self_affine_field
 
 ROWS = RESULTS / "statistics_of_contact.csv"
@@ -80,15 +79,15 @@ def summary(rows):
     return table.reset_index()
 
 
-def main():
-    chosen = options(__doc__, ROWS)
-    if not chosen.tables:
-        rows = [
-            row for case in product(PUBLISHED, range(SEEDS)) for row in measured(*case)
-        ]
-        save(chosen.output, pd.DataFrame(rows).round(6))
-    print(summary(read_table(chosen.output)).round(4).to_string(index=False))
+def made(chosen):
+    """The rows of all surfaces."""
+    cases = product(PUBLISHED, range(SEEDS))
+    yield pd.DataFrame([row for case in cases for row in measured(*case)]).round(6)
+
+
+def shown(rows):
+    return summary(rows).round(4).to_string(index=False)
 
 
 if __name__ == "__main__":
-    main()
+    run_script(__doc__, ROWS, made, shown)

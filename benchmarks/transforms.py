@@ -14,7 +14,7 @@ os.environ["OMP_NUM_THREADS"] = "1"
 import pandas as pd
 from cases import CASES
 from problems import MODULUS
-from runner import RESULTS, options, save
+from runner import RESULTS, run_script
 
 from gstlib.bem import load_path, solve_contact, transforms
 
@@ -22,7 +22,7 @@ ROWS = RESULTS / "transforms.csv"
 BY = {"SciPy": False, "ducc0": True}
 
 
-def measured(repeats):
+def measured(chosen):
     """A row for each problem, library and repeat."""
     case = CASES["rough-76"]
     problem = case.surface.heights(), case.surface.spacing, MODULUS
@@ -32,13 +32,13 @@ def measured(repeats):
     }
     rows = []
     for name, run in solve.items():
-        for repeat in range(-1, repeats):  # the first is not counted
+        for repeat in range(-1, chosen.repeats):  # the first is not counted
             for by, transforms.HAS_DUCC0 in BY.items():
                 start = time.process_time()
                 run()
                 if repeat >= 0:
                     rows.append((name, by, time.process_time() - start))
-    return pd.DataFrame(rows, columns=["case", "transforms", "cpu_s"])
+    yield pd.DataFrame(rows, columns=["case", "transforms", "cpu_s"])
 
 
 def ratios(table):
@@ -47,12 +47,9 @@ def ratios(table):
     return median.assign(ratio=median.SciPy / median.ducc0)
 
 
-def main():
-    chosen = options(__doc__, ROWS, repeats=9)
-    if not chosen.tables:
-        save(chosen.output, measured(chosen.repeats))
-    print(ratios(pd.read_csv(chosen.output)).round(3).to_string())
+def shown(rows):
+    return ratios(rows).round(3).to_string()
 
 
 if __name__ == "__main__":
-    main()
+    run_script(__doc__, ROWS, measured, shown, repeats=9)
