@@ -57,7 +57,8 @@ MAPS, VOLUMES = "law's map_error_um / its", "law's volume_error / its"
 OF_LAW = f"{MCC}, attainable, {GAIN}, p, {MAPS}, {VOLUMES}"
 ALIKE = "scan_points == 128 and trial == 'default'"
 DEFAULT = f"{ALIKE} and radius_mm == 200"
-AT_1_MM = "distance_mm == 1 and variant == 'equilibrium'"
+EQUILIBRIUM = "variant == 'equilibrium'"
+AT_1_MM = f"distance_mm == 1 and {EQUILIBRIUM}"
 TWO = "variant in ['equilibrium', 'paper']"
 LOAD_CASE = "y_mm, x_mm, log_radius"
 INTERLAYER = f"better: relative(out_of_contact){power.WITH_INTERLAYER}"
@@ -128,54 +129,64 @@ def shown_rates(rows):
     return power.rejection_rates(rows).query("level == @power.SHOWN")
 
 
+def beside_paper(rows):
+    """The summary of two scales; each row has what the paper reaches in its case, too."""
+    table = two_scales.summary(rows)
+    paper = table[table.variant == "paper"].drop(columns="variant")
+    return table.merge(paper, on=two_scales.OF_ROW[:-1], suffixes=("", "_paper"))
+
+
 # How the rows of a file are summarised; the others are shown as they are.
 SUMMARIES = {
     "breech_faces": measured_surfaces.summary,
     "chance": chance.rates,
     "false_stops": false_stops.summary,
     "left_out": left_out.summary,
+    "placement": lambda rows: rows.set_index(
+        ["stone", "patches", "mistake"]
+    ).sort_index(),
     "power": shown_rates,
     "power_inferred": shown_rates,
     "scale": lambda rows: rows.set_index("quantity").T,
     "statistics_of_contact": statistics_of_contact.summary,
     "strikes": strikes.summary,
     "transforms": transforms.ratios,
-    "two_scales": two_scales.summary,
+    "two_scales": beside_paper,
     "use": lambda rows: use.summary(rows).rename_axis("case"),
     "verdict": verdict.model_table,
 }
-# By what rows are looked up, and in which order they are then.
-INDEX = {"placement": ["stone", "patches", "mistake"], "two_scales": two_scales.OF_ROW}
 
 
 @functools.cache
 def summary_of(name):
-    frame = SUMMARIES.get(name, pd.DataFrame)(rows_of(name))
-    return frame.set_index(INDEX[name]).sort_index() if name in INDEX else frame
+    return SUMMARIES.get(name, pd.DataFrame)(rows_of(name))
 
 
 def cells(name, query, columns):
     """The rows of cells that a document shows of a summary.
 
     Of the rows that `query` selects, the columns after each comma; all if there is none. A column
-    with a % is in percent, and columns joined by a + are in one cell.
+    with a % is in percent, one with a ! without its interval, and columns joined by a + are in one
+    cell.
     """
     frame = summary_of(name)
     frame = frame.query(query) if query else frame
 
     def cell(row, names):
-        parts = (
-            values(row[part.strip("%")], factor=100 if "%" in part else 1)
-            for part in names.split("+")
-        )
-        return list(itertools.chain(*parts))
+        shown = []
+        for part in names.split("+"):
+            exact = values(row[part.strip("%!")], factor=100 if "%" in part else 1)
+            shown += exact[:1] if "!" in part else exact
+        return shown
 
     shown = columns.split(", ") if columns else [*frame]
     return [[cell(row, names) for names in shown] for _, row in frame.iterrows()]
 
 
 def scale_of(variant, *, points=128, trial="default", radius=200, distance=0):
-    return summary_of("two_scales").loc[points, trial, radius, distance, variant]
+    frame = summary_of("two_scales")
+    case = [points, trial, radius, distance, variant]
+    return frame[(frame[two_scales.OF_ROW] == case).all(axis=1)].squeeze()
 
 
 def uses(cases, columns):
@@ -195,35 +206,6 @@ def of_best_baseline(column, worn_by=BY_LAW_AND_RULE, by=None):
 
 
 # --- Tables ---------------------------------------------------------------------------------------
-
-
-def two_scales_by_load_point():
-    for radius, distance in ((60, 1), (200, 1), (200, 3), (1000, 1)):
-        shown = []
-        for variant, count in (("equilibrium", 3), ("paper", 1)):
-            row = scale_of(variant, radius=radius, distance=distance)
-            cell = percent(row.misplaced)[:count] + percent(row.misplaced_of_all)[:1]
-            shown.append(cell + values(row.f1)[:1])
-        yield shown
-
-
-def two_scales_by_error():
-    for trial in two_scales.TRIALS:
-        if not trial.startswith("S-filter"):
-            row, other = (
-                scale_of(variant, trial=trial) for variant in ("equilibrium", "paper")
-            )
-            paper = percent(other.misplaced)[:1] + values(other.f1)[:1]
-            tilts = (row.tilt_error_mrad, row.stated_tilt_error_mrad)
-            tilts = [values(tilt)[0] for tilt in tilts]
-            yield (
-                percent(row.misplaced),
-                row.f1,
-                row.area_ratio,
-                row.volume_error,
-                tilts,
-                paper,
-            )
 
 
 def strengths():
@@ -289,8 +271,19 @@ TABLES = {
         f"{ALIKE} and distance_mm == 0 and {TWO}",
         "misplaced%, misplaced_of_all%, f1",
     ),
-    "## The load point and other errors": two_scales_by_load_point,
-    "| changed |": two_scales_by_error,
+    "## The load point and other errors": (
+        "two_scales",
+        f"{ALIKE} and {EQUILIBRIUM} and "
+        "(distance_mm == 1 or radius_mm == 200 and distance_mm == 3)",
+        "misplaced%+misplaced_of_all%!+f1!, "
+        "misplaced_paper%!+misplaced_of_all_paper%!+f1_paper!",
+    ),
+    "| changed |": (
+        "two_scales",
+        f"scan_points == 128 and radius_mm == 200 and distance_mm == 0 and {EQUILIBRIUM}",
+        "misplaced%, f1, area_ratio, volume_error, tilt_error_mrad!+stated_tilt_error_mrad!, "
+        "misplaced_paper%!+f1_paper!",
+    ),
     "| summits worn by a rule | mean": ("verdict", "`worn by` == 'summits'", OF_LAW),
     "| worn by Archard's law |": ("verdict", "`worn by` == 'archard'", OF_LAW),
     "## How was it used?": (

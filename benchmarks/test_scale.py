@@ -6,8 +6,7 @@ import sys
 from scale import CONFIG, steps, write_study
 
 from gst.check.checking import check_study
-from gst.config.patches import read_patches
-from gst.config.reading import config_problems, read_config
+from gst.config.reading import read_config, read_study
 from gstlib.specimen import pebble, scanning
 
 # A step of the workflow, without the workflow: it holds 320 MB for a moment.
@@ -26,14 +25,7 @@ def test_study_is_valid(tmp_path, monkeypatch):
     patches = 2500
     write_study(patches, folder, scans=False)
     monkeypatch.chdir(folder)
-    config = read_config(folder / CONFIG)
-    assert config_problems(config) == []
-    table = read_patches(
-        config["patches"],
-        size_mm=config["square"]["size_mm"],
-        patch_size_mm=config["scans"]["size_mm"],
-    )
-    assert len(table) == patches
+    assert len(read_study(read_config(CONFIG), CONFIG)) == patches
     assert len(list((folder / "data/scans").iterdir())) == 2 * patches
 
 

@@ -260,12 +260,12 @@ def uneven(stone, generator):
 
 def from_prior(stone, generator):
     """Strikes, and errors of the losses, as the study takes them for possible."""
-    scatter, length = np.maximum(generator.standard_normal(2), 0.0)
-    angle = generator.uniform(0, 2 * np.pi)
     prior = stone.stated
-    scatter_mm, stroke_mm = scatter * prior.scatter_mm, length * prior.stroke_mm
+    sizes = np.maximum(generator.standard_normal(2), 0.0)
+    scatter_mm, stroke_mm = sizes * (prior.scatter_mm, prior.stroke_mm)
+    angle = generator.uniform(0, 2 * np.pi)
     stroke = stroke_mm * np.array([np.sin(angle), np.cos(angle)])
-    count = PRIOR_STRIKES if scatter or length else 1
+    count = PRIOR_STRIKES if sizes.any() else 1
     uses = Uses(
         np.tile(stone.point, (count, 1)),
         np.full(count, scatter_mm),
@@ -278,8 +278,7 @@ def from_prior(stone, generator):
     error = generator.standard_t(FREEDOM, len(width))
     depth_um = expected.depth_um + width * error
     losses = Losses(depth_um, depth_um > 2 * errors["floor"])
-    true = truth(stone.point, float(scatter_mm), float(stroke_mm))
-    return Trial(stone, losses, true, pressure)
+    return Trial(stone, losses, truth(stone.point, scatter_mm, stroke_mm), pressure)
 
 
 def outside(stone, generator):
