@@ -90,9 +90,7 @@ def evaluate(
     error = max(largest - far_field, far_field - opening.min())
     return Accuracy(
         gap_error=float(error / heights.std()),
-        force_error=float(abs(pressure.mean() / load - 1))
-        if load is not None
-        else float("nan"),
+        force_error=float(abs(pressure.mean() / (load or np.nan) - 1)),
         negative_pressure=float(
             max(0.0, -pressure.min()) / max(pressure.max(), 1e-300)
         ),

@@ -145,6 +145,10 @@ SUMMARIES = {
     "placement": lambda rows: rows.set_index(
         ["stone", "patches", "mistake"]
     ).sort_index(),
+    "repeats": lambda rows: rows.assign(
+        along=rows.shift_x_um / rows.spacing_um,
+        across=rows.shift_y_um / rows.spacing_um,
+    ),
     "power": shown_rates,
     "power_inferred": shown_rates,
     "scale": lambda rows: rows.set_index("quantity").T,
@@ -167,12 +171,14 @@ def cells(name, query, columns):
 
     Of the rows that `query` selects, the columns after each comma; all if there is none. A column
     with a % is in percent, one with a ! without its interval, and columns joined by a + are in one
-    cell.
+    cell. A cell that is ... is not compared.
     """
     frame = summary_of(name)
     frame = frame.query(query) if query else frame
 
     def cell(row, names):
+        if names == "...":
+            return ...
         shown = []
         for part in names.split("+"):
             exact = values(row[part.strip("%!")], factor=100 if "%" in part else 1)
@@ -242,18 +248,6 @@ def mistakes_in_places():
         yield [patches, *percent([*shares, *studies.stopped[mistakes]])]
 
 
-def repeats():
-    for row in rows_of("repeats").itertuples():
-        shifts = np.array([row.shift_x_um, row.shift_y_um]) / row.spacing_um
-        if not row.found:
-            yield shifts.tolist(), np.nan, np.nan, ..., ..., np.nan, np.nan
-            continue
-        shares = percent([row.loss_fraction, row.gain_fraction])
-        white = percent([row.white_loss, row.white_gain])
-        neighbours = [row.neighbours_x, row.neighbours_y]
-        yield shifts.tolist(), *shares, ..., ..., neighbours, white
-
-
 TABLES = {
     "## Numbers that others": (
         "statistics_of_contact",
@@ -315,7 +309,12 @@ TABLES = {
         "held_fraction%, found_and_wrong",
     ),
     "**Mistakes in the positions**": mistakes_in_places,
-    "**Repeats.**": repeats,
+    "**Repeats.**": (
+        "repeats",
+        "",
+        "along+across, loss_fraction%, gain_fraction%, ..., ..., neighbours_x+neighbours_y, "
+        "white_loss%+white_gain%",
+    ),
     "**Breech faces.**": ("breech_faces", "", "pairs, found, wrong, refused"),
     "## False stops": (
         "false_stops",
@@ -351,24 +350,21 @@ def claims_of_uses():
 def uses_beyond_the_square():
     rows = rows_of("use")
     side, reach = 5.0, 1.96  # mm, of config/config.yaml, and standard deviations
-    middles, reaches, truths = (
+
+    def beyond(at, by):
+        return np.hstack([at - by < 0, at + by > side])
+
+    mean, sd, true = (
         rows[[f"{name}_y_mm", f"{name}_x_mm"]].to_numpy()
         for name in ("mean", "sd", "true")
     )
-    named, over = (
-        np.stack([at - by < 0, at + by > side])
-        for at, by in ((middles, reach * reaches), (truths, 0.0))
-    )
-    is_beyond = named.any(axis=(0, 2))
-    outside = rows.case == "outside"
-    law = rows.case == "law"
-    counts = [
-        count
-        for case in (outside, law)
-        for count in (is_beyond[case].sum(), case.sum())
-    ]
-    right = (named & over).any(axis=(0, 2)) & outside
-    return *counts, right.sum(), (is_beyond & outside).sum()
+    named = beyond(mean, reach * sd)
+    right = (named & beyond(true, 0.0)).any(axis=1)
+    is_named = named.any(axis=1)
+    outside, law = rows.case == "outside", rows.case == "law"
+    count = is_named[outside].sum()
+    of_law = is_named[law].sum(), law.sum()
+    return count, outside.sum(), *of_law, right[outside].sum(), count
 
 
 def better_forms():
@@ -402,9 +398,8 @@ def peers():
 def law_and_best_baseline():
     models = summary_of("verdict").set_index(["worn by", "model"])
     for worn_by in verdict.WORN_BY:
-        reached = models[MCC][worn_by]
-        yield reached[verdict.BARE]
-        yield max(reached[[*verdict.BASELINES]], key=lambda cell: values(cell)[0])
+        yield models[MCC][worn_by, verdict.BARE]
+        yield of_best_baseline(MCC, [worn_by])[0]
 
 
 def runs_of_a_study():
