@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from cases import CODES, GOAL
-from environments import UnavailableError, interpreter
+from environments import interpreter
 from evaluate import evaluate
 from problems import MODULUS, Surface
 
@@ -197,7 +197,7 @@ def measure_case(case, labels, calibration, most_repeats):
         attempt = attempts(case.name, code, case.surface, levels)
         try:
             tolerance, first = calibration.find(case.name, code, attempt)
-        except (RunError, UnavailableError) as problem:
+        except RunError as problem:
             print(f"peer {code.label}: not available ({problem})", flush=True)
             continue
         repeats = next(count for limit, count in REPEATS if first.wall < limit)
@@ -261,7 +261,7 @@ def measure_growth(case, runs, calibration):
         attempt = attempts(f"{case.name} {size}² seed {seed}", code, surface, levels)
         try:
             tolerance, result = tightened(tolerance, attempt)
-        except (RunError, UnavailableError) as problem:
+        except RunError as problem:
             print(f"peer {label}: not available ({problem})", flush=True)
             continue
         reached[label, seed, cut_off] = tolerance

@@ -46,9 +46,9 @@ def solved(contact, rough=0.0, **options):
         )
 
 
-def faces(name, seed, shape, spacing, positions):
+def faces(patch, seed, shape, spacing, positions):
     """Pieces (mm, r.m.s. 1) of a rough tool, one for each strike."""
-    generator = stream(seed, *name, positions)
+    generator = stream(seed, patch, positions)
     count = 2 * max(shape)
     face = self_affine_field(
         generator,
@@ -106,7 +106,7 @@ def struck(contact, patch, seed):
     height = contact.interface.height.values
     spacing = contact.interface.for_solver[1][1]
     for positions in POSITIONS:
-        pieces = list(faces((patch,), seed, height.shape, spacing, positions))
+        pieces = list(faces(patch, seed, height.shape, spacing, positions))
         for rms in ROUGHNESSES_UM:
             fields = np.stack(
                 [solved(contact, 1e-3 * rms * piece).pressure for piece in pieces]

@@ -132,9 +132,9 @@ def main():
             configs[factor, value.strip()[1:-1]] = merged(config, change)
     for (factor, value), changed in configs.items():  # all, before any of them runs
         refuse_config(config_problems(changed), f"{chosen.config}, {factor} {value}")
-    for rows in pooled(outcomes_of, [*enumerate(configs.values())], chosen.processes):
-        tables = dict(iter(rows.groupby("setting")))
-    table = changes_table({key: tables[number] for number, key in enumerate(configs)})
+    *_, rows = pooled(outcomes_of, [*enumerate(configs.values())], chosen.processes)
+    tables = (outcome for _, outcome in rows.groupby("setting"))
+    table = changes_table(dict(zip(configs, tables, strict=True)))
     write_table(chosen.output, table)
     others = table[(table.factor != "") & (table.output != _PRESSURE)]
     for output, group in others.groupby("output"):

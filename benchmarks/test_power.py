@@ -18,11 +18,8 @@ from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import Stone
 from gstlib.validation.summary import separated
 
-DEFAULT, TINY = (
-    yaml.safe_load((ROOT / f"config/{name}.yaml").read_text())
-    for name in ("config", "tiny")
-)
-CONFIG = merged(DEFAULT, TINY)
+TINY = ROOT / "config/tiny.yaml"
+CONFIG = specimen_config(TINY)
 
 
 def test_claims_are_counted_at_each_level():
@@ -140,7 +137,8 @@ def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights():
 def test_two_specimens_from_their_making_to_the_rates(tmp_path, monkeypatch):
     """As small as that of the tiny study; one of them is studied with an interlayer, too."""
     sections = "patches", "specimen", "macroscale", "microscale"
-    changes = {name: TINY[name] for name in sections} | {"wear_steps": 2}
+    tiny = yaml.safe_load(TINY.read_text())
+    changes = {name: tiny[name] for name in sections} | {"wear_steps": 2}
     small, rows = tmp_path / "small.yaml", tmp_path / "power.csv"
     small.write_text(yaml.safe_dump(changes))
     command = f"power.py --config {power.CONFIG} {small} --output {rows}"
