@@ -44,12 +44,12 @@ def measured(shortest, seed):
     squared = np.add.outer(along**2, along**2)
     waves = np.abs(np.fft.fft2(heights)) ** 2 / COUNT**4
     m0, m2, m4 = ((squared**power * waves).sum() for power in range(3))
-    rows = []
     for load in LOADS:
         pressure = load * np.sqrt(m2)
-        options = {"target_pressure": pressure, "steps": 1, "periodic": True}
-        path = load_path(heights, 1 / COUNT, 1.0, **options)
-        row = {
+        path = load_path(
+            heights, 1 / COUNT, 1.0, target_pressure=pressure, steps=1, periodic=True
+        )
+        yield {
             "shortest": shortest,
             "seed": seed,
             "load": load,
@@ -58,8 +58,6 @@ def measured(shortest, seed):
             "stiffness": path.stiffness[0] / pressure * np.sqrt(m0),
             "gap": float(path.final.gap.mean()) / np.sqrt(m0),
         }
-        rows.append(row)
-    return rows
 
 
 def summary(rows):

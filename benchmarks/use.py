@@ -168,6 +168,8 @@ def worn_stone(config, patches, seed, faces):
     file = faces and faces / f"{seed}.pkl"
     settings = Settings(**config).by_stage()["infer_use"]
     stated = StatedUse(**settings.pop("stated"))
+    settings["sampling"] = Sampling(**settings["sampling"])
+    settings.pop("wear_law")
     point = np.array([*stated.load_point, np.log(use["worn_radius_mm"])])
     point[:2] += use["worn_off_middle_mm"]
     if file and file.exists():
@@ -483,14 +485,9 @@ def error_at(pressure, losses):
 def row_of(trial, case):
     """What the wear of one stone tells in one case."""
     stone, evidence = trial.stone, trial.evidence
-    settings = dict(stone.settings)
-    settings.pop("wear_law")
-    sampling = Sampling(**settings.pop("sampling"))
     row = {"seed": stone.seed, "case": case, "patches": len(stone.patches)}
     start = time.process_time()
-    use = infer_use(
-        stone.face, stone.patches, evidence, stone.stated, sampling=sampling, **settings
-    )
+    use = infer_use(stone.face, stone.patches, evidence, stone.stated, **stone.settings)
     row["cpu_s"] = time.process_time() - start
     row |= {name: use.attrs[name] for name in ATTRIBUTES.split() if name in use.attrs}
     row |= {f"true_{name}": value for name, value in trial.true.items()}
@@ -498,7 +495,7 @@ def row_of(trial, case):
         return row
     row |= inferred(use, trial.true)
     if isinstance(evidence, Losses):
-        predicted = predicted_losses(use, evidence, sampling.seed)
+        predicted = predicted_losses(use, evidence, stone.settings["sampling"].seed)
         as_told = pressures_of(stone, stone.stated.mean[None], losses=evidence)
         row["told"], _ = error_at(as_told, evidence)
         row["inferred"] = relative_error(predicted.predicted_um.to_numpy(), evidence)
