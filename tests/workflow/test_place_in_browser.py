@@ -331,7 +331,7 @@ def test_a_stale_page_saves_nothing_and_shows_what_was_not_saved(browser, unscan
         page.evaluate("last")  # is saved, or refused
         page.click("text=1 Where")
         assert "reload the page" in page.inner_text("#status")
-        assert page.locator("#places [aria-label='Remove 2']").is_visible()
+        page.wait_for_selector("#places [aria-label='Remove 2']")
         assert page.is_checked("text=with a hand: 100 N")
         assert table.read_text() == edited
         assert answers_of(page)["load.force_N"] == 550
