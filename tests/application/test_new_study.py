@@ -131,10 +131,15 @@ def test_scans_that_do_not_show_what_their_names_say_are_asked(lab):
     write_pairs(
         lab, lambda place, epoch: by_word((1, 0, 2)[place] if epoch else place, epoch)
     )
+    names = ["Stone_loc0_before_repeat.plu", "Stone_loc1_before_repeat.plu"]
+    for name, place in zip(names, (0, 2), strict=True):
+        write_scan(lab / "scans" / name, used(ground(place), 20))
     text, _, rows = new(lab)
     expected = [f"TODO {by_word(0, 1)}", f"TODO {by_word(1, 1)}", by_word(2, 1)]
     assert [t1 for _, _, t1 in scans_of(rows)] == expected
     assert f"{by_word(0, 1)} does not show the surface of {by_word(0, 0)}" in text
+    assert [row["repeat"] for row in rows] == [names[0], f"TODO {names[1]}", ""]
+    assert f"{names[1]} is named as a repeat of {by_word(1, 0)}" in text
 
 
 def test_the_stage_gives_the_distances_of_patches(lab):

@@ -208,6 +208,11 @@ def pair_scans(scans: Sequence[Scan], pattern: str | None = None) -> Pairs:
         if doubt:
             row = row._replace(t1=_doubtful(row.t1))
             doubts.append(doubt)
+        named = [by_name[name] for name in (row.t0, row.repeat) if name]
+        if row.repeat and len(named) == 2 and not _change(*named).is_found:
+            doubt = f"{row.repeat} is named as a repeat of {row.t0}, but does not show its surface"
+            row = row._replace(repeat=_doubtful(row.repeat))
+            doubts.append(doubt)
         if questions:
             row = row._replace(t0=row.t0 or TODO, t1=_doubtful(row.t1))
         rows.append(row)
