@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from bem_reference import MODULUS
+from bem_reference import MODULUS, dense_matrix
 
 from gstlib.bem import ContactInputError, HalfSpace, Layer, contact_modulus
 from gstlib.bem.halfspace import APPROXIMATION_ERROR
@@ -22,6 +22,16 @@ from gstlib.bem.halfspace import APPROXIMATION_ERROR
 def test_unphysical_constants_are_refused(constants):
     with pytest.raises(ContactInputError):
         contact_modulus(*constants)
+
+
+@pytest.mark.parametrize("shape", [(1, 7), (13, 8)])
+@pytest.mark.parametrize("spacing", [0.05, (0.05, 0.02)])
+def test_displacement_is_the_dense_sum(shape, spacing):
+    pressure = np.random.default_rng(1).standard_normal(shape)
+    expected = dense_matrix(shape, spacing) @ pressure.ravel()
+    displacement = HalfSpace(shape, spacing, MODULUS).displacement(pressure)
+    within = 1e-13 * abs(expected).max()
+    np.testing.assert_allclose(displacement, expected.reshape(shape), atol=within)
 
 
 @pytest.mark.parametrize("layer", [None, Layer(50.0, 0.4, 0.02)])
