@@ -128,32 +128,49 @@ def _ply(content: bytes) -> PlainMesh:
     body = content[len(stated) :]
     if not re.search(rb"^ *format +ascii", head, re.MULTILINE):
         return PlainMesh(head + body)
-    body, is_ended = _tidied(body)
-    rows = body.splitlines()
-    elements = head.split(b"element ")[1:]
+    text, is_ended = _tidied(body)
+    rows = text.splitlines()
+    head, *elements = head.split(b"element ")
     counts = [int(element.split()[1]) for element in elements]
     check_count(len(rows), sum(counts), "rows")
+    parts, start = [], 0
     for element, count in zip(elements, counts, strict=True):
-        kinds = re.findall(rb"^ *property +(\S+)", element, re.MULTILINE)
-        _check_rows(rows[:count], kinds)
-        rows = rows[count:]
-    return PlainMesh(head + body, is_ended=is_ended)
+        own, plain = _with_corners_alone(element, rows[start : start + count])
+        head += b"element " + own
+        parts += plain
+        start += count
+    return PlainMesh(head + b"\n".join([*parts, b""]), is_ended=is_ended)
 
 
-def _check_rows(rows: Sequence[bytes], kinds: Sequence[bytes]) -> None:
-    """Refuse rows of a PLY in text that have not a number for each property, and those of a list.
+def _with_corners_alone(
+    element: bytes, rows: Sequence[bytes]
+) -> tuple[bytes, list[bytes]]:
+    """The head and the rows of an element of a PLY in text; of faces, only the corners.
 
-    trimesh takes all lists to be as long as the first, and drops the rest.
+    trimesh takes all lists to be as long as the first, but a texture has two numbers for a corner.
     """
-    lists = [at for at, kind in enumerate(kinds) if kind == b"list"]
+    lines = re.findall(rb"^ *property .*\n", element, re.MULTILINE)
+    lists = [at for at, line in enumerate(lines) if line.split()[1] == b"list"]
+    corners = next((at for at in lists if b" vertex_ind" in lines[at]), None)
+    plain = []
     for row in rows:
-        cells = row.split()
-        lengths = [int(cells[at]) for at in lists if at < len(cells)]
-        if len(lists) > 1 or len(cells) != len(kinds) + sum(lengths):
+        cells, more = row.split(), 0  # numbers in lists before this one
+        for at in lists:
+            start = at + more
+            length = int(cells[start]) if start < len(cells) else 0
+            if at == corners:
+                row = b" ".join(cells[start : start + 1 + length])
+            more += length
+        if len(cells) != len(lines) + more:
             raise UnreadableError(
                 f"has a row that its header does not describe: {cells[:9]}",
                 EXPORT_AGAIN,
             )
+        plain.append(row)
+    for at, line in enumerate(lines):
+        if corners not in (None, at):
+            element = element.replace(line, b"", 1)
+    return element, plain
 
 
 def check_ply(elements: Mapping[str, Any]) -> None:

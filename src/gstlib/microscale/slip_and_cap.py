@@ -224,7 +224,7 @@ def case_table(
             cases["grinding"][patch] = slip_numbers(slip)
         if pressure_cap is None:
             continue
-        mean = float(contact.pressure.mean())
+        mean = contact.load.mean_pressure
         if mean >= pressure_cap * contact.interface.covered:
             _log.warning(
                 "patch %s: its mean pressure is %.4g MPa, so it cannot be solved with "

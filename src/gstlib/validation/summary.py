@@ -236,7 +236,9 @@ def _relative_to_best(errors: pd.DataFrame, model: str, draws: Draws) -> _Row:
 def _against_best(gain: pd.Series, draws: Draws) -> float:
     """Two-sided test of a mean gain over the best of the baselines."""
     p = exchange_p_value(gain, draws.generator)
-    return p if gain.empty or gain.mean() > 0 else min(1.0, len(BASELINES) * p)
+    if gain.empty or gain.mean() > 0:
+        return p
+    return float(np.minimum(1.0, len(BASELINES) * p))  # NaN where nothing is tested
 
 
 def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:

@@ -76,7 +76,12 @@ STL, OBJ, OFF, BIG = (
 COUNT = struct.pack("<I", 48)
 INSIDE_OUT = trimesh.Trimesh(stone().vertices, stone().faces[:, ::-1])
 BOTH_SIDES = stone() + INSIDE_OUT
+# As MeshLab writes a texture: two numbers for each corner.
+TEXTURE_LIST = "\nproperty list uchar float texcoord\nend_header"
+TEXTURED_PLY = QUADS_PLY.replace("\nend_header", TEXTURE_LIST)
+TEXTURE = " 8 0 0 0 1 1 1 1 0\n"
 DIALECTS = {
+    "textured.ply": TEXTURED_PLY.replace(SIDES, SIDES.replace("\n", TEXTURE)).encode(),
     "quads.obj": QUADS_OBJ.encode(),
     "quads.off": f"OFF\n8 6 0\n{PLACES}{SIDES}".encode(),
     "bytes behind.stl": STL + b"more",

@@ -91,7 +91,7 @@ def test_a_cap_holds_and_its_rows_agree_with_the_fields(contact):
 
 def test_a_patch_that_no_cap_lets_bear_its_load_is_left_out(contact, caplog):
     """Nothing else is lost: its mean pressure is known only when it is solved."""
-    mean = float(contact.pressure.mean())
+    mean = contact.load.mean_pressure
     table = case_table({"7": contact}, grinding=GRINDING, pressure_cap=mean)
     assert set(table.case[table.patch == "7"]) == {"grinding"}
     assert caplog.text.count("patch 7") == 1

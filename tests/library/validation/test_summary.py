@@ -67,6 +67,13 @@ def test_a_baseline_that_is_better_was_chosen_among_five():
     assert row.p_value == pytest.approx(5 * 2 / 2**8)
 
 
+def test_a_single_patch_is_not_tested_against_baselines():
+    wear = wear_of(archard=0.3, rigid=0.5)
+    row = summary(wear[wear.patch == PATCHES[0]]).loc["archard", "gain(mcc)"]
+    assert row.value < 0
+    assert np.isnan(row.p_value)
+
+
 def test_errors_are_over_those_of_no_loss_and_of_the_best_baseline():
     rows = summary(wear_of(archard=0.8, none=0.0, pressure_volume=0.6)).loc["archard"]
     expected = {
