@@ -75,7 +75,7 @@ style: $(READY)
 	$(BIN)/snakefmt --check Snakefile workflow/Snakefile workflow/rules
 	@# not a user's own files, in whatever language
 	git ls-files -z ':!.test' | xargs -0 $(BIN)/codespell
-	$(BIN)/python workflow/document.py --check
+	$(BIN)/python docs/document.py --check
 
 types: $(READY)
 	$(BIN)/mypy
@@ -121,7 +121,7 @@ sweep: $(READY) ## vary one input at a time, and compare the results (a quarter 
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/sweep.py --config "$(CONFIG)" --processes $(CORES)
 
 docs: $(READY) ## renew the parts of the documents that are generated from the code
-	$(BIN)/python workflow/document.py
+	$(BIN)/python docs/document.py
 	$(BIN)/python benchmarks/age.py
 
 site: $(CHECKS) ## make an offline site of documents and API in build/site (warnings are errors)

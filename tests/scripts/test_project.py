@@ -31,7 +31,7 @@ def test_a_config_of_the_users_own_makes_no_document_stale(tmp_path):
         shutil.copytree(ROOT / name, tmp_path / name)
     shutil.copy(ROOT / "README.md", tmp_path)
     (tmp_path / "config/mine.yaml").write_text("title: mine\n")
-    command = [sys.executable, "workflow/document.py", "--check"]
+    command = [sys.executable, "docs/document.py", "--check"]
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "src")}
     subprocess.run(command, cwd=tmp_path, env=environment, check=True)
 
