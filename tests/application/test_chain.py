@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 from snakemake.iocontainers import Namedlist
+from snapshots import snapshot
 
 from gst.run.chain import (
     PAGE,
@@ -247,13 +248,13 @@ def test_a_job_whose_config_was_edited_since_the_run_began_does_not_start(
 ):
     monkeypatch.setenv(ASKED, json.dumps({str(RESULTS): hashes_of(steps, RESULTS)}))
     edited = steps_in(flip="x")[0]
-    before = contents(RESULTS)
+    before = snapshot(RESULTS)
     with pytest.raises(SystemExit):
         run_script(job_of(edited), clean)
     log = RESULTS / "logs/clean.log"
     assert "edited while the study runs" in log.read_text()
     log.unlink()
-    assert contents(RESULTS) == before
+    assert snapshot(RESULTS) == before
     run_script(job_of(steps[0]), clean)
 
 
@@ -305,18 +306,12 @@ def test_no_record_makes_anything_be_written_or_deleted(steps, name):
         record[part][name] = "a1"
     record["params"]["makes"] = [name]
     file.write_text(json.dumps(record))
-    before = contents(Path.cwd())
+    before = snapshot(Path.cwd())
     plan_again(steps, RESULTS)
     break_in(RESULTS)
     for made in made_in(RESULTS):
         assert Path(os.path.normpath(made)).is_relative_to(RESULTS)
-    assert contents(Path.cwd()) == before
+    assert snapshot(Path.cwd()) == before
     outside = r"results/out: is a link to .*, outside the results"
     with pytest.raises(InputError, match=outside):
         check_chain(RESULTS)
-
-
-def contents(folder):
-    return {
-        file: file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()
-    }

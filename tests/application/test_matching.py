@@ -17,9 +17,10 @@ from gst.check.matching import (
     match_together,
 )
 from gst.check.sliding import Refined
-from gst.setup.finding import _laid_alike, find_on_map, find_on_stone
+from gst.setup.finding import Matches, _laid_alike, find_on_map, find_on_stone, seen_in
 from gstlib import self_affine_field
-from gstlib.surfaces.footprints import PatchPosition
+from gstlib.surfaces.footprints import PatchPosition, outline
+from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import coarser, make_surface
 
 LIKELY = Match(
@@ -231,3 +232,14 @@ def test_a_scan_on_a_map_lies_where_its_points_do_on_the_stone(outside, inside):
         expected = outer.place_of(y - 0.9, x - 1.4)
         assert whole.place_of(*point)[:2] == pytest.approx(expected[:2])
     assert whole.error_mm == pytest.approx(0.03 * 2**0.5)
+
+
+def test_what_is_found_on_one_square_lies_there_on_another():
+    match = replace(LIKELY, place=PatchPosition(1.0, 2.0, 150.0))
+    turned = Frame((1.0, 2.0, 3.0), (0.0, 0.6, 0.8), (1.0, 0.0, 0.0))
+    square = Frame((1.0, 0.5, 2.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+    seen = seen_in(square, Matches(turned, None, {"A": match}))["A"]
+    assert -180 <= seen.rotation_deg < 180
+    ours = outline(seen, PATCH) @ square.axes[:2] + square.origin
+    theirs = outline(match.place, PATCH) @ turned.axes[:2] + turned.origin
+    np.testing.assert_allclose(ours, theirs, atol=1e-12)

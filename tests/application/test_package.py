@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 from click.testing import CliRunner
+from snapshots import snapshot
 
 import gstlib
 from gst.cli import main
@@ -217,16 +218,6 @@ def spoil_file(results, private, name, how):
     file.unlink(missing_ok=True)
     file.parent.mkdir(exist_ok=True)
     SPOIL[how](file, private)
-
-
-def snapshot(folder):
-    """What every file in a folder is, without following a link or reading a pipe."""
-    return {
-        file: file.read_bytes()
-        if file.is_file() and not file.is_symlink()
-        else (file.lstat().st_mode, file.is_symlink() and os.readlink(file))
-        for file in folder.rglob("*")
-    }
 
 
 def run_all(working, spoil):
