@@ -1,7 +1,6 @@
 """Figures: faithful to their data, and the same bytes each time."""
 
 import io
-import re
 from dataclasses import replace
 
 import matplotlib
@@ -10,7 +9,7 @@ import pandas as pd
 import pytest
 import trimesh
 import xarray as xr
-from contacts import contact_of
+from contacts import contact_of, written
 from in_memory import InMemory
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -22,21 +21,13 @@ from gst.page.results import PatchResult
 from gst.page.verdict import MODELS
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
-from gstlib.validation.summary import separated
-
-
-def table(text):
-    """A table whose columns stand apart by two spaces."""
-    text = re.sub(" {2,}", "|", re.sub("\n +", "\n", text))
-    return pd.read_csv(io.StringIO(text), sep="|", dtype={"patch": str})
-
 
 # Of three patches, "2" is not in the study.
-PRESSURES = table(
-    """patch  x_mm  y_mm  rotation_deg  pressure_MPa  in_study  low_MPa  high_MPa
-    1  0.5  0.5  0  40  True  1  90
-    2  2.5  1.5  10  4  False  1  90
-    3  4.5  4.4  -3  20  True  1  90"""
+PRESSURES = written(
+    """patch,x_mm,y_mm,rotation_deg,pressure_MPa,in_study,low_MPa,high_MPa
+    1,0.5,0.5,0,40,True,1,90
+    2,2.5,1.5,10,4,False,1,90
+    3,4.5,4.4,-3,20,True,1,90"""
 )
 RNG = np.random.default_rng(0)
 
@@ -82,18 +73,18 @@ CHANGE = xr.Dataset(
 PREDICTED = (T0 - 2e-3).clip(0) + 5e-3
 MARKED = (PREDICTED > 5.2e-3) & LOST.notnull()
 RESULT = PatchResult("1", CONTACTS["1"], CHANGE, PREDICTED)
-USES = table(
-    """x_mm  y_mm  radius_mm  scatter_mm  stroke_mm  stroke_angle_deg  weight
-    1  2  90  0.1  0  0  0.3
-    2  1  200  0.2  0  0  0.6
-    2.5  1.5  150  0  1  90  0.1"""
+USES = written(
+    """x_mm,y_mm,radius_mm,scatter_mm,stroke_mm,stroke_angle_deg,weight
+    1,2,90,0.1,0,0,0.3
+    2,1,200,0.2,0,0,0.6
+    2.5,1.5,150,0,1,90,0.1"""
 ).astype(float)
-LOSSES_PREDICTED = table(
-    "loss_um  predicted_um  low_um  high_um\n1  0.9  0.5  1.3\n0.2  0.4  -0.1  0.9"
+LOSSES_PREDICTED = written(
+    "loss_um,predicted_um,low_um,high_um\n1,0.9,0.5,1.3\n0.2,0.4,-0.1,0.9"
 )
 
 
-USE_TABLE = table("parameter  prior\nload_point_x  1.5\nload_point_y  1.5\nradius  200")
+USE_TABLE = written("parameter,prior\nload_point_x,1.5\nload_point_y,1.5\nradius,200")
 
 
 def study_of(**files):
@@ -239,26 +230,26 @@ def test_load_curves_are_those_of_the_patches_and_of_the_square():
 
 
 def test_validation_shows_the_numbers_of_the_tables():
-    summary = table(
-        """model  statistic  value  low  high  p_value  n
-        archard  mean(mcc)  0.5  0.4  0.6  NA  3
-        archard  mean(attainable_mcc)  0.7  NA  NA  NA  3
-        rigid  mean(mcc)  0.4  NA  NA  NA  3
-        NA  spearman(pressure_MPa, loss_fraction)  0.5  -0.1  0.9  0.2  3
-        NA  spearman(touched, mean_wear_depth_um)  0.4  NA  NA  NA  4"""
+    summary = written(
+        """model,statistic,x,y,value,low,high,p_value,n
+        archard,mean,mcc,,0.5,0.4,0.6,NA,3
+        archard,mean,attainable_mcc,,0.7,NA,NA,NA,3
+        rigid,mean,mcc,,0.4,NA,NA,NA,3
+        NA,spearman,pressure_MPa,loss_fraction,0.5,-0.1,0.9,0.2,3
+        NA,spearman,touched,mean_wear_depth_um,0.4,NA,NA,NA,4"""
     )
-    losses = table(
-        """patch  stated_MPa  mean_wear_depth_um  above_noise
-        1  40  0.1  True
-        2  4  NA  True
-        3  20  0.2  True
-        4  30  0.3  False
-        5  0  0.01  True
-        6  9  0.05  True"""
+    losses = written(
+        """patch,stated_MPa,mean_wear_depth_um,above_noise
+        1,40,0.1,True
+        2,4,NA,True
+        3,20,0.2,True
+        4,30,0.3,False
+        5,0,0.01,True
+        6,9,0.05,True"""
     )
-    patches = table("patch  in_statistics\n1  True\n3  True\n5  False\n6  False")
+    patches = written("patch,in_statistics\n1,True\n3,True\n5,False\n6,False")
     study = study_of(
-        validation_summary=separated(summary),
+        validation_summary=summary,
         validation_patches=patches,
         patch_pressures=losses[["patch", "stated_MPa"]].assign(pressure_MPa=1.0),
         registration=losses.drop(columns="stated_MPa"),
@@ -280,21 +271,21 @@ def test_validation_shows_the_numbers_of_the_tables():
 
 
 def test_wear_shows_the_counted_patches_and_no_others():
-    wear = table(
-        """patch  model  predicted_volume_um3  measured_volume_um3
-        1  archard  1e5  2e5
-        3  archard  3e5  4e5
-        5  archard  0  9e5
-        1  rigid  2e5  2e5"""
+    wear = written(
+        """patch,model,predicted_volume_um3,measured_volume_um3
+        1,archard,1e5,2e5
+        3,archard,3e5,4e5
+        5,archard,0,9e5
+        1,rigid,2e5,2e5"""
     )
-    profile = table(
-        """patch  model  band  loss_um
-        5  archard  1  9
-        1  archard  1  1
-        3  archard  1  3
-        1  measured  3  4"""
+    profile = written(
+        """patch,model,band,loss_um
+        5,archard,1,9
+        1,archard,1,1
+        3,archard,1,3
+        1,measured,3,4"""
     )
-    patches = table("patch  in_statistics\n1  True\n3  True\n5  False")
+    patches = written("patch,in_statistics\n1,True\n3,True\n5,False")
     study = study_of(wear=wear, wear_profile=profile, validation_patches=patches)
     volumes, heights = tables.wear_figure(study).axes
     assert points_of(volumes) == [[[2, 1], [4, 3]]]
