@@ -15,3 +15,6 @@ class InMemory(Results):
 
     def data(self, name, *only):
         return self.files.get(f"{name}.h5")
+
+    def has(self, name):
+        return f"{name}.h5" in self.files
