@@ -7,8 +7,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from folders import snapshot
 from snakemake.iocontainers import Namedlist
-from snapshots import snapshot
 
 from gst.run.chain import (
     PAGE,

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from scipy.ndimage import gaussian_filter
+from shell import command
 
 import gstlib
-from gst.cli import main
 
 SPACING = 0.004  # mm
 POINTS = 160
@@ -33,20 +32,21 @@ def folder(tmp_path_factory):
     return folder
 
 
-def run(folder, *arguments):
-    options = ["--output", str(folder / "change.png")]
-    files = [
-        str(folder / word) if word.endswith(".plu") else word for word in arguments
-    ]
-    return CliRunner().invoke(main, ["change", *files, *options])
+@pytest.fixture(autouse=True)
+def _here(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+def run(*files):
+    return command("change --output change.png", *files)
 
 
 @pytest.mark.parametrize(
     ("repeat", "source"),
-    [((), "unchanged part"), (("--repeat", "again.plu"), "the repeat")],
+    [([], "unchanged part"), (["--repeat", "again.plu"], "the repeat")],
 )
 def test_the_loss_of_two_scans(folder, repeat, source):
-    result = run(folder, "T0.plu", "T1.plu", *repeat)
+    result = run("T0.plu", "T1.plu", *repeat)
     assert result.exit_code == 0, result.output
     loss = next(row for row in result.output.splitlines() if row.startswith("loss"))
     percent, volume = float(loss.split()[1]), float(loss.split()[6])
@@ -56,22 +56,21 @@ def test_the_loss_of_two_scans(folder, repeat, source):
     assert (folder / "change.png").stat().st_size > 1000
 
 
-def test_a_picture_replaces_no_other_and_its_ending_is_known(folder, monkeypatch):
-    monkeypatch.chdir(folder)
+def test_a_picture_replaces_no_other_and_its_ending_is_known(folder):
     (folder / "T1_change.png").write_text("mine")
-    result = CliRunner().invoke(main, ["change", "T0.plu", "T1.plu"])
+    result = command("change T0.plu T1.plu")
     assert result.output.splitlines()[-1].split() == ["picture", "T1_change_2.png"]
     assert (folder / "T1_change.png").read_text() == "mine"
-    for command in ("change T0.plu T1.plu", "press T0.plu --pressure 5"):
-        result = CliRunner().invoke(main, [*command.split(), "--output", "a.txt"])
+    for words in ("change T0.plu T1.plu", "press T0.plu --pressure 5"):
+        result = command(f"{words} --output a.txt")
         assert (result.exit_code, result.stdout) == (2, "")
         assert "'--output': end the name in .png, .svg or .pdf" in result.stderr
 
 
-def test_moulds_are_turned_over(folder):
+def test_moulds_are_turned_over():
     """Scans of moulds that are taken for the stone's show a gain, which is doubted."""
-    assert "--mould" in run(folder, "T1.plu", "T0.plu").output
-    turned = run(folder, "T1.plu", "T0.plu", "--mould").output
+    assert "--mould" in run("T1.plu", "T0.plu").output
+    turned = run("T1.plu", "T0.plu", "--mould").output
     assert turned.partition("loss")[2].split()[0].startswith("25")
     assert "NOTE" not in turned
 
@@ -85,36 +84,36 @@ def test_moulds_are_turned_over(folder):
         (1, 2, "Resample one of the two surfaces"),
     ],
 )
-def test_two_scans_that_cannot_be_subtracted_are_refused(folder, scale, step, remedy):
+def test_two_scans_that_cannot_be_subtracted_are_refused(scale, step, remedy):
     """Of another unit, and of another distance of the points."""
-    heights = gstlib.read_scan(folder / "T1.plu").values[::step, ::step]
-    gstlib.write_plu(folder / "odd.plu", scale * heights, step * SPACING)
+    heights = gstlib.read_scan("T1.plu").values[::step, ::step]
+    gstlib.write_plu("odd.plu", scale * heights, step * SPACING)
     for pair in (("T0.plu", "odd.plu"), ("odd.plu", "T0.plu")):
-        result = run(folder, *pair)
+        result = run(*pair)
         assert result.exit_code == 2
         assert remedy in result.stderr
         assert "patch" not in result.stderr
         assert "WARNING" not in result.stderr
 
 
-def test_a_smaller_scan_after_use_is_compared_where_it_lies(folder):
-    heights = gstlib.read_scan(folder / "T1.plu").values[:120, :120]
-    gstlib.write_plu(folder / "small.plu", heights, SPACING)
-    result = run(folder, "T0.plu", "small.plu")
+def test_a_smaller_scan_after_use_is_compared_where_it_lies():
+    heights = gstlib.read_scan("T1.plu").values[:120, :120]
+    gstlib.write_plu("small.plu", heights, SPACING)
+    result = run("T0.plu", "small.plu")
     assert result.exit_code == 0, result.output
     assert "NOTE: the change of the rest of T0 is not measured" in result.stdout
 
 
-def test_a_doubt_of_the_library_is_a_warning_about_the_file(folder):
+def test_a_doubt_of_the_library_is_a_warning_about_the_file():
     """Heights may be calibrated otherwise, by a factor that wear might leave."""
-    heights = 1.4 * gstlib.read_scan(folder / "again.plu").values
-    gstlib.write_plu(folder / "an odd scan.plu", heights, SPACING)
-    result = run(folder, "T0.plu", "an odd scan.plu")
+    heights = 1.4 * gstlib.read_scan("again.plu").values
+    gstlib.write_plu("an odd scan.plu", heights, SPACING)
+    result = run("T0.plu", "an odd scan.plu")
     assert "WARNING: an odd scan.plu: its dales at T1 are 1.4 times" in result.stderr
 
 
 @pytest.mark.parametrize("files", [("other.plu",), ("T1.plu", "--repeat", "other.plu")])
-def test_a_scan_of_another_surface_is_refused(folder, files):
-    result = run(folder, "T0.plu", *files)
+def test_a_scan_of_another_surface_is_refused(files):
+    result = run("T0.plu", *files)
     assert result.exit_code == 2
     assert "other.plu" in result.output

@@ -6,20 +6,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
+from folders import fill
+from shell import command
 
 import gst
-from gst.cli import main
 from gstlib.bem.closed_forms import Sphere
 from gstlib.io.plu import write_plu
 
 
-def run(*arguments):
-    return CliRunner().invoke(main, arguments, input="")
-
-
 @pytest.mark.parametrize(
-    ("command", "words"),
+    ("done", "words"),
     [
         (f"new {'a' * 300}", "File name too long"),
         ("new here --like mine", "'mine' is not one of"),
@@ -34,18 +30,17 @@ def run(*arguments):
         ("package full", "no finished study"),
     ],
 )
-def test_a_command_that_cannot_be_done_says_why(tmp_path, monkeypatch, command, words):
+def test_a_command_that_cannot_be_done_says_why(tmp_path, monkeypatch, done, words):
     patches = gst.ROOT / "config/patches_tiny.tsv"
-    for file, text in {
+    files = {
         "full.yaml": f"results: full\npatches: {patches}\n",
         "in_loop.yaml": f"results: loop\npatches: {patches}\n",
         "full/tables/a.csv": "patch,x\n1,2\n",
-    }.items():
-        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / file).write_text(text)
+    }
+    fill(tmp_path, files)
     (tmp_path / "loop").symlink_to("loop")
     monkeypatch.chdir(tmp_path)
-    result = run(*command.split())
+    result = command(done)
     assert result.exit_code == 2
     assert words in result.stderr
     assert (tmp_path / "full/tables/a.csv").exists()
@@ -57,7 +52,7 @@ def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
     spacing, n, radius = 0.008, 50, 20.0
     x = (np.arange(n) - (n - 1) / 2) * spacing
     write_plu("cap.plu", -(x**2 + x[:, None] ** 2) / (2 * radius), spacing)
-    result = run("press", "cap.plu", "--pressure", "22", "--modulus", "1e4")
+    result = command("press cap.plu --pressure 22 --modulus 1e4")
     assert (result.exit_code, result.stderr) == (0, "")
     assert Path("cap.plu.png").stat().st_size > 5000
     curve = pd.read_csv("cap.plu_curve.csv")
@@ -68,7 +63,7 @@ def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
     assert peak == pytest.approx(exact.peak_pressure, rel=0.03)
     assert "E* 10000 MPa" in result.stdout
     write_plu("bowl.plu", (x**2 + x[:, None] ** 2) / (2 * radius), spacing)
-    result = run("press", "bowl.plu", "--pressure", "5")
+    result = command("press bowl.plu --pressure 5")
     assert result.stderr.startswith("WARNING: bowl.plu: ")
     assert "Give --periodic if it repeats itself" in result.stderr
     assert "periodic=" not in result.stderr
@@ -82,13 +77,13 @@ def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
         ("--unit m --spacing-um 4", "Check --unit"),
     ],
 )
-@pytest.mark.parametrize("command", ["press a.txt --pressure 5", "change a.txt a.txt"])
+@pytest.mark.parametrize("asked", ["press a.txt --pressure 5", "change a.txt a.txt"])
 def test_a_scan_alone_is_told_of_options_and_not_of_a_config(
-    tmp_path, monkeypatch, command, options, remedy
+    tmp_path, monkeypatch, asked, options, remedy
 ):
     monkeypatch.chdir(tmp_path)
     np.savetxt("a.txt", np.random.default_rng(1).normal(size=(30, 30)))
-    result = run(*command.split(), *options.split())
+    result = command(f"{asked} {options}")
     assert result.exit_code == 2
     assert remedy in result.stderr
     for word in ("config", "scans.", "patch", "accept"):

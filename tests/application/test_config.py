@@ -9,6 +9,7 @@ from functools import reduce
 
 import pytest
 import yaml
+from folders import fill
 from snakemake.utils import update_config
 
 from gst import ROOT
@@ -223,6 +224,7 @@ def test_results_do_not_go_where_measured_files_are(config, results, inside):
 
 
 BAD_TABLES = {
+    "ab": "",
     "bad.csv": "patch,x_mm,y_mm,t0\n1,9,1,a\n",
     "poses.csv": "x_mm,y_mm\n1,1\n",
     "values.csv": "quantity,patch,unit,value\nload,,MPa,22\n",
@@ -249,8 +251,7 @@ BAD_TABLES = {
 def test_what_would_stop_a_run_before_its_first_step(
     tmp_path, monkeypatch, change, words
 ):
-    for name, text in (BAD_TABLES | {"ab": ""}).items():
-        (tmp_path / name).write_text(text)
+    fill(tmp_path, BAD_TABLES)
     monkeypatch.chdir(tmp_path)
     whole = complete({"patches": str(ROOT / "config/patches_tiny.tsv")})
     with pytest.raises(ConfigError) if words else nullcontext() as caught:

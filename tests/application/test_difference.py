@@ -4,9 +4,8 @@ import json
 import shutil
 
 import pytest
-from click.testing import CliRunner
+from shell import command
 
-from gst.cli import main
 from gst.run.chain import PAGE, Step, given_to, write_record
 from gst.share.difference import compare_results, describe_changes
 
@@ -36,10 +35,6 @@ def edit(folder, name, old, new):
     text = file.read_text()
     assert old in text
     file.write_text(text.replace(old, new))
-
-
-def run(*folders):
-    return CliRunner().invoke(main, ["diff", *map(str, folders)])
 
 
 def test_value_by_row_and_column(folders):
@@ -131,18 +126,18 @@ def test_a_table_that_another_config_left_is_not_compared(folders):
 def test_command_and_its_exit_codes(folders, tmp_path):
     one, other = folders
     edit(other, "provenance.json", "2000.0", "1000.0")
-    result = run(one, other)
+    result = command("diff", one, other)
     assert result.exit_code == 0  # the results are the same
     change = "  key=config.pressure_cap_MPa, value: 2000.0 → 1000.0  (0.5)"
     assert result.output.splitlines() == ["provenance: 1 change", change]
     edit(other, "tables/patch_pressures.csv", "40.2", "50.2")
-    result = run(one, other)
+    result = command("diff", one, other)
     assert result.exit_code == 1
     assert "  patch=8, pressure_MPa: 40.2 → 50.2  (0.2)\n" in result.output
     (other / "provenance.json").write_text("[1, 2]")
-    result = run(one, other)
+    result = command("diff", one, other)
     assert result.exit_code == 2
     assert f"ERROR: {other / 'provenance.json'}: " in result.stderr
     (other / "tables/patch_pressures.csv").write_text("")
-    assert f"ERROR: {other}: cannot be read" in run(one, other).stderr
-    assert f"ERROR: {tmp_path}: has no tables" in run(one, tmp_path).stderr
+    assert f"ERROR: {other}: cannot be read" in command("diff", one, other).stderr
+    assert f"ERROR: {tmp_path}: has no tables" in command("diff", one, tmp_path).stderr

@@ -9,6 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from gst.check.fixing import Cure, cures_of, offer
+from gst.config.reading import complete
 from gstlib.coupling.orientations import oriented
 from gstlib.errors import ConfigError
 from gstlib.surfaces.footprints import PatchPosition, on_patch, spline_of
@@ -49,11 +50,7 @@ def study(
     registration["loss_fraction"] = [0.2 * (n in fell) for n in range(9)]
     mould = {"invert": False, "flip": None}
     return SimpleNamespace(
-        config={
-            "scans": {"size_mm": SIZE, "mould": mould},
-            "square": {"size_mm": SQUARE},
-            "macroscale": {"face_mm": 15.0},
-        },
+        config=complete({"scans": {"mould": mould}}),
         settings={"check_placement": {"patch_mm": SIZE, **mould}},
         face=SimpleNamespace(height=stone.copy(data=height * stone.values)),
         patches=patches,
@@ -66,34 +63,34 @@ ROW = {"patch": "4", "x_mm": "1,2", "y_mm": "1.2", "t0": "a", "t1": "b"}
 
 
 @pytest.mark.parametrize(
-    ("faults", "values", "cells"),
+    ("faults", "mended"),
     [
-        ({}, {}, {}),
-        ({"laid": "reversed along x"}, {"scans.mould.flip": "x"}, {}),
-        ({"laid": "turned by 90°", "only": ["4"]}, {}, {"rotation_deg": -90}),
+        ({}, {}),
+        ({"laid": "reversed along x"}, {"scans.mould.flip": "x"}),
+        ({"laid": "turned by 90°", "only": ["4"]}, {"rotation_deg": -90}),
         # the row is that of patch 4
-        ({"laid": "turned by 90°", "only": ["5"]}, {}, {}),
-        ({"off": (-0.06, 0.09)}, {}, {"x_mm": 1.11, "y_mm": 1.26}),
-        ({"off": MIRRORED}, {}, {"x_mm": 3.8, "y_mm": 1.2}),
-        ({"rose": range(6)}, {}, {"t0": "b", "t1": "a"}),
-        ({"thickness": 12.34}, {"macroscale.face_mm": 12.3}, {}),
+        ({"laid": "turned by 90°", "only": ["5"]}, {}),
+        ({"off": (-0.06, 0.09)}, {"x_mm": 1.11, "y_mm": 1.26}),
+        ({"off": MIRRORED}, {"x_mm": 3.8, "y_mm": 1.2}),
+        ({"rose": range(6)}, {"t0": "b", "t1": "a"}),
+        ({"thickness": 12.34}, {"macroscale.face_mm": 12.3}),
         # two cures, or none: exchanged in some rows, or worn otherwise
-        ({"rose": range(6), "fell": [7]}, {}, {}),
+        ({"rose": range(6), "fell": [7]}, {}),
         # or a mould: the mesh does not tell
-        ({"rose": range(6), "height": 0.0}, {}, {}),
+        ({"rose": range(6), "height": 0.0}, {}),
         # no face is as small as that
-        ({"thickness": 3.0}, {}, {}),
+        ({"thickness": 3.0}, {}),
     ],
 )
-def test_a_fault_with_one_cure_has_that_alone(faults, values, cells):
-    new_values, new_cells = {}, {}
+def test_a_fault_with_one_cure_has_that_alone(faults, mended):
+    found = {}
     for cure in cures_of(study(**faults)):
-        new_values |= cure.values
-        new_cells |= cure.cells(ROW) if cure.cells else {}
-    assert new_values == values
-    numbers = {name: cell for name, cell in new_cells.items() if name[0] != "t"}
-    new_cells |= {name: float(cell) for name, cell in numbers.items()}
-    assert new_cells == pytest.approx(cells, abs=5e-3)
+        cells = cure.cells(ROW) if cure.cells else {}
+        found |= cure.values | {
+            name: cell if name[0] == "t" else float(cell)
+            for name, cell in cells.items()
+        }
+    assert found == pytest.approx(mended, abs=5e-3)
 
 
 CONFIG = "patches: mine.csv  # my table\nscans:\n  mould: {invert: true, flip: y}  # of silicone\n"

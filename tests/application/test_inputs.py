@@ -3,42 +3,29 @@
 import numpy as np
 import pytest
 import trimesh
-from click.testing import CliRunner
+import yaml
+from folders import fill
 from PIL import Image
+from shell import command
 
 from gst.check.inputs import Asked, check_inputs
 from gst.check.inspecting import inspect_file
-from gst.cli import main
 from gst.config.patches import ScanFile
+from gst.config.reading import asked_of_files, complete
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.footprints import PatchPosition
 
 SPACING = 0.01
-FACE = {
-    "size_mm": 4.0,
-    "points_mm": [[3.0, 3.0, 4.9], [7.0, 3.0, 4.9], [3.0, 7.0, 4.9]],
-    "grid": 20,
-    "face_mm": 6.0,
-}
-SCANS = {
-    "size_mm": 0.5,
-    "unit": None,
-    "spacing_um": None,
-    "mould": {"invert": False, "flip": None},
-}
-
-
-ASKED = {
-    "mesh_unit": "mm",
-    "face": FACE,
-    "rounded": (50.0, 0.0),
-    "scan_settings": SCANS,
-    "maximum_unmeasured": 0.05,
-    "placed": True,
-    "reference": False,
-    "interlayer": None,
-    "active_tool": None,
-}
+CONFIG = complete(
+    yaml.safe_load("""
+square: {size_mm: 4.0, points_mm: [[3, 3, 4.9], [7, 3, 4.9], [3, 7, 4.9]]}
+macroscale: {grid: 20, face_mm: 6.0}
+counterface: {radius_mm: 50.0}
+scans: {size_mm: 0.5, mould: {invert: false, flip: null}}
+preprocessing: {maximum_unmeasured: 0.05}
+reference_realisations: null
+""")
+)
 
 
 def noise(seed, points=50):
@@ -77,7 +64,7 @@ def scans(folder):
 
 def problems_of(folder, uses, mesh="stone.stl", **settings):
     """The sentences of all problems."""
-    asked = Asked(**(ASKED | settings))
+    asked = Asked(**asked_of_files(CONFIG, "mm", None) | settings)
     inputs = check_inputs(mesh and folder / mesh, uses, asked)
     return list(map(str, inputs.problems))
 
@@ -165,7 +152,7 @@ def wavy(folder):
             )
             write_plu(uses[-1].path, factor * heights, 0.04)
         return problems_of(
-            folder, uses, scan_settings=SCANS | {"size_mm": 2.0}, **settings
+            folder, uses, scan_settings=CONFIG["scans"] | {"size_mm": 2.0}, **settings
         )
 
     return problems
@@ -227,13 +214,11 @@ def test_facts_of_a_scan(tmp_path):
 
 def test_a_folder_is_inspected_as_far_as_it_can_be_read(folder):
     """With pictures that have the names of their files, in which nothing is a formula."""
-    for name in ("notes.pdf", "bad.plu"):
-        (folder / name).write_bytes(b"-")
+    fill(folder, {"notes.pdf": "-", "bad.plu": "-"})
     (folder / "again").mkdir()
     (folder / "1_T0.plu").rename(folder / "again/1_T1.plu")
     (folder / "2_T0.plu").rename(folder / "P$_{$\\alpha^2.plu")
-    arguments = ["inspect", "--pictures", str(folder / "seen"), str(folder)]
-    result = CliRunner().invoke(main, arguments)
+    result = command("inspect --pictures", folder / "seen", folder)
     assert result.exit_code == 2
     assert "bad.plu" in result.stderr
     assert "notes" not in result.output

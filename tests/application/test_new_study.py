@@ -7,22 +7,22 @@ import pandas as pd
 import pytest
 import trimesh
 import yaml
-from click.testing import CliRunner
 from scan_files import write_plu_at
 from scipy.ndimage import gaussian_filter
+from shell import command
 from stones import TURN, rough_stone, taken
 
-from gst.cli import main
 from gstlib.io.meshes import read_mesh
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.frames import find_frame
 
 SPACING = 0.0133  # mm
 POINTS = 64
+NEW = "new study --mesh stone.stl"
 
 
-def run(*arguments, code=0):
-    result = CliRunner().invoke(main, list(map(str, arguments)))
+def run(words, code=0):
+    result = command(words)
     assert result.exit_code == code, result.output
     return result.output
 
@@ -74,10 +74,10 @@ def write_pairs(lab, name=by_word, sign=1, stages=3 * [(0.0, 0.0)], dates=("", "
             write_scan(path, sign * heights, stages[place], dates[epoch])
 
 
-def new(lab, *options):
+def new(lab, options=""):
     """What is said, the config and the rows of a study that is made anew."""
     shutil.rmtree(lab / "study", ignore_errors=True)
-    text = run("new", "study", "--mesh", "stone.stl", "--scans", "scans", *options)
+    text = run(f"{NEW} --scans scans {options}")
     config = yaml.safe_load((lab / "study/study.yaml").read_text())
     table = pd.read_csv(
         lab / "study/patches.csv", sep=";", dtype=str, keep_default_na=False
@@ -102,10 +102,10 @@ def test_what_files_tell_is_written_and_the_rest_is_asked(lab):
     assert config["scans"]["mould"]["invert"] is False
     assert "3 of 3 lost height" in text
     assert "notes.pdf" in text
-    assert "exists already" in run("new", "study", "--mesh", "stone.stl", code=2)
+    assert "exists already" in run(NEW, code=2)
     # refused by its keys before any file is read
     (lab / "stone.stl").unlink()
-    refused = run("check", "study", code=2)
+    refused = run("check study", code=2)
     assert "square.points_mm" in refused
     for key in ("load.force_N", "counterface.radius_mm", "material.young_2_MPa"):
         assert f"'{key}' is still TODO" in refused  # only the user knows it
@@ -162,7 +162,7 @@ def test_the_stage_gives_the_distances_of_patches(lab):
 )
 def test_a_mesh_is_in_the_unit_that_makes_a_stone(lab, longest, unit):
     write_stone(lab / "stone.stl", longest)
-    run("new", "study", "--mesh", "stone.stl")
+    run(NEW)
     config = yaml.safe_load((lab / "study/study.yaml").read_text())
     assert config["inputs"]["mesh_unit"] == unit
 
@@ -201,7 +201,7 @@ def test_scans_are_found_on_an_overview_and_it_on_the_mesh(lab):
         scan = taken(heights, centre, 40.0, 0.85, SPACING, mirrored=True)
         write_scan(lab / f"scans/{patch}_T0.plu", scan)
     write_scan(lab / "scans/3_T0.plu", used(0 * ground(0), 3))
-    text, config, rows = new(lab, "--overview", "overview.plu")
+    text, config, rows = new(lab, "--overview overview.plu")
     assert rows.pop()["x_mm"] == "TODO"  # it is smooth and shows no place
     assert "3: not found" in text
     assert all(

@@ -21,9 +21,9 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
+from folders import fill, snapshot
 from matplotlib.image import imread
 from PIL import Image
-from snapshots import snapshot
 from stones import TURN, rough_stone, taken
 
 from gst.check.fixing import Cure
@@ -66,9 +66,7 @@ def study(tmp_path, monkeypatch):
         "results/tables/a b.csv": "1",
         "../secret": "secret",
     }
-    for name, text in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text)
+    fill(folder, files)
     (folder / "results/link").symlink_to(tmp_path / "secret")
     trimesh.creation.icosphere(subdivisions=2, radius=10.0).export(folder / "stone.ply")
     ground = 1e-3 * np.random.default_rng(1).normal(size=(POINTS, POINTS))

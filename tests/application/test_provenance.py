@@ -9,9 +9,11 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
+from folders import fill
 
 import gst
 import gstlib
+from gst.config.reading import complete
 from gst.run import provenance
 from gst.run.provenance import (
     commit,
@@ -23,7 +25,7 @@ from gst.run.provenance import (
 from gstlib.errors import InputError
 from gstlib.io.files import sha256
 
-SCRIPTS = Path(__file__).parents[2] / "workflow/scripts"
+SCRIPTS = gst.ROOT / "workflow/scripts"
 
 
 def test_provenance_has_the_versions_on_which_the_steps_ran():
@@ -160,6 +162,12 @@ def test_the_hash_of_a_step_covers_all_that_its_script_loads():
     assert "gst.page.page" in loaded
 
 
+def study(title, mesh, scans):
+    inputs = {"mesh": mesh, "scan_folder": scans}
+    own = {"results": ".", "specimen": None, "title": title, "inputs": inputs}
+    return complete(own)
+
+
 @pytest.mark.parametrize(
     ("title", "mesh", "scans", "refused"),
     [
@@ -177,21 +185,14 @@ def test_results_of_another_study_are_not_overwritten(
 ):
     """A study may get another title; or its mesh another name, or its scans another folder."""
     monkeypatch.chdir(tmp_path)
-    stones = {"a.stl": "stone", "copy.stl": "stone", "other.stl": "another"}
-    for name, content in stones.items():
-        Path(name).write_text(content)
-    config = dict.fromkeys(("patches", "published", "gesture", "specimen"))
-    config |= {"results": ".", "scans": {"size_mm": 0.85}}
-    inputs = {"mesh": "a.stl", "scan_folder": "a"}
+    fill(tmp_path, {"a.stl": "stone", "copy.stl": "stone", "other.stl": "another"})
+    now = study(title, mesh, scans)
     digests = {"a.stl": sha256("a.stl")}
-    made = study_provenance(
-        config | {"title": "A", "inputs": inputs}, digests, None, "", software()
-    )
+    made = study_provenance(study("A", "a.stl", "a"), digests, None, "", software())
     Path("provenance.json").write_text(json.dumps(made))
-    config |= {"title": title, "inputs": {"mesh": mesh, "scan_folder": scans}}
     problem = pytest.raises(InputError, match=r"another study, 'A', of a\.stl")
     with problem if refused else nullcontext():
-        refuse_other_study(config)
+        refuse_other_study(now)
     for damaged in ("[]", '{"config": {}, "inputs": []}', "[" * 100_000):
         Path("provenance.json").write_text(damaged)
-        refuse_other_study(config)
+        refuse_other_study(now)

@@ -12,10 +12,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from click.testing import CliRunner
+from folders import fill
+from shell import command
 
 import gst
-from gst.cli import main
 from gst.run import running
 from gst.run.logs import PLAN
 from gst.run.owned import LOCK, NO_RUN, RESULTS, locked
@@ -45,18 +45,12 @@ CONFIGS = {
 }
 
 
-def run(words):
-    """The end of `gst study` with these words."""
-    return CliRunner().invoke(main, ["study", *words.split()])
-
-
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """The working folder, with the shipped configs and some that cannot be used."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(gst.ROOT / "config", tmp_path / "config")
-    for name, text in CONFIGS.items():
-        (tmp_path / name).write_text(text)
+    fill(tmp_path, CONFIGS)
     return tmp_path
 
 
@@ -87,7 +81,7 @@ def asked(monkeypatch):
 )
 def test_a_study_that_cannot_begin_leaves_nothing(folder, words, problem, monkeypatch):
     monkeypatch.setattr("gst.run.running.shutil.which", lambda _: None)
-    assert problem in run(words).stderr
+    assert problem in command(f"study {words}").stderr
     assert {file.name for file in folder.iterdir()} == {"config", *CONFIGS}
 
 
@@ -139,7 +133,7 @@ def test_one_run_at_a_time_writes_into_a_folder(folder):
     (results / LOCK).unlink()
     around = os.environ | {RESULTS: str(results.resolve())}
     with subprocess.Popen(["cat"], stdin=subprocess.PIPE, env=around) as job:
-        assert f"kill {job.pid}" in run("mine.yaml").stderr
+        assert f"kill {job.pid}" in command("study mine.yaml").stderr
         job.communicate()
 
 
@@ -150,7 +144,7 @@ def test_the_page_is_named_from_where_the_user_stands(folder, monkeypatch):
     (folder / "mine.yaml").rename(folder / "study.yaml")
     for start, page in ((folder, "results"), (folder.parent, f"{folder.name}/results")):
         monkeypatch.chdir(start)
-        assert f"Open {page}/index.html in" in run(str(folder)).stdout
+        assert f"Open {page}/index.html in" in command("study", folder).stdout
 
 
 def test_a_profile_is_named_from_where_the_user_stands(folder, monkeypatch, asked):
@@ -159,7 +153,7 @@ def test_a_profile_is_named_from_where_the_user_stands(folder, monkeypatch, aske
     study.write_text("\ufeff# Made by `gst new`\ntitle: mine\n")
     shutil.copytree(gst.ROOT / "profiles/default", here / "profiles/mine")
     monkeypatch.chdir(here)
-    run("../study.yaml --plan --profile ./profiles/mine")
+    command("study ../study.yaml --plan --profile ./profiles/mine")
     assert here / "profiles/mine" in asked[0][0]
     assert Path.cwd() == folder
 
@@ -167,7 +161,7 @@ def test_a_profile_is_named_from_where_the_user_stands(folder, monkeypatch, aske
 @pytest.mark.parametrize("option", ["-n", "-np", "-nq", "-pn", "--dry", "--dryrun"])
 @pytest.mark.usefixtures("folder")
 def test_a_dry_run_of_snakemake_is_a_plan(option, asked):
-    assert "Done" not in run(f"mine.yaml {option}").stdout
+    assert "Done" not in command(f"study mine.yaml {option}").stdout
     assert asked[0][1] == {"environment": {PLAN: "1"}}
 
 
@@ -180,11 +174,11 @@ def test_what_is_asked_for_beside_a_run_is_not_called_done(
 ):
     (folder / "Snakefile").write_text("rule all:\n    output: touch('a.txt')\n")
     (folder / "a.txt").touch()
-    command = f"{sys.executable} -m gst.run.scheduler --cores 1 {options}"
+    words = f"{sys.executable} -m gst.run.scheduler --cores 1 {options}"
     around = os.environ | {RESULTS: "results"}
-    assert subprocess.run(command.split(), env=around, check=False).returncode == code
+    assert subprocess.run(words.split(), env=around, check=False).returncode == code
     monkeypatch.setattr(running, "_snakemake", lambda *_, **__: NO_RUN)
-    done = run("mine.yaml")
+    done = command("study mine.yaml")
     assert (done.exit_code, done.stdout) == (0, "")
 
 
@@ -193,5 +187,5 @@ def test_snakemake_writes_through_no_link(folder, name):
     (folder / "elsewhere").mkdir()
     (folder / name).parent.mkdir(exist_ok=True)
     (folder / name).symlink_to(folder / "elsewhere")
-    assert "is a link" in run("mine.yaml").stderr
+    assert "is a link" in command("study mine.yaml").stderr
     assert not any((folder / "elsewhere").iterdir())
