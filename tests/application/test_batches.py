@@ -1,6 +1,7 @@
 """Which patches share a job: each keeps its batch when others come or go."""
 
 import pytest
+from folders import fill
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -36,11 +37,9 @@ def test_a_patch_that_comes_or_goes_moves_no_other(count):
 
 
 def test_a_file_is_found_by_its_patch_and_no_other_is_taken_for_it(tmp_path):
-    changes, scans = (tmp_path / name for name in ("change/1", "surfaces/T0/2"))
-    files = {"E1": scans / "E1_T0.h5", "7": changes / "7.h5"}
-    others = changes / "7_T0.h5", scans / "7.h5", scans / "E1_T1.h5"
-    for file in (*files.values(), *others):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.touch()
-    found = files_of([changes, scans], ["E1", "7", "8"])
-    assert list(found.items()) == list(files.items())
+    files = {"E1": "T0/2/E1_T0.h5", "7": "change/1/7.h5"}
+    others = ["change/1/7_T0.h5", "T0/2/7.h5", "T0/2/E1_T1.h5"]
+    fill(tmp_path, dict.fromkeys([*files.values(), *others], ""))
+    folders = [tmp_path / "change/1", tmp_path / "T0/2"]
+    found = files_of(folders, ["E1", "7", "8"])
+    assert [*found.items()] == [(name, tmp_path / each) for name, each in files.items()]

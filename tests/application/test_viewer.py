@@ -4,12 +4,15 @@ import base64
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from gst.page import viewer
+from gst.setup.place_state import stone_of
 from gstlib.errors import InputError
 
 
@@ -17,8 +20,9 @@ def sphere():
     return trimesh.creation.icosphere(subdivisions=5, radius=20.0)  # 20,480 faces
 
 
-def unpack(text, kind, columns):
-    return np.frombuffer(base64.b64decode(text), kind).reshape(-1, columns)
+def unpack(text, kind):
+    """Three numbers for each vertex or face."""
+    return np.frombuffer(base64.b64decode(text), kind).reshape(-1, 3)
 
 
 def test_a_coarse_stone_has_the_shape_of_the_stone():
@@ -46,11 +50,33 @@ def test_the_data_are_the_stone():
     mesh = trimesh.creation.box((10.0, 30.0, 20.0))
     mesh.apply_translation((100.0, 0.0, -5.0))
     data = viewer.stone_data(mesh)
-    offsets = unpack(data["vertices"], "<f4", 3)
+    offsets = unpack(data["vertices"], "<f4")
     np.testing.assert_allclose(offsets + data["centre"], mesh.vertices, atol=1e-5)
-    np.testing.assert_array_equal(unpack(data["faces"], "<u4", 3), mesh.faces)
+    np.testing.assert_array_equal(unpack(data["faces"], "<u4"), mesh.faces)
     longest_first = np.eye(3)[[1, 2, 0]]
     np.testing.assert_allclose(data["axes"], longest_first, atol=1e-9)
+
+
+RED, BLUE = [255, 0, 0], [0, 0, 255]
+
+
+@pytest.mark.parametrize("kind", ["vertices", "texture"])
+def test_the_stone_has_the_colours_of_its_mesh(tmp_path, monkeypatch, kind):
+    stone = trimesh.creation.icosphere(subdivisions=2, radius=10.0)
+    is_up = stone.vertices[:, 2] > 0
+    if kind == "vertices":
+        stone.visual.vertex_colors = np.where(is_up[:, None], RED, BLUE)
+    else:
+        uv = np.column_stack([np.where(is_up, 0.99, 0.01), 0.5 + 0 * is_up])
+        picture = Image.fromarray(np.uint8([[BLUE, RED]]))
+        stone.visual = trimesh.visual.TextureVisuals(uv=uv, image=picture)
+    monkeypatch.chdir(tmp_path)
+    stone.export("stone.glb")
+    config = Path("study.yaml")
+    config.write_text("inputs: {mesh: stone.glb, mesh_unit: mm, scan_folder: .}")
+    data = stone_of(config)
+    red = unpack(data["colours"], np.uint8)[:, 0]
+    np.testing.assert_array_equal(red > 128, unpack(data["vertices"], "<f4")[:, 2] > 0)
 
 
 def test_the_scale_bar_is_as_long_as_it_says():
