@@ -75,26 +75,24 @@ def write_pairs(lab, name=by_word, sign=1, stages=3 * [(0.0, 0.0)], dates=("", "
 
 
 def new(lab, options=""):
-    """What is said, the config and the rows of a study that is made anew."""
+    """What is said, the config and the table of a study that is made anew."""
     shutil.rmtree(lab / "study", ignore_errors=True)
     text = run(f"{NEW} --scans scans {options}")
     config = yaml.safe_load((lab / "study/study.yaml").read_text())
-    table = pd.read_csv(
-        lab / "study/patches.csv", sep=";", dtype=str, keep_default_na=False
-    )
-    return text, config, table.to_dict("records")
+    table = lab / "study/patches.csv"
+    return text, config, pd.read_csv(table, sep=";", dtype=str, keep_default_na=False)
 
 
-def scans_of(rows):
-    return [(row["patch"], row["t0"], row["t1"]) for row in rows]
+def places_of(rows):
+    return rows[["x_mm", "y_mm"]].to_numpy(float)
 
 
 def test_what_files_tell_is_written_and_the_rest_is_asked(lab):
     write_pairs(lab)
     (lab / "scans/notes.pdf").write_bytes(b"-")
     text, config, rows = new(lab)
-    assert scans_of(rows) == [
-        (f"loc{n}", by_word(n, 0), by_word(n, 1)) for n in range(3)
+    assert rows[["patch", "t0", "t1"]].values.tolist() == [
+        [f"loc{n}", by_word(n, 0), by_word(n, 1)] for n in range(3)
     ]
     files = {"mesh": "../stone.stl", "mesh_unit": "mm", "scan_folder": "../scans"}
     assert config["inputs"] == files
@@ -123,7 +121,7 @@ def test_dates_in_the_files_tell_moulds_from_exchanged_epochs(lab):
     assert config["scans"]["mould"] == {"invert": True, "flip": "x"}
     write_pairs(lab, dates=days[::-1])
     text, _, rows = new(lab)
-    assert all(t1.startswith("TODO ") for _, _, t1 in scans_of(rows))
+    assert rows.t1.str.startswith("TODO ").all()
     assert "later date" in text
 
 
@@ -136,9 +134,9 @@ def test_scans_that_do_not_show_what_their_names_say_are_asked(lab):
         write_scan(lab / "scans" / name, used(ground(place), 20))
     text, _, rows = new(lab)
     expected = [f"TODO {by_word(0, 1)}", f"TODO {by_word(1, 1)}", by_word(2, 1)]
-    assert [t1 for _, _, t1 in scans_of(rows)] == expected
+    assert [*rows.t1] == expected
     assert f"{by_word(0, 1)} does not show the surface of {by_word(0, 0)}" in text
-    assert [row["repeat"] for row in rows] == [names[0], f"TODO {names[1]}", ""]
+    assert [*rows["repeat"]] == [names[0], f"TODO {names[1]}", ""]
     assert f"{names[1]} is named as a repeat of {by_word(1, 0)}" in text
 
 
@@ -146,7 +144,7 @@ def test_the_stage_gives_the_distances_of_patches(lab):
     stages = np.array([(-40.0, 12.0), (-38.5, 12.25), (-39.0, 14.0)])
     write_pairs(lab, stages=stages)
     _, config, rows = new(lab)
-    places = np.array([(row["x_mm"], row["y_mm"]) for row in rows], float)
+    places = places_of(rows)
     np.testing.assert_allclose(places - places[0], stages - stages[0], atol=1e-4)
     assert config["square"] == {"size_mm": 5.0, "points_mm": "TODO"}
     half = POINTS * SPACING / 2
@@ -154,7 +152,7 @@ def test_the_stage_gives_the_distances_of_patches(lab):
     # not those of a stage that hardly moved
     write_pairs(lab, stages=[*stages[:2], (-38.4, 12.25)])
     _, _, rows = new(lab)
-    assert {row["x_mm"] for row in rows} == {"TODO"}
+    assert {*rows.x_mm} == {"TODO"}
 
 
 @pytest.mark.parametrize(
@@ -189,7 +187,7 @@ def test_patches_are_cut_from_rectangles_that_contain_them(lab):
         write_scan(lab / f"scans/{place}_T0.plu", heights)
     _, config, rows = new(lab)
     assert config["scans"]["size_mm"] == 0.851  # of 0.8512
-    assert {(row["crop_x_mm"], row["crop_y_mm"]) for row in rows} == {("0", "0")}
+    assert {*rows.crop_x_mm, *rows.crop_y_mm} == {"0"}
 
 
 def test_scans_are_found_on_an_overview_and_it_on_the_mesh(lab):
@@ -202,16 +200,15 @@ def test_scans_are_found_on_an_overview_and_it_on_the_mesh(lab):
         write_scan(lab / f"scans/{patch}_T0.plu", scan)
     write_scan(lab / "scans/3_T0.plu", used(0 * ground(0), 3))
     text, config, rows = new(lab, "--overview overview.plu")
-    assert rows.pop()["x_mm"] == "TODO"  # it is smooth and shows no place
+    assert rows.x_mm[3] == "TODO"  # it is smooth and shows no place
     assert "3: not found" in text
-    assert all(
-        abs(float(row["rotation_deg"])) < 1 for row in rows
-    )  # the square is the map's
+    rows = rows[:3]
+    # the square is the map's
+    assert rows.rotation_deg.astype(float).abs().max() < 1
     assert config["scans"]["mould"] == {"invert": False, "flip": "x"}
     assert 1 <= config["uncertainty"]["placement_um"] < 40
-    places = np.array([(row["x_mm"], row["y_mm"]) for row in rows], float)
     stone = read_mesh(lab / "stone.stl", unit="mm")
     frame = find_frame(config["square"]["points_mm"], stone, size_mm=5.0)
-    on_stone = np.array(frame.origin) + places @ frame.axes[:2]
+    on_stone = np.array(frame.origin) + places_of(rows) @ frame.axes[:2]
     x, y, _ = (on_stone @ TURN[:3, :3]).T  # where they were scanned
     np.testing.assert_allclose(np.transpose([y, x]), centres, atol=0.04)
