@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from scipy.ndimage import gaussian_filter
 
 from gst.check.fixing import Cure, cures_of, offer
@@ -18,16 +19,23 @@ from gstlib.surfaces.grid import make_surface
 SQUARE, SIZE, POINTS = 5.0, 0.85, 48
 NAMES = [*"123456789"]
 NINE = np.array([(y, x) for y in (1.2, 2.5, 3.8) for x in (1.2, 2.5, 3.8)])
-MIRRORED = (0.0, SQUARE) + NINE * (1, -1) - NINE
+MIRRORED = (0.0, SQUARE) + NINE * (1, -1)
 
 
 def study(
-    laid="as given", only=NAMES, off=0.0, height=1.0, rose=(), fell=(), thickness=30.0
+    laid="as given",
+    only=NAMES,
+    moved=0.0,
+    mirrored=False,
+    height=1.0,
+    rose=(),
+    fell=(),
+    thickness=30.0,
 ):
     """Nine patches of a stone, of which some rose and some fell.
 
-    They, or `only` some, are `laid` so, and their places in the table are `off`; `height` is that
-    of the mesh beside that of the scans.
+    They, or `only` some, are `laid` so. In the table their places are `moved` or `mirrored`. `height`
+    is that of the mesh beside that of the scans.
     """
     rough = gaussian_filter(np.random.default_rng(5).normal(size=(100, 100)), 2)
     stone = make_surface(
@@ -44,7 +52,7 @@ def study(
             name="height"
         )
     patches = pd.DataFrame({"patch": NAMES, "rotation_deg": 0.0, "flip": ""})
-    patches[["y_mm", "x_mm"]] = NINE + off
+    patches[["y_mm", "x_mm"]] = MIRRORED if mirrored else NINE + moved
     registration = pd.DataFrame({"patch": NAMES, "found": 1})
     registration["gain_fraction"] = [0.2 * (n in rose) for n in range(9)]
     registration["loss_fraction"] = [0.2 * (n in fell) for n in range(9)]
@@ -65,32 +73,32 @@ ROW = {"patch": "4", "x_mm": "1,2", "y_mm": "1.2", "t0": "a", "t1": "b"}
 @pytest.mark.parametrize(
     ("faults", "mended"),
     [
-        ({}, {}),
-        ({"laid": "reversed along x"}, {"scans.mould.flip": "x"}),
-        ({"laid": "turned by 90°", "only": ["4"]}, {"rotation_deg": -90}),
+        ("{}", "{}"),
+        ("laid: reversed along x", "scans.mould.flip: x"),
+        ("{laid: turned by 90°, only: '4'}", "rotation_deg: -90"),
         # the row is that of patch 4
-        ({"laid": "turned by 90°", "only": ["5"]}, {}),
-        ({"off": (-0.06, 0.09)}, {"x_mm": 1.11, "y_mm": 1.26}),
-        ({"off": MIRRORED}, {"x_mm": 3.8, "y_mm": 1.2}),
-        ({"rose": range(6)}, {"t0": "b", "t1": "a"}),
-        ({"thickness": 12.34}, {"macroscale.face_mm": 12.3}),
+        ("{laid: turned by 90°, only: '5'}", "{}"),
+        ("moved: [-0.06, 0.09]", "{x_mm: 1.11, y_mm: 1.26}"),
+        ("mirrored: true", "{x_mm: 3.8, y_mm: 1.2}"),
+        ("rose: [0, 1, 2, 3, 4, 5]", "{t0: b, t1: a}"),
+        ("thickness: 12.34", "macroscale.face_mm: 12.3"),
         # two cures, or none: exchanged in some rows, or worn otherwise
-        ({"rose": range(6), "fell": [7]}, {}),
+        ("{rose: [0, 1, 2, 3, 4, 5], fell: [7]}", "{}"),
         # or a mould: the mesh does not tell
-        ({"rose": range(6), "height": 0.0}, {}),
+        ("{rose: [0, 1, 2, 3, 4, 5], height: 0.0}", "{}"),
         # no face is as small as that
-        ({"thickness": 3.0}, {}),
+        ("thickness: 3.0", "{}"),
     ],
 )
 def test_a_fault_with_one_cure_has_that_alone(faults, mended):
     found = {}
-    for cure in cures_of(study(**faults)):
+    for cure in cures_of(study(**yaml.safe_load(faults))):
         cells = cure.cells(ROW) if cure.cells else {}
         found |= cure.values | {
             name: cell if name[0] == "t" else float(cell)
             for name, cell in cells.items()
         }
-    assert found == pytest.approx(mended, abs=5e-3)
+    assert found == pytest.approx(yaml.safe_load(mended), abs=5e-3)
 
 
 CONFIG = "patches: mine.csv  # my table\nscans:\n  mould: {invert: true, flip: y}  # of silicone\n"

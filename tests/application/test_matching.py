@@ -63,6 +63,10 @@ def overview(fine, centre=(4.5, 4.5), turn=0.0, mirrored=False):
     return scan(fine, centre, turn, mirrored, OVERVIEW)
 
 
+def found_near(fine, scans, places, turn=0.0):
+    return match_near(mesh(fine), scans, [PatchPosition(*at, turn) for at in places])
+
+
 def distance(match, centre):
     return np.hypot(*np.subtract(match.place[:2], centre))
 
@@ -91,10 +95,8 @@ def test_a_map_is_found_where_it_was_taken():
     ids=["smooth", "turned otherwise"],
 )
 def test_scans_without_a_common_position_are_not_found(fine, turns):
-    pairs = [*zip(PATCHES, turns, strict=False)]
-    scans = [scan(fine, at, turn) for at, turn in pairs]
-    matches = match_near(mesh(fine), scans, [PatchPosition(*at) for at, _ in pairs])
-    assert not any(are_found(matches))
+    scans = [scan(fine, at, turn) for at, turn in zip(PATCHES, turns, strict=False)]
+    assert not any(are_found(found_near(fine, scans, PATCHES[: len(scans)])))
 
 
 def test_scans_that_the_stage_ties_together_are_found():
@@ -118,9 +120,7 @@ def test_scans_near_places_by_hand_snap_together():
     scans = [-scan(fine, at, 30.0, mirrored=True) for at in PATCHES]
     scans[2] = -scan(stone(4), (4.0, 4.0), mirrored=True)  # of another stone
     off = np.random.default_rng(3).uniform(-0.5, 0.5, PATCHES.shape)
-    matches = match_near(
-        mesh(fine), scans, [PatchPosition(*at, 23.0) for at in PATCHES + off]
-    )
+    matches = found_near(fine, scans, PATCHES + off, 23.0)
     assert all(match.mirrored and match.inverted for match in matches)
     assert are_found(matches) == [True, True, False, True, True, True]
     assert matches[0].place.rotation_deg == pytest.approx(30, abs=4)
@@ -170,9 +170,7 @@ def test_a_scan_that_fits_at_two_places_is_not_certain():
     waves = np.outer(even, np.cos(phase)) + np.outer(odd, np.sin(phase))
     fine = 0.03 * waves / waves.std() + 0.1 * stone(4)
     scans = [scan(fine, at) for at in PATCHES]
-    matches = match_near(
-        mesh(fine), scans, [PatchPosition(y, x) for y, x in PATCHES + 0.05]
-    )
+    matches = found_near(fine, scans, PATCHES + 0.05)
     for match, at in zip(matches, PATCHES, strict=True):
         assert (match.is_found, match.is_uncertain) == (False, True)
         places = np.array([match.place, *match.alternatives])

@@ -112,6 +112,10 @@ def saved(server, path, sent):
     return answer
 
 
+def state_of(server):
+    return ask(server, "state")[1]
+
+
 def configure(old, new):
     """Write the config with a part replaced."""
     Path("study.yaml").write_text(CONFIG.replace(old, new))
@@ -178,7 +182,7 @@ def test_scans_and_results_outside_their_folders_are_refused(server, study):
 
 
 def test_places_are_written_and_the_rest_stays(server, study):
-    state = ask(server, "state")[1]
+    state = state_of(server)
     assert state["square"] == {"points_mm": None, "size_mm": 5.0}
     assert state["patches"] == [row("A", None, None), row("B", 1.5, 2.0)]
     rows = row("A", 1.23456, 0, -7.5), row("B", 1.5, None)
@@ -191,7 +195,7 @@ def test_places_are_written_and_the_rest_stays(server, study):
     # undone, also the turn
     saved(server, "places", places(*state["patches"]))
     assert (study / "study.yaml").read_text() == CONFIG
-    assert ask(server, "state")[1] == state | {"digest": digest_of(server.config)}
+    assert state_of(server) == state | {"digest": digest_of(server.config)}
     # the face keeps its ratio to the square
     assert state["face_mm"] == 15.0
     saved(server, "places", places(*state["patches"], size=10.0))
@@ -214,7 +218,7 @@ def test_answers_are_written_and_comments_stay(server, study):
         {"load.at_mm": [1.5, 2]},
     ):
         assert saved(server, "answers", sent)["kept"] is None
-        assert sent.items() <= ask(server, "state")[1]["answers"].items()
+        assert sent.items() <= state_of(server)["answers"].items()
     text = (study / "study.yaml").read_text()
     assert "load: {force_N: 30, at_mm: [1.5, 2]}  # the paper's" in text
     # a copy is kept before a value goes
@@ -236,10 +240,10 @@ def test_places_of_a_tool_without_scans_make_a_table(server, study):
     assert kept.read_text() == text
     assert [file.stat().st_mode & 0o777 for file in (table, kept)] == 2 * [0o600]
     assert not (study / "none").exists()
-    assert ask(server, "state")[1]["patches"] == rows
+    assert state_of(server)["patches"] == rows
     assert saved(server, "places", places())["kept"]
     assert not table.exists()
-    assert ask(server, "state")[1]["patches"] == []
+    assert state_of(server)["patches"] == []
 
 
 SAVES = {
@@ -259,7 +263,7 @@ SAVES = {
     ],
 )
 def test_a_page_of_former_files_changes_nothing(server, study, name, text):
-    digest = ask(server, "state")[1]["digest"]
+    digest = state_of(server)["digest"]
     (study / name).unlink()
     if text:
         (study / name).write_text(text)

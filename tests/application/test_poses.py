@@ -3,8 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from gst.config.poses import batches_of, poses_of, reach_of, read_poses
+from gst.config.reading import complete
 from gstlib.errors import ConfigError
 
 SIDE = 4.0
@@ -47,25 +49,24 @@ def test_a_faulty_table_of_poses_is_refused(tmp_path, rows, words):
 
 def test_the_active_tool_is_needed_as_far_as_the_poses_reach(tmp_path):
     path = tmp_path / "poses.tsv"
-    usual = {
-        "square": {"size_mm": 10.0},
-        "macroscale": {"face_mm": 12.0},
-        "load": {"force_N": 500.0, "pressure_MPa": None},
-        "gesture": None,
-        "uncertainty": {"pose_um": 0.0},
-    }
+    usual = """
+square: {size_mm: 10.0}
+macroscale: {face_mm: 12.0}
+load: {force_N: 500.0}
+uncertainty: {pose_um: 0.0}
+"""
 
-    def reach(**changes):
-        config = usual | changes
+    def reach(changes=""):
+        config = complete(yaml.safe_load(usual + changes))
         return reach_of(config, poses_of(config))
 
     def reach_with(rows):
         path.write_text(rows)
-        return reach(gesture={"table": str(path)})
+        return reach(f"gesture: {{table: {path}}}")
 
     assert reach() == 0
-    assert reach(uncertainty={"pose_um": 400.0}) == 2
-    assert reach(gesture={"stroke_mm": 3.0, "poses": 7}) == 1.5
+    assert reach("uncertainty: {pose_um: 400.0}") == 2
+    assert reach("gesture: {stroke_mm: 3.0, poses: 7}") == 1.5
     assert reach_with(TABLE.replace("0.1\t0", "3\t4")) == 5
     # the corners of the face turn with it
     turned = TABLE.replace("x_mm", "rotation_deg\tx_mm")
