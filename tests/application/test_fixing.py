@@ -34,8 +34,8 @@ def study(
 ):
     """Nine patches of a stone, of which some rose and some fell.
 
-    They, or `only` some, are `laid` so. In the table their places are `moved` or `mirrored`. `height`
-    is that of the mesh beside that of the scans.
+    They, or `only` some, are `laid` so. In the table their places are `moved` or `mirrored`. The
+    `height` is that of the mesh beside that of the scans.
     """
     rough = gaussian_filter(np.random.default_rng(5).normal(size=(100, 100)), 2)
     stone = make_surface(
