@@ -54,30 +54,26 @@ def folder(tmp_path, exported):
     return tmp_path
 
 
-def scans(folder):
-    return [
-        ScanFile(folder / f"{patch}_{epoch}.plu", patch, epoch)
-        for patch in "12"
-        for epoch in ("T0", "T1")
-    ]
-
-
-def problems_of(folder, uses, mesh="stone.stl", **settings):
-    """The sentences of all problems."""
+def problems_of(folder, uses=None, mesh="stone.stl", **settings):
+    """The sentences of all problems, by default of all scans that lie there."""
+    every = [(f"{n}_{epoch}", n, epoch) for n in "12" for epoch in ("T0", "T1")]
+    every += [("face", "counterface", ""), ("again", "1", "repeat")]
+    there = [ScanFile(folder / f"{name}.plu", *use) for name, *use in every]
+    uses = uses or [scan for scan in there if scan.path.exists()]
     asked = Asked(**asked_of_files(CONFIG, "mm", None) | settings)
     inputs = check_inputs(mesh and folder / mesh, uses, asked)
     return list(map(str, inputs.problems))
 
 
 def test_every_problem_is_named_once(folder):
-    assert problems_of(folder, scans(folder)) == []
+    assert problems_of(folder) == []
     (folder / "stone.stl").write_bytes(b"no mesh")
     (folder / "1_T0.plu").write_bytes(b"no scan")
     write_plu(folder / "1_T1.plu", noise(1)[:40], SPACING)
     heights = noise(1)
     heights[:10] = np.nan
     write_plu(folder / "2_T0.plu", heights, SPACING)
-    problems = problems_of(folder, scans(folder))
+    problems = problems_of(folder)
     words = {
         "stone.stl": "STL",
         "1_T0.plu": "truncated",
@@ -107,17 +103,14 @@ def test_scans_that_do_not_go_together_are_refused(
     folder, name, heights, spacing, words
 ):
     write_plu(folder / f"{name}.plu", heights, spacing)
-    uses = scans(folder)
-    uses += [ScanFile(folder / "face.plu", "counterface", "")]
-    uses += [ScanFile(folder / "again.plu", "1", "repeat")]
-    problems = problems_of(folder, [use for use in uses if use.path.exists()])
+    problems = problems_of(folder)
     assert len(problems) == (words is not None)
     assert all(words in problem and f"{name}.plu" in problem for problem in problems)
 
 
 def test_the_whole_square_needs_one_grid_and_the_memory(folder, monkeypatch):
     def is_named(**settings):
-        problems = problems_of(folder, scans(folder), mesh=None, **settings)
+        problems = problems_of(folder, mesh=None, **settings)
         return "reference_realisations" in "".join(problems)
 
     assert not is_named(reference=True)

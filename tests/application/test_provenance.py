@@ -37,9 +37,7 @@ def test_provenance_has_the_versions_on_which_the_steps_ran():
 def test_a_commit_is_told_with_a_change_of_its_program(tmp_path):
     def git(*arguments):
         as_me = ["-c", "user.name=me", "-c", "user.email=me@here"]
-        subprocess.run(
-            ["git", "-C", tmp_path, *as_me, *arguments], check=True, capture_output=True
-        )
+        subprocess.check_output(["git", "-C", tmp_path, *as_me, *arguments])
 
     git("init")
     (tmp_path / "Snakefile").write_text("a")

@@ -8,6 +8,7 @@ import yaml
 from contacts import written
 from in_memory import InMemory
 
+from gst.config.reading import complete
 from gst.page import verdict as answers
 from gst.page.verdict import MODELS, TOUCHED
 from gstlib.coupling.comparison import AGREES, CANNOT_TELL, ELSEWHERE
@@ -54,13 +55,12 @@ radius,200,169.8,133.1,224.1,90.4
 """
 
 
-CONFIG = {"gesture": None, "interlayer": None, "pressure_cap_MPa": None}
-CONFIG |= {"square": {"size_mm": 5.0}}
+CONFIG = complete({"pressure_cap_MPa": None})
 
 
 def verdict(tables, force_N=200.0, **settings):
     study = InMemory(tables, force_N=force_N, size_mm=5.0)
-    return answers.verdict(study, CONFIG | {"wear_law": {}} | settings)
+    return answers.verdict(study, CONFIG | settings)
 
 
 def line(question, tables, **settings):

@@ -86,10 +86,9 @@ def test_the_scale_bar_is_as_long_as_it_says():
     place = re.search(r"function placeScale\(\) {.*?\n  }", code, re.DOTALL)[0]
     script = f"const scale = {{ style: {{}} }}; const pixel = () => 0.03; {place} placeScale();"
     script += "console.log(scale.textContent, scale.style.width);"
-    result = subprocess.run(
-        [node, "-e", script], capture_output=True, text=True, check=True
-    )
-    length, unit, width = result.stdout.split()
+    length, unit, width = subprocess.check_output(
+        [node, "-e", script], text=True
+    ).split()
     assert unit == "mm"
     assert float(length) == pytest.approx(0.03 * float(width.removesuffix("px")))
 
