@@ -7,7 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from folders import snapshot
+from folders import fill, snapshot
 from snakemake.iocontainers import Namedlist
 
 from gst.run.chain import (
@@ -50,8 +50,7 @@ def run(steps):
         read = given_to(RESULTS, step)
         for output in step.outputs:
             file = output / "1.png" if output.suffix == "" else output
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(f"{output.name} of {read['inputs']}")
+            fill(Path(), {file: f"{output.name} of {read['inputs']}"})
         write_record(RESULTS, step, read, {})
 
 
@@ -59,8 +58,7 @@ def run(steps):
 def steps(tmp_path, monkeypatch):
     """The steps of a finished study in the working folder."""
     monkeypatch.chdir(tmp_path)
-    SCAN.parent.mkdir()
-    SCAN.write_text("heights")
+    fill(tmp_path, {SCAN: "heights"})
     run(made := steps_in())
     assert plan_again(made, RESULTS) == {}
     assert break_in(RESULTS) is None
@@ -152,10 +150,8 @@ def test_a_step_that_makes_other_files_than_last_time_records_these(steps):
 def test_a_file_that_no_step_made_is_ignored(steps):
     """Also by a step that reads the folder, whether it runs before or after the file came."""
     before = made_in(RESULTS)
-    file = RESULTS / "wear/notes/mine.txt"
-    file.parent.mkdir()
     for text in ("of another program", "changed"):
-        file.write_text(text)
+        fill(RESULTS, {"wear/notes/mine.txt": text})
         assert plan_again(steps, RESULTS) == {}
         run(steps[2:])
     assert break_in(RESULTS) is None

@@ -51,7 +51,8 @@ def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     spacing, n, radius = 0.008, 50, 20.0
     x = (np.arange(n) - (n - 1) / 2) * spacing
-    write_plu("cap.plu", -(x**2 + x[:, None] ** 2) / (2 * radius), spacing)
+    bowl = (x**2 + x[:, None] ** 2) / (2 * radius)
+    write_plu("cap.plu", -bowl, spacing)
     result = command("press cap.plu --pressure 22 --modulus 1e4")
     assert (result.exit_code, result.stderr) == (0, "")
     assert Path("cap.plu.png").stat().st_size > 5000
@@ -62,7 +63,7 @@ def test_press_says_the_curve_and_its_doubts(tmp_path, monkeypatch):
     peak = float(re.search(r"peak pressure (\S+) MPa", result.stdout)[1])
     assert peak == pytest.approx(exact.peak_pressure, rel=0.03)
     assert "E* 10000 MPa" in result.stdout
-    write_plu("bowl.plu", (x**2 + x[:, None] ** 2) / (2 * radius), spacing)
+    write_plu("bowl.plu", bowl, spacing)
     result = command("press bowl.plu --pressure 5")
     assert result.stderr.startswith("WARNING: bowl.plu: ")
     assert "Give --periodic if it repeats itself" in result.stderr

@@ -39,10 +39,8 @@ def check(after=(), before=(), spacing=SPACING):
         def prepare(self, patch, epoch):
             return prepare_scan(make_surface(scans[epoch][patch], spacing))
 
-    table = pd.DataFrame({"patch": [*PATCHES], "repeat": "", "rotation_deg": 0.0})
-    table = table.assign(
-        x_mm=1.0, y_mm=1.0, t0=table.patch + "_t0", t1=table.patch + "_t1"
-    )
+    table = pd.DataFrame({"patch": [*PATCHES], "t0": ["a_t0", "b_t0"], "repeat": ""})
+    table = table.assign(x_mm=1.0, y_mm=1.0, rotation_deg=0.0, t1=["a_t1", "b_t1"])
     config = complete({"scans": {"mould": {"invert": False}}}) | {"use": None}
     study = Prepared(config, table, read_mesh=lambda: None, read_scan=lambda *_: None)
     faults, _ = epochs_on_each_other(study)

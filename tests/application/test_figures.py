@@ -110,10 +110,12 @@ DRAW = {
 }
 
 
+def lines_of(lines):
+    return [line.get_xydata().tolist() for line in lines]
+
+
 def points_of(axes):
-    return [
-        line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "o"
-    ]
+    return lines_of(line for line in axes.lines if line.get_marker() == "o")
 
 
 def picture_of(axes):
@@ -257,7 +259,7 @@ def test_validation_shows_the_numbers_of_the_tables():
     agreement, extent = tables.validation_figure(study).axes
     names = [text.get_text() for text in agreement.texts]
     assert names == [MODELS["archard"], MODELS["rigid"]]
-    lines = [line.get_xydata().tolist() for line in agreement.lines]
+    lines = lines_of(agreement.lines)
     interval, mean, attainable = [[0.4, 0], [0.6, 0]], [[0.5, 0]], [[0.7, 0]]
     assert lines[:3] == [interval, mean, attainable]
     assert lines[4] == [[0.4, 1]]
@@ -293,7 +295,7 @@ def test_wear_shows_the_counted_patches_and_no_others():
     ends = [line[:, 1].tolist() for line in volumes.collections[0].get_segments()]
     np.testing.assert_allclose(ends, [[1 / 40, 90 / 40], [3 / 20, 3 * 90 / 20]])
     assert points_of(heights) == [[[2, 1]]]
-    assert [[4, 3]] in [line.get_xydata().tolist() for line in heights.lines]
+    assert [[4, 3]] in lines_of(heights.lines)
 
 
 @pytest.mark.parametrize("after", [2.0, np.nan])

@@ -1,6 +1,7 @@
 """`gst check --fix`: what has one cure gets it, what has two does not; nothing is lost."""
 
 import io
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -101,16 +102,16 @@ def test_a_fault_with_one_cure_has_that_alone(faults, mended):
     assert found == pytest.approx(yaml.safe_load(mended), abs=5e-3)
 
 
+STUDY, PATCHES = Path("study.yaml"), Path("mine.csv")
 CONFIG = "patches: mine.csv  # my table\nscans:\n  mould: {invert: true, flip: y}  # of silicone\n"
 TABLE = '# places\npatch;x_mm;t0;t1\n1;1,5;"a; b";c\n2;2,5;d;\n'
 
 
-@pytest.fixture
-def files(tmp_path, monkeypatch):
+@pytest.fixture(autouse=True)
+def _files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "study.yaml").write_text(CONFIG)
-    (tmp_path / "mine.csv").write_text(TABLE)
-    return tmp_path
+    STUDY.write_text(CONFIG)
+    PATCHES.write_text(TABLE)
 
 
 CURES = [
@@ -121,34 +122,34 @@ CURES = [
 ]
 
 
-def offered(files, monkeypatch, answer):
+def offered(monkeypatch, answer):
     monkeypatch.setattr("sys.stdin", io.StringIO(answer))
-    return offer(files / "study.yaml", CURES)
+    return offer(STUDY, CURES)
 
 
-def test_the_difference_is_shown_and_copies_are_kept(files, monkeypatch, capsys):
-    assert not offered(files, monkeypatch, "")  # nobody can answer
-    assert (files / "study.yaml").read_text() == CONFIG
+def test_the_difference_is_shown_and_copies_are_kept(monkeypatch, capsys):
+    assert not offered(monkeypatch, "")  # nobody can answer
+    assert STUDY.read_text() == CONFIG
     shown = capsys.readouterr().out
     assert "+  mould: {invert: true, flip: x}  # of silicone" in shown
     assert '+1;1,5;c;"a; b";90' in shown
-    assert offered(files, monkeypatch, "y\n")
-    assert (files / "study.yaml").read_text() == CONFIG.replace("flip: y", "flip: x")
+    assert offered(monkeypatch, "y\n")
+    assert STUDY.read_text() == CONFIG.replace("flip: y", "flip: x")
     expected = (
         '# places\npatch;x_mm;t0;t1;rotation_deg\n1;1,5;c;"a; b";90\n2;2,5;;d;90\n'
     )
-    assert (files / "mine.csv").read_text() == expected
-    assert offer(files / "study.yaml", CURES[1:], is_confirmed=True)  # back again
-    assert (files / "mine.csv.bak").read_text() == TABLE
-    assert (files / "mine.csv.bak2").read_text() == expected
+    assert PATCHES.read_text() == expected
+    assert offer(STUDY, CURES[1:], is_confirmed=True)  # back again
+    assert Path("mine.csv.bak").read_text() == TABLE
+    assert Path("mine.csv.bak2").read_text() == expected
 
 
-def test_a_file_that_changes_while_it_is_shown_stays(files, monkeypatch):
+def test_a_file_that_changes_while_it_is_shown_stays(monkeypatch):
     def answer():
-        (files / "mine.csv").write_text(f"{TABLE}3;3,5;e;\n")
+        PATCHES.write_text(f"{TABLE}3;3,5;e;\n")
         return "y"
 
     monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=bool, readline=answer))
     with pytest.raises(ConfigError, match=r"mine\.csv: has changed"):
-        offer(files / "study.yaml", CURES)
-    assert (files / "study.yaml").read_text() == CONFIG
+        offer(STUDY, CURES)
+    assert STUDY.read_text() == CONFIG

@@ -39,16 +39,9 @@ def stone(halvings=5):
     return box
 
 
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory):
-    path = tmp_path_factory.mktemp("stone") / "stone.stl"
-    stone().export(path)
-    return path.read_bytes()
-
-
 @pytest.fixture
-def folder(tmp_path, exported):
-    (tmp_path / "stone.stl").write_bytes(exported)
+def folder(tmp_path):
+    stone().export(tmp_path / "stone.stl")
     for seed, name in enumerate(("1_T0", "1_T1", "2_T0", "2_T1")):
         write_plu(tmp_path / f"{name}.plu", noise(seed), SPACING)
     return tmp_path

@@ -59,10 +59,6 @@ def scan(fine, centre, turn=0.0, mirrored=False, side=PATCH):
     return make_surface(taken(fine, centre, turn, side, step, mirrored), step)
 
 
-def overview(fine, centre=(4.5, 4.5), turn=0.0, mirrored=False):
-    return scan(fine, centre, turn, mirrored, OVERVIEW)
-
-
 def found_near(fine, scans, places, turn=0.0):
     return match_near(mesh(fine), scans, [PatchPosition(*at, turn) for at in places])
 
@@ -79,7 +75,7 @@ def test_a_map_is_found_where_it_was_taken():
     fine, centre = stone(2), (6.27, 2.58)
     surface = mesh(fine)
     surface[:10, :] = np.nan  # where there is no stone
-    heights = overview(fine, centre, 133.0, mirrored=True)
+    heights = scan(fine, centre, 133.0, True, OVERVIEW)
     heights[20:30, 40:60] = np.nan
     match = match_map(surface, heights)
     assert (match.is_found, match.mirrored) == (True, True)
@@ -211,7 +207,9 @@ def test_a_scan_that_lies_otherwise_than_most_is_not_found():
 def test_what_fits_two_sides_of_a_stone_alike_is_not_found(monkeypatch):
     monkeypatch.setattr("gst.setup.finding.match_together", lambda *_: (LIKELY, 0))
     box = trimesh.creation.box((9.0, 7.0, 5.0))
-    lying = find_on_stone(box, [overview(SMOOTH)], np.zeros((1, 1, 2)))
+    lying = find_on_stone(
+        box, [scan(SMOOTH, (4.5, 4.5), side=OVERVIEW)], np.zeros((1, 1, 2))
+    )
     assert (lying.match.is_found, lying.match.lead) == (False, 0)
 
 

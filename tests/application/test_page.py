@@ -178,10 +178,8 @@ def test_the_days_of_the_scans_are_those_in_their_files(tmp_path):
         "b_T1": "2021-03-05",
     }
     for name, when in times.items():
-        folder = tmp_path / name[-2:] / "1"
-        folder.mkdir(parents=True, exist_ok=True)
         scan = xr.Dataset(attrs={"acquired": when} if when else {})
-        write_dataset(folder / f"{name}.h5", scan)
+        write_dataset(tmp_path / name[-2:] / f"1/{name}.h5", scan)
     folders = {epoch: [tmp_path / epoch.upper() / "1"] for epoch in ("t0", "t1")}
     study = Results(folders, places={"patch": ["a", "b", "c"]})
     assert scan_dates(study) == ["2021-02-03", "2021-03-05"]

@@ -31,6 +31,7 @@ from gst.setup.place_state import digest_of
 from gstlib.errors import FaultError, InputError
 from gstlib.io.plu import write_plu
 
+STUDY, PATCHES = Path("study.yaml"), Path("patches.tsv")
 SPACING = 0.0133  # mm
 POINTS = 64
 SIZE = SPACING * POINTS
@@ -67,7 +68,6 @@ def study(tmp_path, monkeypatch):
     (folder / "results/link").symlink_to(tmp_path / "secret")
     trimesh.creation.icosphere(subdivisions=2, radius=10.0).export(folder / "stone.ply")
     ground = 1e-3 * np.random.default_rng(1).normal(size=(POINTS, POINTS))
-    (folder / "scans").mkdir()
     for name in ("a", "b"):
         write_plu(folder / f"scans/{name}.plu", ground, SPACING)
     monkeypatch.chdir(folder)
@@ -76,7 +76,7 @@ def study(tmp_path, monkeypatch):
 
 @pytest.fixture
 def server(study):
-    with PlaceServer(Path("study.yaml")) as server:
+    with PlaceServer(STUDY) as server:
         serve = partial(server.serve_forever, poll_interval=0.01)
         thread = threading.Thread(target=serve)
         thread.start()
@@ -118,12 +118,12 @@ def state_of(server):
 
 def configure(old, new):
     """Write the config with a part replaced."""
-    Path("study.yaml").write_text(CONFIG.replace(old, new))
+    STUDY.write_text(CONFIG.replace(old, new))
 
 
 def written():
     """The config as it is on the disk."""
-    return yaml.safe_load(Path("study.yaml").read_text())
+    return yaml.safe_load(STUDY.read_text())
 
 
 def row(patch, x, y, turn=0, grade=None):
@@ -175,26 +175,26 @@ def test_files_and_folders_of_the_results_are_shown(server):
 
 def test_scans_and_results_outside_their_folders_are_refused(server, study):
     (study / "scans/c.plu").symlink_to(study.parent / "secret")
-    (study / "patches.tsv").write_text(TABLE.replace("b.plu", "c.plu"))
+    PATCHES.write_text(TABLE.replace("b.plu", "c.plu"))
     assert ask(server, "scan/1")[0] == 422
     configure("results: results", "results: ..")
     assert ask(server, "results/secret")[0] == 403
 
 
-def test_places_are_written_and_the_rest_stays(server, study):
+def test_places_are_written_and_the_rest_stays(server):
     state = state_of(server)
     assert state["square"] == {"points_mm": None, "size_mm": 5.0}
     assert state["patches"] == [row("A", None, None), row("B", 1.5, 2.0)]
     rows = row("A", 1.23456, 0, -7.5), row("B", 1.5, None)
     saved(server, "places", places(*rows, points=POINTS_MM))
-    assert (study / "study.yaml").read_text() == CONFIG.replace("TODO", str(POINTS_MM))
-    assert (study / "patches.tsv").read_text() == (
+    assert STUDY.read_text() == CONFIG.replace("TODO", str(POINTS_MM))
+    assert PATCHES.read_text() == (
         "# by hand\npatch\tnote\tx_mm\ty_mm\tt0\trotation_deg\n"
         "A\tdull\t1,235\t0\ta.plu\t-7,5\nB\t\t1,5\tTODO\tb.plu\t0\n"
     )
     # undone, also the turn
     saved(server, "places", places(*state["patches"]))
-    assert (study / "study.yaml").read_text() == CONFIG
+    assert STUDY.read_text() == CONFIG
     assert state_of(server) == state | {"digest": digest_of(server.config)}
     # the face keeps its ratio to the square
     assert state["face_mm"] == 15.0
@@ -203,15 +203,15 @@ def test_places_are_written_and_the_rest_stays(server, study):
     assert written()["macroscale"]["face_mm"] == 30.0
 
 
-def test_rows_of_one_name_are_not_taken_for_each_other(server, study):
+def test_rows_of_one_name_are_not_taken_for_each_other(server):
     twice = TABLE.replace("\nB\t", "\nA\t")
     assert twice != TABLE
-    (study / "patches.tsv").write_text(twice)
+    PATCHES.write_text(twice)
     assert save(server, "places", places(BOTH[0], row("A", 2, 2)))[0] == 422
-    assert (study / "patches.tsv").read_text() == twice
+    assert PATCHES.read_text() == twice
 
 
-def test_answers_are_written_and_comments_stay(server, study):
+def test_answers_are_written_and_comments_stay(server):
     for sent in (
         {"load.force_N": 30},
         {"counterface.radius_mm": 274},
@@ -219,11 +219,11 @@ def test_answers_are_written_and_comments_stay(server, study):
     ):
         assert saved(server, "answers", sent)["kept"] is None
         assert sent.items() <= state_of(server)["answers"].items()
-    text = (study / "study.yaml").read_text()
+    text = STUDY.read_text()
     assert "load: {force_N: 30, at_mm: [1.5, 2]}  # the paper's" in text
     # a copy is kept before a value goes
     kept = saved(server, "answers", {"load.force_N": None})["kept"]
-    assert (study / kept).read_text() == text
+    assert Path(kept).read_text() == text
 
 
 def test_places_of_a_tool_without_scans_make_a_table(server, study):
@@ -236,7 +236,7 @@ def test_places_of_a_tool_without_scans_make_a_table(server, study):
     (study / "patches.csv.bak").symlink_to(study / "none")
     table.chmod(0o600)
     rows = [row("2", 3, 4, grade=3), row("7", 1, 1, grade=1)]
-    kept = study / saved(server, "places", places(*rows))["kept"]
+    kept = Path(saved(server, "places", places(*rows))["kept"])
     assert kept.read_text() == text
     assert [file.stat().st_mode & 0o777 for file in (table, kept)] == 2 * [0o600]
     assert not (study / "none").exists()
@@ -282,7 +282,7 @@ def test_one_of_many_saves_at_once_is_written(server):
         statuses = [status for status, _ in answers]
     assert sorted(statuses) == [200] + [409] * 15
     with pytest.raises(InputError):  # nor has a folder two servers
-        PlaceServer(Path("study.yaml"))
+        PlaceServer(STUDY)
     assert written()["load"]["force_N"] == 1 + statuses.index(200)
 
 
@@ -336,7 +336,7 @@ def test_a_cause_is_told_once_with_its_consent_and_its_cure(study):
     assert "cure" not in overlaps
 
 
-def test_what_cures_a_cause_is_written_while_the_check_holds(server, study):
+def test_what_cures_a_cause_is_written_while_the_check_holds(server):
     """Other cures and consent leave it valid, another answer does not."""
     cures = [
         {"values": {"macroscale.face_mm": 14.4}, "cells": {}, "button": "Use 14.4"},
@@ -350,8 +350,8 @@ def test_what_cures_a_cause_is_written_while_the_check_holds(server, study):
     saved(server, "cure", 0)
     assert written()["macroscale"] == {"face_mm": 14.4}
     saved(server, "answers", {"accept": ["overlap:B"]})
-    assert (study / saved(server, "cure", 1)["kept"]).read_text() == TABLE
-    assert "B\t\t2,5\t2" in (study / "patches.tsv").read_text()
+    assert Path(saved(server, "cure", 1)["kept"]).read_text() == TABLE
+    assert "B\t\t2,5\t2" in PATCHES.read_text()
     assert ask(server, "report/check")[1]["changed"] is True
     saved(server, "answers", {"load.force_N": 100})
     saved(server, "answers", {"accept": []})
@@ -379,7 +379,7 @@ def test_a_lock_behind_a_link_is_refused(study, linked):
     link.parent.mkdir(exist_ok=True)
     link.symlink_to(target / linked)
     with pytest.raises(InputError):
-        PlaceServer(Path("study.yaml"))
+        PlaceServer(STUDY)
     assert [*target.iterdir()] == []
 
 
@@ -405,19 +405,19 @@ def test_a_server_whose_terminal_is_closed_leaves_no_token_and_no_lock(study):
             time.sleep(0.05)
         process.send_signal(signal.SIGHUP)
     assert [path.name for path in study.glob(".snakemake/place*")] == ["place.lock"]
-    PlaceServer(Path("study.yaml")).server_close()
+    PlaceServer(STUDY).server_close()
 
 
-def test_scans_find_their_exact_places_near_those_by_hand(server, study):
+def test_scans_find_their_exact_places_near_those_by_hand(server):
     """All are as in a mirror."""
-    heights = rough_stone(study / "stone.ply")
+    heights = rough_stone("stone.ply")
     right = {"A": (9.0, 13.0), "B": (11.0, 12.0), "C": (10.0, 10.5)}
     table = "patch\tx_mm\ty_mm\tt0\n"
     for patch, (y, x) in right.items():
         scan = taken(heights, (y, x), 8.0, SIZE, SPACING)
-        write_plu(study / f"scans/{patch}.plu", scan[::-1], SPACING)
+        write_plu(f"scans/{patch}.plu", scan[::-1], SPACING)
         table += f"{patch}\t{x - 7.7}\t{y - 8.4}\t{patch}.plu\n"
-    (study / "patches.tsv").write_text(table)
+    PATCHES.write_text(table)
     assert "neither an overview" in ask(server, "find", {})[1]["error"]
     corners = [[8, 8, 0, 1], [13, 8, 0, 1], [8, 13, 0, 1]] @ TURN.T
     configure("TODO", str(corners[:, :3].tolist()))
@@ -433,7 +433,7 @@ def test_scans_find_their_exact_places_near_those_by_hand(server, study):
 
 def picture(heights):
     write_plu("scans/a.plu", heights, SPACING)
-    return imread(io.BytesIO(picture_of(Path("study.yaml"), 0)))[..., 0]
+    return imread(io.BytesIO(picture_of(STUDY, 0)))[..., 0]
 
 
 def test_a_picture_is_lit_from_above_left_with_y_up(study):
