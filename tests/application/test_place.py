@@ -49,7 +49,7 @@ scans:
   size_mm: {SIZE:.4f}
   mould: {{invert: false, flip: null}}
 """
-TABLE = "# by hand\npatch\tnote\tx_mm\ty_mm\tt0\nA\tdull\tTODO\tTODO\ta.plu\nB\t\t1,5\t2\tb.plu\n"
+TABLE = "# by hand\npatch\tnote\tx_mm\ty_mm\tt0\nA\tdull\tTODO\tTODO\ta.plu\nB\t\t1,50\t2\tb.plu\n"
 POINTS_MM = [[0, 0, 10], [5, 0, 10], [0, 5, 10]]
 
 
@@ -190,7 +190,7 @@ def test_places_are_written_and_the_rest_stays(server):
     assert STUDY.read_text() == CONFIG.replace("TODO", str(POINTS_MM))
     assert PATCHES.read_text() == (
         "# by hand\npatch\tnote\tx_mm\ty_mm\tt0\trotation_deg\n"
-        "A\tdull\t1,235\t0\ta.plu\t-7,5\nB\t\t1,5\tTODO\tb.plu\t0\n"
+        "A\tdull\t1,235\t0\ta.plu\t-7,5\nB\t\t1,50\tTODO\tb.plu\t0\n"
     )
     # undone, also the turn
     saved(server, "places", places(*state["patches"]))
