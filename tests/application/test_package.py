@@ -191,7 +191,6 @@ BAD_JSON = {
     "list": ("provenance.json", b"[1, 2]"),
     "deep": ("provenance.json", b"[" * 100_000 + b"]" * 100_000),
     "no text": ("provenance.json", b"\xff\xfe{"),
-    "number": ("provenance.json", b"7"),
     "no steps": (
         PAGE_RECORD,
         b'{"params": {"makes": []}, "inputs": {}, "outputs": {}}',

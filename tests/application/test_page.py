@@ -27,8 +27,12 @@ from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
 
 FRAME = Frame(origin=(-2, -2, 1.5), x_axis=(1, 0, 0), normal=(0, 0, 1))
-PLACES = {"patch": ["a", "b"], "x_mm": [3.0, 1.0], "y_mm": [1.0, 3.0]}
-PLACES |= {"rotation_deg": [90.0, 0.0]}
+PLACES = {
+    "patch": ["a", "b"],
+    "x_mm": [3.0, 1.0],
+    "y_mm": [1.0, 3.0],
+    "rotation_deg": [90.0, 0.0],
+}
 
 
 @pytest.fixture

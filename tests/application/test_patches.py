@@ -7,6 +7,7 @@ from zipfile import ZipFile
 import numpy as np
 import openpyxl
 import pytest
+from folders import fill
 
 from gst.config.patches import overlaps, read_patches, scan_files
 from gstlib.errors import ConfigError
@@ -22,9 +23,8 @@ def read(path, **options):
 @pytest.fixture
 def table(tmp_path):
     def write(text):
-        path = tmp_path / "patches.csv"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return path
+        fill(tmp_path, {"patches.csv": text})
+        return tmp_path / "patches.csv"
 
     return write
 
@@ -51,13 +51,11 @@ def test_names_that_look_like_something_else_stay_names(table, tmp_path):
 
 def test_scans_are_found_however_their_accents_are_composed(table, tmp_path):
     forms = [unicodedata.normalize(form, "alt/Höhe_é.plu") for form in ("NFC", "NFD")]
-    file = tmp_path / forms[0]
-    file.parent.mkdir()
-    file.touch()
+    fill(tmp_path, {forms[0]: ""})
     for written in forms:
         path = table(f"{HEAD},t1\n1,1,1,{written},gone.plu\n")
         (patch,) = read(path, scan_folder=tmp_path).itertuples()
-        assert (tmp_path / patch.t0).samefile(file)
+        assert (tmp_path / patch.t0).samefile(tmp_path / forms[0])
         assert patch.t1 == "gone.plu"
 
 
@@ -239,9 +237,8 @@ def test_a_name_with_a_star_is_that_of_the_file_that_fits(table, tmp_path):
         f"{HEAD}\nloc1,1,1,*_{{patch}}_*_0strokes.mnt\nloc10,3,1,b/{{patch}}_*\n"
     )
     names = ["A1_loc1_e_0strokes.mnt", "b/Loc10_T0.sur"]
-    (tmp_path / "b").mkdir()
-    for name in (*names, "A1_loc1_e_50strokes.mnt", "A1_loc10_e_0strokes.mnt"):
-        (tmp_path / name).touch()
+    others = ["A1_loc1_e_50strokes.mnt", "A1_loc10_e_0strokes.mnt"]
+    fill(tmp_path, dict.fromkeys([*names, *others], ""))
     assert read(path, scan_folder=tmp_path).t0.tolist() == names
 
 
@@ -254,6 +251,5 @@ def test_a_name_with_a_star_is_that_of_the_file_that_fits(table, tmp_path):
     ],
 )
 def test_a_scan_that_is_missing_or_there_twice_is_told(table, tmp_path, text, words):
-    for name in ("E1_T0.plux", "E1_T0.sur"):
-        (tmp_path / name).touch()
+    fill(tmp_path, {"E1_T0.plux": "", "E1_T0.sur": ""})
     refused(table(text), f"{words} in {tmp_path}", scan_folder=tmp_path)
