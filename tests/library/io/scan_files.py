@@ -1,9 +1,9 @@
 """Small files of every format of scans, from the formats' public descriptions.
 
-Each writer takes a file name, heights (ny, nx) in mm with NaN where unmeasured, and the spacing
-(dy, dx) in mm. Sources: .plux: the table of bytes of measured files; .sur: Digital Surf's 512-byte
-header, as in Gwyddion's surffile, and its compressed form, as surfalize reads it; .x3p and .sdf:
-ISO 25178-72 and -71.
+Each writer takes a file name and heights (ny, nx) in mm, NaN where unmeasured. Their points are DY
+and DX apart, or STEP in a matrix. Sources: .plux: the table of bytes of measured files; .sur:
+Digital Surf's 512-byte header, as in Gwyddion's surffile, and its compressed form, as surfalize
+reads it; .x3p and .sdf: ISO 25178-72 and -71.
 """
 
 import io
@@ -11,8 +11,6 @@ import math
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -22,6 +20,11 @@ from hypothesis import strategies as st
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
+
+DY, DX = SPACING = 1.66e-3, 0.83e-3  # mm
+# What a config says of a matrix in text.
+STEP = 1.5  # µm
+CONFIG = {"unit": "um", "spacing_um": STEP}
 
 
 def refused(path, match=None, read=read_scan, **options):
@@ -45,7 +48,7 @@ def members_of(archive):
         return {name: opened.read(name) for name in opened.namelist()}
 
 
-def write_plu_at(path, heights, spacing, stage_mm):
+def write_plu_at(path, heights, spacing=SPACING, stage_mm=(0, 0)):
     """Bytes 412 to 420 of a measured `.plu` are its stage's x and y in µm."""
     write_plu(path, heights, spacing)
     content = bytearray(path.read_bytes())
@@ -53,12 +56,12 @@ def write_plu_at(path, heights, spacing, stage_mm):
     path.write_bytes(content)
 
 
-def write_plux(path, heights, spacing):
+def write_plux(path, heights):
     ny, nx = heights.shape
     index = (
         "<?xml version='1.0'?><xml><GENERAL><AUTHOR/><DATE>2021-04-19 11:40:13</DATE>"
         f"<IMAGE_SIZE_X>{nx}</IMAGE_SIZE_X><IMAGE_SIZE_Y>{ny}</IMAGE_SIZE_Y>"
-        f"<FOV_X>{spacing[1] * 1e3!r}</FOV_X><FOV_Y>{spacing[0] * 1e3!r}</FOV_Y></GENERAL>"
+        f"<FOV_X>{DX * 1e3!r}</FOV_X><FOV_Y>{DY * 1e3!r}</FOV_Y></GENERAL>"
         "<INFO><SIZE>1</SIZE><ITEM_0><NAME>Device</NAME><VALUE>S neox</VALUE></ITEM_0></INFO>"
         "<LAYER_0><FILENAME_Z>LAYER_0.raw</FILENAME_Z></LAYER_0></xml>"
     )
@@ -67,18 +70,14 @@ def write_plux(path, heights, spacing):
     path.write_bytes(zipped(members))
 
 
-def write_x3p(path, heights, spacing, stage_mm=(0, 0)):
+def write_x3p(path, heights, stage_mm=(0, 0)):
     """Heights in m, NaN where unmeasured."""
     ny, nx = heights.shape
     axes = "".join(
         f"<C{axis}><AxisType>{kind}</AxisType><DataType>D</DataType>"
         f"<Increment>{step!r}</Increment><Offset>{at / 1e3}</Offset></C{axis}>"
         for axis, kind, step, at in zip(
-            "XYZ",
-            "IIA",
-            (spacing[1] / 1e3, spacing[0] / 1e3, 1.0),
-            (*stage_mm, 0),
-            strict=True,
+            "XYZ", "IIA", (DX / 1e3, DY / 1e3, 1.0), (*stage_mm, 0), strict=True
         )
     )
     index = (
@@ -97,22 +96,21 @@ def write_x3p(path, heights, spacing, stage_mm=(0, 0)):
     path.write_bytes(zipped(content))
 
 
-def write_sdf(path, heights, spacing):
+def write_sdf(path, heights):
     """Heights in µm as doubles, the lowest of which stands for unmeasured."""
     ny, nx = heights.shape
     header = struct.pack(
         "<8s10s12s12s", b"bISO-1.0", b"a profiler", *2 * [b"190420211140"]
     )
-    dy, dx = spacing
-    header += struct.pack("<2H4d3B", nx, ny, dx / 1e3, dy / 1e3, 1e-6, -1, 0, 7, 0)
+    header += struct.pack("<2H4d3B", nx, ny, DX / 1e3, DY / 1e3, 1e-6, -1, 0, 7, 0)
     lowest = np.finfo(float).min
     values = np.where(np.isnan(heights), lowest, heights * 1e3)
     path.write_bytes(header + values.astype("<f8").tobytes())
 
 
-def write_sur(path, heights, spacing, kind=2, compressed=False, stage_mm=(0, 0)):
+def write_sur(path, heights, kind=2, compressed=False, stage_mm=(0, 0)):
     """Steps along x in mm, along y in µm; heights in nm, in steps of 1 pm."""
-    (ny, nx), (dy, dx), (x, y) = heights.shape, spacing, stage_mm
+    (ny, nx), (x, y) = heights.shape, stage_mm
     steps = np.round(heights * 1e9)
     unmeasured = np.isnan(steps)
     lowest = 0 if unmeasured.all() else int(np.nanmin(steps))
@@ -128,7 +126,7 @@ def write_sur(path, heights, spacing, kind=2, compressed=False, stage_mm=(0, 0))
         (50, "30s", b"a profiler"),
         (86, "H", int(unmeasured.any())),
         (98, "H5i", 32, lowest, int(values.max(initial=0)), *size),
-        (120, "3f", dx, dy * 1e3, 1e-3),
+        (120, "3f", DX, DY * 1e3, 1e-3),
         (180, "16s16s16s16s16s16s", *2 * [b"mm", b"\xb5m", b"nm"]),
         (306, "7H", 13, 40, 11, 19, 4, 2021, 1),  # the time
         (334, "H", len(comment)),
@@ -140,24 +138,24 @@ def write_sur(path, heights, spacing, kind=2, compressed=False, stage_mm=(0, 0))
     path.write_bytes(header + comment + content)
 
 
-def write_xyz(path, heights, spacing):
+def write_xyz(path, heights):
     """Points in µm, the unmeasured ones left out."""
-    rows, columns = np.indices(heights.shape)
-    y = spacing[0] * 1e3 * (rows + 0.5)
-    x = spacing[1] * 1e3 * (columns + 0.5)
-    points = np.stack([x, y, heights * 1e3], axis=-1).reshape(-1, 3)
-    np.savetxt(path, points[np.isfinite(points[:, 2])], fmt="%.9f")
+    rows, columns = np.argwhere(np.isfinite(heights)).T
+    y, x = 1e3 * DY * (rows + 0.5), 1e3 * DX * (columns + 0.5)
+    np.savetxt(path, np.c_[x, y, 1e3 * heights[rows, columns]], fmt="%.9f")
+
+
+def lines_of(rows, mark=",", cell="{:.4f}", unmeasured="nan"):
+    """Rows of numbers in text."""
+    cells = ([unmeasured if v != v else cell.format(v) for v in row] for row in rows)
+    return "".join(mark.join(row) + "\n" for row in cells)
 
 
 def matrix_writer(separator, unmeasured, point="."):
     """Writer of heights in µm, between separators and with a decimal sign as some program's."""
 
-    def write(path, heights, spacing):
-        rows = [
-            [unmeasured if np.isnan(v) else f"{v * 1e3:.9g}" for v in row]
-            for row in heights
-        ]
-        text = "".join(separator.join(row) + "\n" for row in rows)
+    def write(path, heights):
+        text = lines_of(1e3 * heights, separator, "{:.9g}", unmeasured)
         path.write_text(text.replace(".", point))
 
     return write
@@ -184,38 +182,26 @@ def damaged(draw, content):
     return content[:start] + new + content[start + lost :]
 
 
-@dataclass(frozen=True)
-class Format:
-    """How to write a sample, and what `read_scan` must be given to read it."""
-
-    ending: str
-    write: Callable
-    options: Callable = lambda spacing: {}
-    square: bool = False  # one spacing for both directions
-    attrs: dict = field(default_factory=dict)
-
-
+# Writers by name, which begins with the ending of the file.
 FORMATS = {
-    "plu": Format(
-        ".plu", write_plu, attrs={"objective": "Leica HC PL Fluotar EPI 10X"}
-    ),
-    "plux": Format(".plux", write_plux, attrs={"instrument": "S neox"}),
-    "sur": Format(".sur", write_sur, attrs={"instrument": "a profiler"}),
-    "sur, compressed": Format(".sur", partial(write_sur, compressed=True)),
-    "x3p": Format(".x3p", write_x3p, attrs={"instrument": "a profiler"}),
-    "sdf": Format(".sdf", write_sdf),
-    "xyz": Format(".xyz", write_xyz, lambda spacing: {"unit": "um"}),
-} | {
-    name: Format(
-        ending,
-        matrix_writer(*style),
-        lambda spacing: {"unit": "um", "spacing_um": spacing * 1e3},
-        square=True,
-    )
-    for name, ending, *style in [
-        ("csv", ".csv", ",", ""),
-        ("csv, decimal commas", ".csv", ";", "NaN", ","),
-        ("txt", ".txt", " ", "BAD"),
-        ("asc", ".asc", "\t", "---"),
-    ]
+    "plu": write_plu_at,
+    "plux": write_plux,
+    "sur": write_sur,
+    "sur, compressed": partial(write_sur, compressed=True),
+    "x3p": write_x3p,
+    "sdf": write_sdf,
+    "xyz": write_xyz,
+    "csv": matrix_writer(",", ""),
+    "csv, decimal commas": matrix_writer(";", "NaN", ","),
+    "txt": matrix_writer(" ", "BAD"),
+    "asc": matrix_writer("\t", "---"),
 }
+OPTIONS = {"xyz": {"unit": "um"}} | dict.fromkeys(["csv", "txt", "asc"], CONFIG)
+
+
+def written(folder, name, heights):
+    """A file of a format, and what `read_scan` must be given to read it."""
+    ending = name.partition(",")[0]
+    path = folder / f"a.{ending}"
+    FORMATS[name](path, heights)
+    return path, OPTIONS.get(ending, {})

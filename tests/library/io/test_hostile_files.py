@@ -17,7 +17,7 @@ import openpyxl
 import pytest
 from hypothesis import given, settings
 from mesh_files import glb, stone
-from scan_files import FORMATS, damaged, members_of, write_sur, zipped
+from scan_files import damaged, members_of, write_sdf, write_sur, zipped
 
 from gst.config.patches import read_patches
 from gst.config.strict_yaml import parse_yaml
@@ -82,7 +82,7 @@ def mesh_with(more):
 
 def false_sur(path):
     """Its only stream, of 64 bytes, states two gigabytes."""
-    write_sur(path, np.ones((4, 4)), (1e-3, 1e-3), compressed=True)
+    write_sur(path, np.ones((4, 4)), compressed=True)
     stream, size = struct.pack("<2I", 1, 64), struct.pack("<2I", 1, 1 << 31)
     assert stream in path.read_bytes()
     path.write_bytes(path.read_bytes().replace(stream, size))
@@ -90,7 +90,7 @@ def false_sur(path):
 
 def false_sdf(path):
     """Its header announces 65,535² points."""
-    FORMATS["sdf"].write(path, np.ones((4, 4)), (1e-3, 1e-3))
+    write_sdf(path, np.ones((4, 4)))
     content = path.read_bytes()
     path.write_bytes(content[:42] + b"\xff" * 4 + content[46:])
 

@@ -2,33 +2,18 @@
 
 import numpy as np
 import pytest
-import scan_files
+from scan_files import CONFIG, STEP, lines_of, refused
 
 from gstlib.io.scans import read_scan
 from gstlib.surfaces.grid import spacing_of
 
-STEP = 1.5  # µm
-CONFIG = {"unit": "um", "spacing_um": STEP}
 NY, NX = 24, 30
 
 
-def rough():
-    """Heights (µm), rough along both axes, with four decimals."""
-    steps = np.random.default_rng(5).normal(size=(NY, NX))
-    heights = steps.cumsum(0).cumsum(1)
-    return (heights / 10).round(4)
-
-
-HEIGHTS = rough()
+# Heights (µm), rough along both axes, with four decimals.
+STEPS = np.random.default_rng(5).normal(size=(NY, NX))
+HEIGHTS = (STEPS.cumsum(0).cumsum(1) / 10).round(4)
 X, Y = np.arange(NX) * STEP, np.arange(NY) * STEP
-
-
-def lines_of(rows, mark=",", cell="{:.4f}", unmeasured="nan"):
-    lines = []
-    for row in rows:
-        cells = [unmeasured if v != v else cell.format(v) for v in row]
-        lines.append(mark.join(cells) + "\n")
-    return "".join(lines)
 
 
 def first_as(word, text):
@@ -45,20 +30,8 @@ def points(order=(0, 1, 2), scale=(1, 1, 1)):
     return columns[:, list(order)]
 
 
-def read(tmp_path, text, ending=".csv", **config):
-    path = tmp_path / f"a{ending}"
-    path.write_text(text, encoding="utf-8")
-    return read_scan(path, **config)
-
-
-def refused(tmp_path, text, match, ending=".csv", **config):
-    path = tmp_path / f"a{ending}"
-    path.write_text(text, encoding="utf-8")
-    scan_files.refused(path, match, **config)
-
-
 def same(scan, heights=HEIGHTS, steps=(STEP, STEP)):
-    np.testing.assert_allclose(1e3 * scan.values, heights, atol=1e-9)
+    np.testing.assert_allclose(1e3 * scan, heights, atol=1e-9)
     assert spacing_of(scan) == pytest.approx([1e-3 * step for step in steps])
 
 
@@ -82,8 +55,8 @@ DIALECTS = {
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
-def test_a_matrix_in_a_dialect(tmp_path, dialect):
-    same(read(tmp_path, DIALECTS[dialect], **CONFIG))
+def test_a_matrix_in_a_dialect(write, dialect):
+    same(read_scan(write("a.csv", DIALECTS[dialect]), **CONFIG))
 
 
 PLANE = np.add.outer(np.arange(NY) * 0.1, np.arange(NX) * 0.2)
@@ -101,22 +74,22 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("kind", OTHERS)
-def test_heights_are_told_from_coordinates_and_from_split_numbers(tmp_path, kind):
+def test_heights_are_told_from_coordinates_and_from_split_numbers(write, kind):
     heights, text = OTHERS[kind]
-    same(read(tmp_path, text, unit="um", spacing_um=STEP), heights)
+    same(read_scan(write("a.csv", text), **CONFIG), heights)
 
 
-def test_an_invisible_line_is_no_row(tmp_path):
+def test_an_invisible_line_is_no_row(write):
     text = lines_of(points(), " ") + "\t\n\xa0\n"
-    same(read(tmp_path, text, ".xyz", unit="um"))
+    same(read_scan(write("a.xyz", text), unit="um"))
 
 
-def test_coordinates_give_the_order_and_the_spacing(tmp_path):
+def test_coordinates_give_the_order_and_the_spacing(write):
     text = lines_of(with_coordinates(X[::-1], 2 * Y[::-1]))
-    scan = read(tmp_path, text, unit="um")
+    scan = read_scan(write("a.csv", text), unit="um")
     same(scan, np.flip(HEIGHTS), steps=(2 * STEP, STEP))
     numbers = lines_of(with_coordinates(np.arange(NX), np.arange(NY)))
-    refused(tmp_path, numbers, "spacing of its points", unit="um")
+    refused(write("a.csv", numbers), "spacing of its points", unit="um")
 
 
 MARKS = [
@@ -134,21 +107,25 @@ MARKS = [
 
 @pytest.mark.parametrize("mark", MARKS)
 @pytest.mark.parametrize("separator", [";", " "])
-def test_marks_of_unmeasured_points(tmp_path, mark, separator):
+def test_marks_of_unmeasured_points(write, mark, separator):
     """In whole rows at the top, at the ends of rows, and in most of the file."""
     heights = HEIGHTS.copy()
     heights[np.random.default_rng(1).random(heights.shape) < 0.8] = np.nan
     heights[:3] = heights[:, -1] = np.nan
     same(
-        read(tmp_path, lines_of(heights, separator, unmeasured=mark), **CONFIG), heights
+        read_scan(
+            write("a.csv", lines_of(heights, separator, unmeasured=mark)), **CONFIG
+        ),
+        heights,
     )
 
 
-def test_a_header_of_gwyddion(tmp_path):
+def test_a_header_of_gwyddion(write):
     header = "# Channel: Z\n# Width: 45,0 µm\n# Height: 7.2e1 µm\n# Value units: nm\n"
     text = header + lines_of(HEIGHTS * 1e3, "\t")
     # a unit and a spacing that do not count
-    same(read(tmp_path, text, ".txt", unit="mm", spacing_um=9.0), steps=(3.0, 1.5))
+    scan = read_scan(write("a.txt", text), unit="mm", spacing_um=9.0)
+    same(scan, steps=(3.0, 1.5))
 
 
 HEADERS = [
@@ -167,10 +144,10 @@ HEADERS = [
 
 
 @pytest.mark.parametrize("header", HEADERS)
-@pytest.mark.parametrize(("ending", "rows"), [(".csv", HEIGHTS), (".xyz", points())])
-def test_a_header_that_is_not_understood_is_refused(tmp_path, header, ending, rows):
+@pytest.mark.parametrize(("name", "rows"), [("a.csv", HEIGHTS), ("a.xyz", points())])
+def test_a_header_that_is_not_understood_is_refused(write, header, name, rows):
     text = header + lines_of(rows)
-    refused(tmp_path, text, "states a unit or a size|damaged", ending, **CONFIG)
+    refused(write(name, text), "states a unit or a size|damaged", **CONFIG)
 
 
 MAPS = {
@@ -209,15 +186,16 @@ MAPS = {
 
 
 @pytest.mark.parametrize("kind", MAPS)
-def test_a_matrix_that_would_be_misread_is_refused(tmp_path, kind):
-    refused(tmp_path, *MAPS[kind], **CONFIG)
+def test_a_matrix_that_would_be_misread_is_refused(write, kind):
+    text, match = MAPS[kind]
+    refused(write("a.csv", text), match, **CONFIG)
 
 
-def test_coordinates_in_another_unit_make_slopes_that_no_stone_has(tmp_path):
+def test_coordinates_in_another_unit_make_slopes_that_no_stone_has(write):
     text = lines_of(with_coordinates(X / 1e3, Y / 1e3))
-    refused(tmp_path, text, "different units", unit="um")
+    refused(write("a.csv", text), "different units", unit="um")
     text = lines_of(points(scale=(1, 1, 1e3)), " ", "{:.7f}")
-    refused(tmp_path, text, "different units.*x.mm. y.mm. z.um.", ".xyz", unit="um")
+    refused(write("a.xyz", text), "different units.*x.mm. y.mm. z.um.", unit="um")
 
 
 @pytest.mark.parametrize(
@@ -228,19 +206,19 @@ def test_coordinates_in_another_unit_make_slopes_that_no_stone_has(tmp_path):
         ("z_nm x_mm y_um\n", (2, 0, 1), (1e-3, 1, 1e3)),
     ],
 )
-def test_points_with_names_and_units_of_their_columns(tmp_path, head, order, scale):
+def test_points_with_names_and_units_of_their_columns(write, head, order, scale):
     text = lines_of(points(order, scale), " ", "{:.7f}")
-    same(read(tmp_path, head + text, ".xyz", unit="um"))
+    same(read_scan(write("a.xyz", head + text), unit="um"))
 
 
 @pytest.mark.parametrize("head", ["Row Col Height\n", "x[px] y[px] z\n"])
-def test_points_with_other_names_are_refused(tmp_path, head):
+def test_points_with_other_names_are_refused(write, head):
     text = head + lines_of(points(), " ")
-    refused(tmp_path, text, "not clear|not understood", ".xyz", unit="um")
+    refused(write("a.xyz", text), "not clear|not understood", unit="um")
 
 
-def test_numbers_of_points_are_no_lengths(tmp_path, caplog):
+def test_numbers_of_points_are_no_lengths(write, caplog):
     text = lines_of(points(scale=(1 / STEP, 1 / STEP, 1)), " ")
-    same(read(tmp_path, text, ".xyz", unit="um"), steps=(1, 1))
+    same(read_scan(write("a.xyz", text), unit="um"), steps=(1, 1))
     assert "whole numbers, 1 apart" in caplog.text
-    refused(tmp_path, text, "whole numbers, 1 apart.*1.5", ".xyz", **CONFIG)
+    refused(write("a.xyz", text), "whole numbers, 1 apart.*1.5", **CONFIG)
