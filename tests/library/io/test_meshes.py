@@ -54,8 +54,8 @@ f 2// 6// 8// 4//
 """
 
 
-def exported(kind):
-    content = stone().export(file_type=kind)
+def exported(kind, scale=1.0):
+    content = stone().apply_scale(scale).export(file_type=kind)
     return content if isinstance(content, bytes) else content.encode()
 
 
@@ -76,6 +76,7 @@ STL, OBJ, OFF, BIG = (
 COUNT = struct.pack("<I", 48)
 INSIDE_OUT = trimesh.Trimesh(stone().vertices, stone().faces[:, ::-1])
 BOTH_SIDES = stone() + INSIDE_OUT
+CENTIMETRES = b"# Units: centimeters\n"
 # As MeshLab writes a texture: two numbers for each corner.
 TEXTURE_LIST = "\nproperty list uchar float texcoord\nend_header"
 TEXTURED_PLY = QUADS_PLY.replace("\nend_header", TEXTURE_LIST)
@@ -101,15 +102,6 @@ DIALECTS = {
 refused = partial(scan_files.refused, read=read_mesh)
 
 
-@pytest.fixture
-def write(tmp_path):
-    def write(name, content):
-        (tmp_path / name).write_bytes(content)
-        return tmp_path / name
-
-    return write
-
-
 @pytest.mark.parametrize("name", FILES | DIALECTS)
 def test_whole_files_in_all_dialects_are_read(write, name):
     mesh = read_mesh(write(name, (FILES | DIALECTS)[name]), unit="mm")
@@ -121,13 +113,12 @@ def test_whole_files_in_all_dialects_are_read(write, name):
 # --- Units and places ---------------------------------------------------------------------------
 
 
-def test_the_parts_of_a_scene_are_put_where_it_has_them(tmp_path):
+def test_the_parts_of_a_scene_are_put_where_it_has_them(write):
     scene = trimesh.Scene(stone())
     twice = np.diag([-2.0, 2.0, 2.0, 1.0])  # and mirrored
     twice[0, 3] = 100.0
     scene.add_geometry(stone(), transform=twice)
-    scene.export(tmp_path / "two.glb")
-    mesh = read_mesh(tmp_path / "two.glb", unit="mm")
+    mesh = read_mesh(write("two.glb", scene.export(file_type="glb")), unit="mm")
     np.testing.assert_allclose(mesh.bounds, [[-20, -30, -20], [140, 30, 20]], atol=1e-5)
     assert mesh.body_count == 2
     assert mesh.volume == pytest.approx(9 * np.prod(SIZE))
@@ -161,17 +152,16 @@ def test_the_unit_that_a_3mf_states_holds(tmp_path, stated, unit, length):
 
 
 @pytest.mark.parametrize(
-    ("name", "scale", "before", "other", "match"),
+    ("name", "content", "other", "match"),
     [
-        ("a.obj", 0.1, b"# Units: centimeters\n", "mm", "is in cm by its own comment"),
-        ("a.glb", 1e-3, b"", "ft", "is in m by its specification"),
+        ("a.obj", CENTIMETRES + exported("obj", 0.1), "mm", "is in cm by its own"),
+        ("a.glb", exported("glb", 1e-3), "ft", "is in m by its specification"),
     ],
 )
 def test_another_unit_than_a_file_states_is_warned_of(
-    write, caplog, name, scale, before, other, match
+    write, caplog, name, content, other, match
 ):
-    content = stone().apply_scale(scale).export(file_type=name[2:])
-    path = write(name, before + (content if before == b"" else content.encode()))
+    path = write(name, content)
     mesh = read_mesh(path)
     assert mesh.extents == pytest.approx(SIZE)
     assert not caplog.text
@@ -179,10 +169,10 @@ def test_another_unit_than_a_file_states_is_warned_of(
     assert match in caplog.text
 
 
-def test_a_wrong_unit_is_named(tmp_path):
-    stone().apply_scale(1e-3).export(tmp_path / "metres.stl")
-    refused(tmp_path / "metres.stl", r"0\.04 mm.*mesh_unit: m \(40 mm\)\.")
-    refused(tmp_path / "metres.stl", "unknown mesh unit", unit="furlong")
+def test_a_wrong_unit_is_named(write):
+    metres = write("metres.stl", exported("stl", 1e-3))
+    refused(metres, r"0\.04 mm.*mesh_unit: m \(40 mm\)\.")
+    refused(metres, "unknown mesh unit", unit="furlong")
 
 
 # --- GLB ----------------------------------------------------------------------------------------
@@ -198,17 +188,13 @@ def scaled(scale, **accessor):
 
 
 @pytest.mark.parametrize(
-    ("content", "step_mm"),
-    [
-        (glb(scaled(0.03 / 32767), "<i2", 32767), 0.92e-3),
-        (glb(scaled(0.03, normalized=True), "<i2", 32767), 0.92e-3),
-    ],
+    "change", [scaled(0.03 / 32767), scaled(0.03, normalized=True)]
 )
-def test_positions_of_a_glb_are_read_as_they_are_meant(write, content, step_mm):
-    mesh = read_mesh(write("a.glb", content))
+def test_positions_of_a_glb_are_read_as_they_are_meant(write, change):
+    mesh = read_mesh(write("a.glb", glb(change, "<i2", 32767)))
     assert mesh.extents == pytest.approx([60, 60, 60], rel=1e-3)
     assert mesh.volume == pytest.approx(4 / 3 * np.pi * 30**3, rel=0.01)
-    assert mesh.metadata["step_mm"] == pytest.approx(step_mm, rel=0.1)
+    assert mesh.metadata["step_mm"] == pytest.approx(0.92e-3, rel=0.1)
 
 
 def changed(*path, **keys):
@@ -355,9 +341,10 @@ def test_damaged_files_are_refused(write, name, old, new, match):
     refused(write(name, FILES[name].replace(old, new, 1)), match)
 
 
-def test_no_such_file_and_unknown_format(tmp_path, write):
-    refused(tmp_path / "stone.stl", "no such file")
-    refused(write("a.txt", b"hello"), r"not a mesh format.*\.glb")
+def test_no_such_file_and_unknown_format(write):
+    text = write("a.txt", "hello")
+    refused(text, r"not a mesh format.*\.glb")
+    refused(text.with_suffix(".stl"), "no such file")
 
 
 @pytest.mark.parametrize("kind", ["stl", "ply", "glb"])
@@ -391,17 +378,13 @@ def test_triangles_that_rounding_shrinks_are_read(write):
     assert read_mesh(write("a.ply", ply(ball))).extents == pytest.approx(ball.extents)
 
 
-def test_a_closed_mesh_inside_out_is_turned(tmp_path, caplog):
+def test_a_closed_mesh_inside_out_is_turned(write, caplog):
     caplog.set_level(NOTE)
-    ball = trimesh.creation.icosphere(4, radius=20)
-    ball.update_faces(
-        np.arange(len(ball.faces)) > 2
-    )  # pin-holes, as scanners leave them
-    ball.apply_translation((500, 0, 0))
-    ball.export(tmp_path / "right.stl")
-    ball.invert()
-    ball.export(tmp_path / "wrong.stl")
-    right = read_mesh(tmp_path / "right.stl")
+    ball = rough_ball().apply_translation((500, 0, 0))
+    ball.faces = ball.faces[2:]  # pin-holes, as scanners leave them
+    right = read_mesh(write("right.ply", ply(ball)))
     assert "inside out" not in caplog.text
-    assert read_mesh(tmp_path / "wrong.stl").volume == pytest.approx(right.volume)
+    ball.invert()
+    wrong = read_mesh(write("wrong.ply", ply(ball)))
+    assert wrong.volume == pytest.approx(right.volume)
     assert "inside out" in caplog.text

@@ -234,12 +234,6 @@ def test_unit_and_spacing_of_a_matrix_must_come_from_the_config(write):
     refused(path, "spacing of its points.*scans.spacing_um", unit="um")
 
 
-def test_a_text_in_utf_16(write):
-    text = "# Width: 4 µm\n# Height: 2 µm\n# Value units: nm\n1 2 3 4\n5 6 7 8\n"
-    scan = read_scan(write("a.txt", text.encode("utf-16")))
-    assert spacing_of(scan) == (1e-3, 1e-3)
-
-
 ESRI = "NCOLS 4\nNROWS 3\nXLLCENTER 0\nYLLCENTER 0\nCELLSIZE {cell}\n{rows}"
 ROWS = "9 8 7 6\n5 -9999 4 3\n2 1 0 1\n"
 

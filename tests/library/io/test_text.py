@@ -79,11 +79,6 @@ def test_heights_are_told_from_coordinates_and_from_split_numbers(write, kind):
     same(read_scan(write("a.csv", text), **CONFIG), heights)
 
 
-def test_an_invisible_line_is_no_row(write):
-    text = lines_of(points(), " ") + "\t\n\xa0\n"
-    same(read_scan(write("a.xyz", text), unit="um"))
-
-
 def test_coordinates_give_the_order_and_the_spacing(write):
     text = lines_of(with_coordinates(X[::-1], 2 * Y[::-1]))
     scan = read_scan(write("a.csv", text), unit="um")
@@ -120,11 +115,13 @@ def test_marks_of_unmeasured_points(write, mark, separator):
     )
 
 
-def test_a_header_of_gwyddion(write):
+@pytest.mark.parametrize("coding", ["utf-8", "utf-16"])
+def test_a_header_of_gwyddion(write, coding):
     header = "# Channel: Z\n# Width: 45,0 µm\n# Height: 7.2e1 µm\n# Value units: nm\n"
     text = header + lines_of(HEIGHTS * 1e3, "\t")
     # a unit and a spacing that do not count
-    scan = read_scan(write("a.txt", text), unit="mm", spacing_um=9.0)
+    path = write("a.txt", text.encode(coding))
+    scan = read_scan(path, unit="mm", spacing_um=9.0)
     same(scan, steps=(3.0, 1.5))
 
 
@@ -201,14 +198,16 @@ def test_coordinates_in_another_unit_make_slopes_that_no_stone_has(write):
 @pytest.mark.parametrize(
     ("head", "order", "scale"),
     [
+        ("", (0, 1, 2), (1, 1, 1)),
         ("# z x y\n", (2, 0, 1), (1, 1, 1)),
         ("# X (µm), Y (µm), Z (nm)\n", (0, 1, 2), (1, 1, 1e3)),
         ("z_nm x_mm y_um\n", (2, 0, 1), (1e-3, 1, 1e3)),
     ],
 )
 def test_points_with_names_and_units_of_their_columns(write, head, order, scale):
-    text = lines_of(points(order, scale), " ", "{:.7f}")
-    same(read_scan(write("a.xyz", head + text), unit="um"))
+    """Invisible lines at the end are no points."""
+    text = head + lines_of(points(order, scale), " ", "{:.7f}") + "\t\n\xa0\n"
+    same(read_scan(write("a.xyz", text), unit="um"))
 
 
 @pytest.mark.parametrize("head", ["Row Col Height\n", "x[px] y[px] z\n"])
