@@ -109,8 +109,8 @@ def test_a_patch_is_cut_out_of_a_scan_before_it_is_prepared(raw):
     for own_flip, laid in flipped.items():
         whole = prepared(raw, None, 0.128, own_flip=own_flip).measured
         assert_array_equal(whole, laid)
-    with pytest.raises(InputError, match=r"a\.plu: the scan is 0\.128 × 0\.128 mm"):
-        prepared(raw, None, 0.064)
+    with pytest.raises(InputError, match=r"a\.plu: the scan is 0\.128 × 0\.064 mm"):
+        prepared(raw[:64], None, 0.064)
 
 
 @pytest.mark.parametrize("flip", ["x", "y", None])
