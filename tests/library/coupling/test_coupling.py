@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from contacts import written
+from numpy.testing import assert_allclose
 
 from gstlib.coupling.embedding import surroundings
 from gstlib.coupling.pressures import covered_pressures, patch_pressures, stated, unseen
@@ -45,15 +46,15 @@ def test_a_mean_is_over_what_both_scans_cover(shift_mm, size_mm, turn):
     table = covered_pressures(outlines, pressure, registration, patch_mm=1.0)
     # no T1 of the second was found
     whole = outlines.pressure_MPa[1]
-    np.testing.assert_allclose(table.covered_MPa, [mean, whole], rtol=5e-3)
+    assert_allclose(table.covered_MPa, [mean, whole], rtol=5e-3)
     assert unseen(table).equals(table.covered_MPa)
     inferred = outlines.assign(leave_one_out_MPa=[outlines.pressure_MPa[0] + 3, np.nan])
     moved = covered_pressures(inferred, pressure, registration, patch_mm=1.0)
     expected = [table.covered_MPa[0] + 3, np.nan]
-    np.testing.assert_allclose(moved.leave_one_out_MPa, expected)
+    assert_allclose(moved.leave_one_out_MPa, expected)
     used = table.assign(leave_one_out_MPa=[7.0, np.nan], stated_MPa=[np.nan, 8.0])
-    np.testing.assert_allclose(unseen(used), [7.0, whole])
-    np.testing.assert_allclose(stated(used), [table.covered_MPa[0], 8.0])
+    assert_allclose(unseen(used), [7.0, whole])
+    assert_allclose(stated(used), [table.covered_MPa[0], 8.0])
 
 
 def test_surroundings_sink_a_patch_as_the_forces_outside_it_do():
@@ -65,4 +66,4 @@ def test_surroundings_sink_a_patch_as_the_forces_outside_it_do():
     along = (np.arange(16) + 0.5) * 0.05 - 0.4
     y, x = place.points(along[:, None], along)
     expected = 200.0 * 0.1**2 / (np.pi * 1e4 * np.hypot(y - 4.55, x - 2.55))
-    np.testing.assert_allclose(sunk, expected, rtol=2e-3)
+    assert_allclose(sunk, expected, rtol=2e-3)

@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 from contacts import around, laid, mesh_face, written
 from contacts import pressed as press
+from numpy.testing import assert_allclose
 
 from gstlib.coupling.intervals import (
     Errors,
@@ -75,12 +76,12 @@ def assert_ends(table, drawn):
     """The interval is that of the pressures drawn."""
     low, high = np.percentile(drawn, (2.5, 97.5), axis=0)
     assert (high > 1.01 * low).any()
-    np.testing.assert_allclose(table[["low_MPa", "high_MPa"]].T, [low, high], rtol=1e-4)
+    assert_allclose(table[["low_MPa", "high_MPa"]].T, [low, high], rtol=1e-4)
 
 
 def assert_certain(table, expected):
     limits = table[["low_MPa", "high_MPa"]].T
-    np.testing.assert_allclose(limits, 2 * [np.asarray(expected)], rtol=1e-3)
+    assert_allclose(limits, 2 * [np.asarray(expected)], rtol=1e-3)
 
 
 def test_the_square_alone_is_pressed_on_its_mean_plane(intervals):
@@ -118,7 +119,7 @@ def test_detail_between_the_scans_is_drawn_anew(intervals):
     composite = compose_surface(mesh(1e-5), PLACES, scans, **settings)
     table = intervals(np.ones(8), mesh(), composite, None)
     assert (table.high_MPa - table.low_MPa > 1e-3).all()
-    np.testing.assert_allclose(table.tilt_error_mrad, composite.tilt_error_mrad)
+    assert_allclose(table.tilt_error_mrad, composite.tilt_error_mrad)
     assert set(table.plane) == {"mesh"}
 
 

@@ -1,10 +1,11 @@
-"""Small files of meshes, as several programs write them."""
+"""Small meshes, and their files as several programs write them."""
 
 import json
 import struct
 
 import numpy as np
 import trimesh
+from scipy.spatial import Delaunay
 
 SIZE = (40.0, 30.0, 20.0)
 PLY_HEADER = """ply
@@ -36,6 +37,18 @@ def rough_ball(roughness=0.02):
     noise = np.random.default_rng(1).normal(size=(len(ball.vertices), 1))
     ball.vertices *= 1 + roughness * noise
     return ball
+
+
+def sheet(function, edge=0.25, low=-1.5, high=6.5, up=True):
+    """An open mesh z = function(x, y) on jittered points, whose faces look up, or down."""
+    axis = np.arange(low, high + edge / 2, edge)
+    points = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    is_inner = ((points > low) & (points < axis[-1])).all(axis=1)
+    jitter = edge * np.random.default_rng(0).uniform(-0.3, 0.3, points.shape)
+    points = points + jitter * is_inner[:, None]
+    faces = Delaunay(points).simplices  # anticlockwise
+    vertices = np.c_[points, function(*points.T)]
+    return trimesh.Trimesh(vertices, faces if up else faces[:, ::-1], process=False)
 
 
 def ply(mesh, number="<f4"):

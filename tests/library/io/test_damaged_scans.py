@@ -6,6 +6,7 @@ import struct
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from numpy.testing import assert_allclose
 from scan_files import CONFIG, FORMATS, damaged, lines_of, refused, write_sur, written
 
 from gstlib.errors import InputError
@@ -44,7 +45,7 @@ def test_plu_with_bytes_missing_or_added(tmp_path, rough, start_of_rest, is_stat
         content = content[:-8] + struct.pack("<2f", -UNMEASURED, UNMEASURED)
     content += bytes(300)  # a picture follows
     path.write_bytes(content)
-    np.testing.assert_allclose(read_scan(path), rough, rtol=1e-6)
+    assert_allclose(read_scan(path), rough, rtol=1e-6)
     path.write_bytes(content[:900] + content[start_of_rest:])
     refused(path, "holds heights from .* but states .* damaged")
 
@@ -78,7 +79,7 @@ def test_bytes_added_to_a_binary_file(tmp_path, rough, name, place, new):
 def test_what_may_follow_heights_is_read_over(tmp_path, rough, name, more):
     path, _ = written(tmp_path, name, rough)
     path.write_bytes(path.read_bytes() + more)
-    np.testing.assert_allclose(read_scan(path), rough, atol=2e-9)
+    assert_allclose(read_scan(path), rough, atol=2e-9)
 
 
 @pytest.mark.parametrize(("at", "change"), [(100, 1), (104, -2)])
@@ -113,7 +114,7 @@ ZEROS = {
 def test_zeros_that_a_lost_block_does_not_leave_are_read(tmp_path, rough, zeros):
     rough[zeros] = 0
     path, _ = written(tmp_path, "plu", rough)
-    np.testing.assert_allclose(read_scan(path), rough, rtol=1e-6)
+    assert_allclose(read_scan(path), rough, rtol=1e-6)
 
 
 # --- Text ---------------------------------------------------------------------------------------

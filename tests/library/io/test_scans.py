@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.io
 import xarray as xr
+from numpy.testing import assert_allclose, assert_array_equal
 from scan_files import (
     CONFIG,
     FORMATS,
@@ -40,7 +41,7 @@ def test_every_format_gives_the_same_surface(tmp_path, heights, name):
     path, options = written(tmp_path, name, heights)
     scan = read_scan(path, **options)
     assert scan.dims == ("y", "x")
-    np.testing.assert_allclose(scan, heights, atol=2e-9)  # NaN where NaN
+    assert_allclose(scan, heights, atol=2e-9)  # NaN where NaN
     spacing = (STEP / 1e3, STEP / 1e3) if options == CONFIG else SPACING
     assert spacing_of(scan) == pytest.approx(spacing, rel=1e-6)
     assert DESCRIBED.get(name, {}).items() <= scan.attrs.items()
@@ -55,7 +56,7 @@ def test_a_plu_is_read_back_by_the_library_that_reads_the_instruments_own(
     topography = read_topography(str(tmp_path / "a.plu"))
     # in µm, masked where unmeasured: the library has them as [x, y]
     stored = np.ma.filled(topography.heights().astype(float), math.nan).T
-    np.testing.assert_array_equal(stored, (heights * 1e3).astype(np.float32))
+    assert_array_equal(stored, (heights * 1e3).astype(np.float32))
     assert topography.physical_sizes == pytest.approx((7 * 0.83, 5 * 1.66))
     assert topography.unit == "µm"
 
@@ -76,7 +77,7 @@ def test_an_array_has_the_rows_of_the_map_and_is_the_only_one(
 ):
     path = tmp_path / f"a.{ending}"
     SAVE[ending](path, {"z": heights})
-    np.testing.assert_allclose(1e3 * read_scan(path, **CONFIG), heights)
+    assert_allclose(1e3 * read_scan(path, **CONFIG), heights)
     if ending != "npy":
         several = path.with_stem("b")
         SAVE[ending](several, {"x": heights, "z": heights})
@@ -128,7 +129,7 @@ def test_x3p_is_read_however_it_was_written(rewritten, heights):
         archive.writestr("Land/bindata/", "")
         archive.writestr("__MACOSX/land/._main.xml", b"\0\5\x16\7")
     scan = read_scan(path)
-    np.testing.assert_allclose(scan, heights)
+    assert_allclose(scan, heights)
     assert "acquired" not in scan.attrs
 
 
@@ -136,7 +137,7 @@ def test_x3p_with_its_heights_in_the_index(rewritten, heights):
     column = heights.reshape(-1, 1) / 1e3
     listed = lines_of(column, cell="<Datum> {} </Datum>", unmeasured="<Datum/>")
     path = rewritten((LINK, f"<DataList>{listed}</DataList>"))
-    np.testing.assert_allclose(read_scan(path), heights)
+    assert_allclose(read_scan(path), heights)
 
 
 def test_x3p_in_steps(rewritten, heights):
@@ -152,7 +153,7 @@ def test_x3p_in_steps(rewritten, heights):
         valid=np.packbits(valid, bitorder="little").tobytes(),
     )
     heights[~valid] = math.nan
-    np.testing.assert_allclose(read_scan(path), heights, atol=0.51e-6)
+    assert_allclose(read_scan(path), heights, atol=0.51e-6)
 
 
 @pytest.mark.parametrize(
@@ -201,7 +202,7 @@ def test_a_height_far_from_the_others_is_unmeasured(
     order = np.random.default_rng(2).permutation(spiky.size)
     held = order.reshape(spiky.shape) < points
     measured = read_back(np.where(held, mark, spiky))
-    np.testing.assert_allclose(measured, np.where(held, np.nan, spiky))
+    assert_allclose(measured, np.where(held, np.nan, spiky))
     assert f"a.csv: {points} points" in caplog.text
 
 
@@ -212,10 +213,10 @@ def test_a_height_of_few_points_in_steps_or_among_the_others_is_measured(
     spikes[40, :9] = 0.0  # they are left to the outlier rule
     two_levels = np.where(spiky > 78, 78.0, 60.0)
     for heights in (spikes, two_levels, np.round(spiky)):
-        np.testing.assert_allclose(read_back(heights), heights)
+        assert_allclose(read_back(heights), heights)
     assert caplog.messages == []
     clipped = np.maximum(spiky, 76.0)
-    np.testing.assert_allclose(read_back(clipped), clipped)
+    assert_allclose(read_back(clipped), clipped)
     assert "16.4 % of the points" in caplog.text
 
 
@@ -242,7 +243,7 @@ def test_an_esri_grid_begins_with_its_highest_y(write):
     path = write("a.asc", ESRI.format(cell="1,5", rows=ROWS))
     scan = read_scan(path, unit="um")
     expected = [[2, 1, 0, 1], [5, math.nan, 4, 3], [9, 8, 7, 6]]
-    np.testing.assert_allclose(1e3 * scan, expected)
+    assert_allclose(1e3 * scan, expected)
     assert spacing_of(scan) == pytest.approx((1.5e-3, 1.5e-3))
 
 

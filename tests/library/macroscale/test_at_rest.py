@@ -9,6 +9,7 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 from contacts import around, interface
+from numpy.testing import assert_allclose
 
 from gstlib.bem.closed_forms import Sphere
 from gstlib.contact import Load, contact_at_pressure
@@ -53,7 +54,7 @@ def slopes(contact):
 def assert_same_pressures(contact, other, atol=1e-5):
     """Within a share of the highest pressure."""
     scale = float(other.pressure.max())
-    np.testing.assert_allclose(contact.pressure, other.pressure, atol=atol * scale)
+    assert_allclose(contact.pressure, other.pressure, atol=atol * scale)
 
 
 # --- Planes and load point ------------------------------------------------------------------
@@ -65,13 +66,11 @@ def test_a_plane_changes_the_tilt_by_itself_and_nothing_else():
     straight = at_rest(face, over)
     askew = at_rest(tilted(face, 5e-3, -8e-3), over)
     assert_same_pressures(askew, straight)
-    np.testing.assert_allclose(
-        slopes(straight) - slopes(askew), (5e-3, -8e-3), atol=1e-9
-    )
+    assert_allclose(slopes(straight) - slopes(askew), (5e-3, -8e-3), atol=1e-9)
     forces = straight.pressure * np.prod(spacing_of(face))
     assert float(forces.sum()) == pytest.approx(300.0, rel=1e-9)
     centre = [float((forces * forces[axis]).sum()) / 300 for axis in "yx"]
-    np.testing.assert_allclose(centre, (1.6, 1.3), atol=1e-6)
+    assert_allclose(centre, (1.6, 1.3), atol=1e-6)
 
 
 # --- What meets the face -------------------------------------------------------------------------
@@ -95,7 +94,7 @@ def test_a_rounded_stone_touches_as_hertz_says(own_radius):
     assert float(contact.pressure.max()) == pytest.approx(peak, rel=0.02)
     # it rolls until its summit faces the force
     rolled = np.subtract(load_point, MIDDLE) / radius
-    np.testing.assert_allclose(slopes(contact), rolled, atol=1e-6)
+    assert_allclose(slopes(contact), rolled, atol=1e-6)
 
 
 def test_where_there_is_no_stone_nothing_is_borne():
@@ -114,7 +113,7 @@ def test_where_there_is_no_stone_nothing_is_borne():
     planes = [
         astuple(plane_under(spline_of(surface), place, 0.8)) for surface in (cut, face)
     ]
-    np.testing.assert_allclose(*planes, atol=1e-6)
+    assert_allclose(*planes, atol=1e-6)
 
 
 # --- A level within the one above ----------------------------------------------------------------
@@ -165,7 +164,7 @@ def test_a_square_placed_in_a_larger_contact_has_its_pressures(
     contact = contact_at_pressure(faces, Load(float(expected.mean())), **SOLVING)
     scale = float(larger.pressure.max())
     assert 0.05 < (expected > 1e-9).mean() < 0.97
-    np.testing.assert_allclose(contact.pressure, expected, atol=1e-3 * scale)
+    assert_allclose(contact.pressure, expected, atol=1e-3 * scale)
 
 
 def test_the_square_at_the_faces_resolution_is_the_face_again(larger):
@@ -175,9 +174,9 @@ def test_the_square_at_the_faces_resolution_is_the_face_again(larger):
     inside = square_of(larger.pressure, SIZE)
     assert 0.1 < float(inside.sum() / larger.pressure.sum()) < 0.995
     scale = float(inside.max())
-    np.testing.assert_allclose(reference.pressure, inside, atol=0.01 * scale)
+    assert_allclose(reference.pressure, inside, atol=0.01 * scale)
     assert float(reference.pressure.sum()) == pytest.approx(
         float(inside.sum()), rel=1e-4
     )
     level, _ = remove_plane(square)
-    np.testing.assert_allclose(reference.height, level, atol=1e-7)
+    assert_allclose(reference.height, level, atol=1e-7)

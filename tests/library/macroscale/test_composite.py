@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from contacts import laid, mesh_face, pressed, written
+from numpy.testing import assert_allclose, assert_array_equal
 
 from gstlib.coupling.embedding import place_patch
 from gstlib.errors import InputError
@@ -81,7 +82,7 @@ def test_a_scan_gets_back_the_plane_that_levelling_took():
     for place in places_of(PLACES).values():
         _, adopted = laid(waves, place, PATCH, POINTS)
         plane = plane_under(spline, place, PATCH)
-        np.testing.assert_allclose(astuple(plane), astuple(adopted), atol=1e-4)
+        assert_allclose(astuple(plane), astuple(adopted), atol=1e-4)
 
 
 def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
@@ -95,10 +96,10 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
     along = grid.x.values
     v, u = place.seen(along[:, None], along)
     inside = np.maximum(abs(u), abs(v)) < PATCH / 2
-    np.testing.assert_allclose(heights[~inside], spline(along, along)[~inside])
+    assert_allclose(heights[~inside], spline(along, along)[~inside])
     above = heights - (0.5 + 0.1 * v - 0.2 * u)
     raised = inside & (above > 1e-9)
-    np.testing.assert_allclose(above[inside & ~raised], 0, atol=1e-9)
+    assert_allclose(above[inside & ~raised], 0, atol=1e-9)
     step = PATCH / POINTS
     assert raised.any()
     assert abs(v[raised] - (40.5 * step - PATCH / 2)).max() < step
@@ -136,7 +137,7 @@ def test_a_plane_that_the_mesh_does_not_know_is_left_level():
         assert now == pytest.approx(tilt_over_error, abs=0.05)
         assert bool(first.known) == is_known
         laid = (composite.slope_x != 0) & (composite.slope_y != 0)
-        np.testing.assert_array_equal(laid, composite.known)
+        assert_array_equal(laid, composite.known)
 
 
 def test_the_error_of_a_plane_is_that_of_mesh_place_and_unseen_waves():
@@ -151,9 +152,9 @@ def test_the_error_of_a_plane_is_that_of_mesh_place_and_unseen_waves():
             (1e-6, 40),
         )
     )
-    np.testing.assert_allclose(rough, 10 * smooth, rtol=0.1)
+    assert_allclose(rough, 10 * smooth, rtol=0.1)
     assert (moved > 5 * still).all()
-    np.testing.assert_allclose(further, 2 * moved, rtol=0.1)
+    assert_allclose(further, 2 * moved, rtol=0.1)
 
 
 def test_at_the_scans_resolution_each_draw_has_other_detail_and_the_same_scans():
@@ -167,7 +168,7 @@ def test_at_the_scans_resolution_each_draw_has_other_detail_and_the_same_scans()
         )
     )
     at = slice(64, 128), slice(48, 112)  # patch a, not turned, about x 1 and y 1.2
-    np.testing.assert_array_equal(first[at], other[at])
+    assert_array_equal(first[at], other[at])
     assert (first - other)[:, 300:].std() > 5e-4
     a = composite.sel(patch="a")
     height = levels["a"].height
@@ -176,7 +177,5 @@ def test_at_the_scans_resolution_each_draw_has_other_detail_and_the_same_scans()
         float(a[name]) for name in ("offset", "slope_y", "slope_x")
     )
     plane = offset + slope_y * along[:, None] + slope_x * along
-    np.testing.assert_allclose(first[at] - plane, height, atol=1e-9)
-    np.testing.assert_allclose(
-        filtered[at] - plane, s_filtered(height, 60.0), atol=1e-9
-    )
+    assert_allclose(first[at] - plane, height, atol=1e-9)
+    assert_allclose(filtered[at] - plane, s_filtered(height, 60.0), atol=1e-9)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial import Delaunay
+from mesh_files import sheet
 from scipy.spatial.transform import Rotation
+from stones import waves
 from trimesh.transformations import rotation_matrix, translation_matrix
 
 from gstlib.errors import ConfigError, InputError
@@ -18,7 +19,6 @@ from gstlib.macroscale.active_tool import (
     rounded_counterface,
 )
 from gstlib.macroscale.face import grid_macroscale
-from gstlib.specimen.randomness import smooth_field
 from gstlib.surfaces.footprints import PatchPosition
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import make_surface
@@ -34,21 +34,10 @@ AWAY[:3, :3] = Rotation.random(rng=np.random.default_rng(4)).as_matrix()
 BACK = np.linalg.inv(AWAY)
 
 
-def rough(length_mm=0.5):
-    """Heights (mm) on the vertices of `sheet`, which is wider than the square."""
-    count = round((SIDE + 4) / EDGE) + 1
-    return 5e-3 * smooth_field(np.random.default_rng(1), count, EDGE, length_mm)
-
-
-def sheet(heights, up=True):
-    """An open mesh around the square whose faces look up, or down."""
-    along = np.arange(heights.shape[0]) * EDGE - 2
-    # no four vertices on one circle: their triangles would be a matter of rounding
-    jitter = np.random.default_rng(0).uniform(-0.02, 0.02, (2, *heights.shape))
-    y, x = np.meshgrid(along, along, indexing="ij") + jitter
-    vertices = np.stack([x, y, heights], axis=-1).reshape(-1, 3)
-    faces = Delaunay(vertices[:, :2]).simplices  # anticlockwise
-    return trimesh.Trimesh(vertices, faces if up else faces[:, ::-1], process=False)
+def half(shortest_mm=0.5, up=True):
+    """An open rough mesh around the square, of waves that are at least so long."""
+    heights = waves(1, shortest_mm, 4.0, 5e-3)
+    return sheet(heights, EDGE, -2.0, SIDE + 2.0, up)
 
 
 @pytest.mark.parametrize("radius_mm", [0, np.nan, (50.0, 0), np.ones(3)])
@@ -71,13 +60,13 @@ def gridded(passive, active=None, pose=None):
 @pytest.fixture(scope="module")
 def lower():
     """The lower half of a block that was split along a rough surface."""
-    return sheet(rough())
+    return half()
 
 
 @pytest.fixture(scope="module")
 def upper():
     """The upper half, taken away."""
-    return sheet(rough(), up=False).apply_transform(AWAY)
+    return half(up=False).apply_transform(AWAY)
 
 
 # The corners of the square as they are seen on the upper half.
@@ -98,7 +87,7 @@ def test_halves_of_a_block_fit(lower, upper, pose):
 
 def test_a_moved_face_is_that_of_a_moved_stone(lower):
     height = gridded(lower).height
-    upper = sheet(rough(length_mm=1.5), up=False).apply_transform(AWAY)
+    upper = half(1.5, up=False).apply_transform(AWAY)
     options = {"size_mm": SIDE, "interpolation": "cubic"}
     stone = ActiveTool(upper, {"matrix": BACK}, 1.5, "active.ply")
     wide = grid_counterface(stone, height, FRAME, **options)
@@ -134,7 +123,7 @@ def moved_by(*shift):
 )
 def test_stones_that_do_not_meet_are_refused(lower, pose, problem):
     with pytest.raises(InputError, match=problem) as caught:
-        gridded(lower, sheet(rough(), up=False), pose)
+        gridded(lower, half(up=False), pose)
     assert caught.value.source == "active.ply"
     assert "counterface.pose" in caught.value.remedy
 

@@ -3,6 +3,7 @@
 import numpy as np
 from contacts import around, tiles
 from contacts import pressed as press
+from numpy.testing import assert_allclose, assert_array_equal
 
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.gesture import (
@@ -50,7 +51,7 @@ def test_a_pose_is_a_contact_at_rest_with_the_shifted_face():
     load_point = MIDDLE[0] - 2 * SPACING, MIDDLE[1] + 3 * SPACING
     alone = press(HEIGHT, over, mean_pressure=20.0, load_point=load_point)
     pressure = posed(pose).pressure_sum
-    np.testing.assert_allclose(pressure, alone.pressure, rtol=1e-4, atol=1e-3)
+    assert_allclose(pressure, alone.pressure, rtol=1e-4, atol=1e-3)
 
 
 def test_the_load_point_turns_with_the_tool():
@@ -63,7 +64,7 @@ def test_the_load_point_turns_with_the_tool():
         for angle in (0.0, 180.0)
     )
     scale = float(straight.max())
-    np.testing.assert_allclose(turned, straight[::-1, ::-1], atol=0.02 * scale)
+    assert_allclose(turned, straight[::-1, ::-1], atol=0.02 * scale)
 
 
 def test_batches_add_up_to_the_whole():
@@ -75,10 +76,10 @@ def test_batches_add_up_to_the_whole():
     parts = exposure([posed(poses[batch], shown=[0, 4]) for batch in batches])
     assert parts.pose.values.tolist() == [0, 1, 2, 3, 4]
     assert parts.shown.values.tolist() == [0, 4]
-    np.testing.assert_allclose(parts.pressure.mean(["y", "x"]), [10, 10], rtol=1e-9)
+    assert_allclose(parts.pressure.mean(["y", "x"]), [10, 10], rtol=1e-9)
     for name, expected in whole.drop_dims("shown").items():
         scale = float(abs(expected).max())
-        np.testing.assert_allclose(parts[name], expected, atol=1e-3 * scale)
+        assert_allclose(parts[name], expected, atol=1e-3 * scale)
 
 
 def test_a_turn_slides_farther_out():
@@ -86,7 +87,7 @@ def test_a_turn_slides_farther_out():
     fields = posed(pose, mesh=None)
     y, x = (fields[axis].values - SIDE / 2 for axis in "yx")
     slid = np.hypot(0.1, np.radians(10) * np.hypot(y[:, None], x - 0.3))
-    np.testing.assert_allclose(fields.exposure, fields.pressure_sum * slid, rtol=1e-9)
+    assert_allclose(fields.exposure, fields.pressure_sum * slid, rtol=1e-9)
 
 
 def test_a_pose_in_which_the_stone_tips_over_wears_nothing():
@@ -94,7 +95,7 @@ def test_a_pose_in_which_the_stone_tips_over_wears_nothing():
     fields = posed(poses, mesh=None)
     assert (fields.contact_fraction.values > 0).tolist() == [True, False]
     alone = posed(poses[:1], mesh=None)
-    np.testing.assert_array_equal(fields.exposure, alone.exposure)
+    assert_array_equal(fields.exposure, alone.exposure)
 
 
 def test_a_hand_wanders_normally_and_as_its_seed_says():
@@ -102,5 +103,5 @@ def test_a_hand_wanders_normally_and_as_its_seed_says():
     poses, other = (scatter_poses(**settings, seed=seed) for seed in (3, 4))
     assert not poses.x_mm.equals(other.x_mm)
     points = poses[["x_mm", "y_mm"]]
-    np.testing.assert_allclose(points.std(), 1.5, rtol=0.05)
-    np.testing.assert_allclose(points.mean(), 0, atol=0.1)
+    assert_allclose(points.std(), 1.5, rtol=0.05)
+    assert_allclose(points.mean(), 0, atol=0.1)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from contacts import around
+from numpy.testing import assert_allclose
 
 from gstlib.macroscale.sampling_sites import (
     CONTROL,
@@ -40,10 +41,8 @@ def test_spots_are_proposed_in_the_order_of_their_exposure(fields):
     rub(fields, -1.0, 2.0, 0.8, 90.0)  # outside the square
     places = propose_places(fields, **SIZES)
     exposed = places[places.kind == EXPOSED]
-    np.testing.assert_allclose(exposed.exposure_N_per_mm, [40, 10, 10], rtol=1e-12)
-    np.testing.assert_allclose(
-        exposed.iloc[0][["x_mm", "y_mm"]].astype(float), [2.0, 3.0]
-    )
+    assert_allclose(exposed.exposure_N_per_mm, [40, 10, 10], rtol=1e-12)
+    assert_allclose(exposed.iloc[0][["x_mm", "y_mm"]].astype(float), [2.0, 3.0])
     assert places.place.tolist()[:4] == ["E1", "E2", "E3", "C1"]
 
 
@@ -91,7 +90,7 @@ def test_patches_of_broken_elements_are_summed_exactly(fields):
     fields["exposure"] += 7.0
     fields["touched"] += 1.0
     places = propose_places(fields, size_mm=5.0, patch_mm=0.85)
-    np.testing.assert_allclose(places.exposure_N_per_mm, 7.0, rtol=1e-12)
+    assert_allclose(places.exposure_N_per_mm, 7.0, rtol=1e-12)
     (whole,) = propose_places(fields, size_mm=5.0, patch_mm=5.0).itertuples()
     assert (whole.x_mm, whole.y_mm) == (2.5, 2.5)
 

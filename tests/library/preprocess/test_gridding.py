@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
+from mesh_files import sheet
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.spatial import Delaunay
 from stones import waves
 
 from gstlib.errors import InputError, accepting
@@ -21,17 +21,6 @@ def at(*origin, normal=1):
 
 
 UP = at(0, 0, 0)
-
-
-def sheet(function, edge=0.25, low=-1.5, high=6.5):
-    """An open mesh z = function(x, y) on jittered points, faces looking up."""
-    axis = np.arange(low, high + edge / 2, edge)
-    points = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-    is_inner = ((points > low) & (points < axis[-1])).all(axis=1)
-    jitter = edge * np.random.default_rng(0).uniform(-0.3, 0.3, points.shape)
-    points = points + jitter * is_inner[:, None]
-    faces = Delaunay(points).simplices  # anticlockwise
-    return trimesh.Trimesh(np.c_[points, function(*points.T)], faces, process=False)
 
 
 def gridded(mesh, frame=UP, **other):
