@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from contacts import written
 
-from gstlib.change.change import height_change
 from gstlib.change.selection import (
     exchanged_epochs,
     registration_table,
@@ -23,15 +23,13 @@ RULES = {
 
 def changed(rose, fell, *, is_reliable=True):
     """A change of 60 × 70 points, so many of which rose and fell."""
-    rng = np.random.default_rng(3)
-    t0 = make_surface(rng.normal(0, 1e-3, (60, 70)), 1e-3)
-    change = height_change(t0, t0 + rng.normal(0, 1e-5, t0.shape))
-    order = np.arange(4200).reshape(60, 70)
-    change["loss"] = ("y", "x"), order < fell
-    change["gain"] = ("y", "x"), (order >= fell) & (order < fell + rose)
-    names = "overlap", "correlation", "detail_correlation", "slope_correlation"
-    attrs = dict.fromkeys(names, 1.0)
-    return change.assign_attrs(attrs, registration_found=int(is_reliable))
+    order = make_surface(np.arange(4200.0).reshape(60, 70), 1e-3)
+    loss, gain = order < fell, (order >= fell) & (order < fell + rose)
+    names = "overlap detail_correlation slope_correlation known_fraction"
+    attrs = dict.fromkeys(names.split(), 1.0) | {"registration_found": is_reliable}
+    return xr.Dataset(
+        {"change": gain - 1.0 * loss, "loss": loss, "gain": gain}, attrs=attrs
+    )
 
 
 def table_of(changes):
