@@ -1,17 +1,7 @@
-"""Heights that the formats of scans hold, and files with any content."""
+"""Files with any content, and samples of the formats of scans."""
 
-import math
-
-import numpy as np
 import pytest
-
-
-@pytest.fixture
-def heights():
-    """Not square, odd, and no symmetry: every mistake of axes shows."""
-    heights = 1e-3 * np.random.default_rng(1).normal(size=(5, 7))
-    heights[1, 5] = math.nan
-    return heights
+from scan_files import FORMATS, HEIGHTS, OPTIONS
 
 
 @pytest.fixture
@@ -24,3 +14,16 @@ def write(tmp_path):
         return tmp_path / name
 
     return write
+
+
+@pytest.fixture
+def sample(tmp_path):
+    """Write heights in a format, and tell what `read_scan` must be given to read the file."""
+
+    def sample(name, heights=HEIGHTS):
+        ending = name.partition(",")[0]
+        path = tmp_path / f"a.{ending}"
+        FORMATS[name](path, heights)
+        return path, OPTIONS.get(ending, {})
+
+    return sample

@@ -24,6 +24,9 @@ from gstlib.io.scans import read_scan
 DY, DX = SPACING = 1.66e-3, 0.83e-3  # mm
 # What a config says of a matrix in text.
 STEP = 1.5  # µm
+# Not square, odd, and no symmetry: every mistake of axes shows.
+HEIGHTS = 1e-3 * np.random.default_rng(1).normal(size=(5, 7))
+HEIGHTS[1, 5] = math.nan
 CONFIG = {"unit": "um", "spacing_um": STEP}
 
 
@@ -108,7 +111,7 @@ def write_sdf(path, heights):
     path.write_bytes(header + values.astype("<f8").tobytes())
 
 
-def write_sur(path, heights, kind=2, compressed=False, stage_mm=(0, 0)):
+def write_sur(path, heights, kind=2, compressed=False, micro=b"\xb5m", stage_mm=(0, 0)):
     """Steps along x in mm, along y in µm; heights in nm, in steps of 1 pm."""
     (ny, nx), (x, y) = heights.shape, stage_mm
     steps = np.round(heights * 1e9)
@@ -127,7 +130,7 @@ def write_sur(path, heights, kind=2, compressed=False, stage_mm=(0, 0)):
         (86, "H", int(unmeasured.any())),
         (98, "H5i", 32, lowest, int(values.max(initial=0)), *size),
         (120, "3f", DX, DY * 1e3, 1e-3),
-        (180, "16s16s16s16s16s16s", *2 * [b"mm", b"\xb5m", b"nm"]),
+        (180, "16s16s16s16s16s16s", *2 * [b"mm", micro, b"nm"]),
         (306, "7H", 13, 40, 11, 19, 4, 2021, 1),  # the time
         (334, "H", len(comment)),
         (466, "2f", x, y * 1e3),
@@ -187,7 +190,7 @@ FORMATS = {
     "plu": write_plu_at,
     "plux": write_plux,
     "sur": write_sur,
-    "sur, compressed": partial(write_sur, compressed=True),
+    "sur, compressed": partial(write_sur, compressed=True, micro="μm".encode()),
     "x3p": write_x3p,
     "sdf": write_sdf,
     "xyz": write_xyz,
@@ -197,11 +200,3 @@ FORMATS = {
     "asc": matrix_writer("\t", "---"),
 }
 OPTIONS = {"xyz": {"unit": "um"}} | dict.fromkeys(["csv", "txt", "asc"], CONFIG)
-
-
-def written(folder, name, heights):
-    """A file of a format, and what `read_scan` must be given to read it."""
-    ending = name.partition(",")[0]
-    path = folder / f"a.{ending}"
-    FORMATS[name](path, heights)
-    return path, OPTIONS.get(ending, {})

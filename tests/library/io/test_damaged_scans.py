@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from numpy.testing import assert_allclose
-from scan_files import CONFIG, FORMATS, damaged, lines_of, refused, write_sur, written
+from scan_files import CONFIG, FORMATS, HEIGHTS, damaged, lines_of, refused, write_sur
 
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
@@ -27,8 +27,8 @@ def rough():
 
 
 @each_format
-def test_a_cut_file_is_refused(tmp_path, heights, name):
-    path, options = written(tmp_path, name, heights)
+def test_a_cut_file_is_refused(sample, name):
+    path, options = sample(name)
     content = path.read_bytes()
     for length in (0, 1, 40, len(content) // 2, len(content) - 60):
         path.write_bytes(content[:length])
@@ -37,9 +37,9 @@ def test_a_cut_file_is_refused(tmp_path, heights, name):
 
 @pytest.mark.parametrize("start_of_rest", [901, 860])
 @pytest.mark.parametrize("is_stated", [True, False])
-def test_plu_with_bytes_missing_or_added(tmp_path, rough, start_of_rest, is_stated):
+def test_plu_with_bytes_missing_or_added(sample, rough, start_of_rest, is_stated):
     """What stands behind the heights is then not their lowest and highest, or the mark of none."""
-    path, _ = written(tmp_path, "plu", rough)
+    path, _ = sample("plu", rough)
     content = path.read_bytes()
     if not is_stated:  # as in measured files
         content = content[:-8] + struct.pack("<2f", -UNMEASURED, UNMEASURED)
@@ -59,9 +59,9 @@ ADDED = [
 
 @pytest.mark.parametrize("name", ["sur", "sur, compressed", "sdf"])
 @pytest.mark.parametrize(("place", "new"), ADDED)
-def test_bytes_added_to_a_binary_file(tmp_path, rough, name, place, new):
+def test_bytes_added_to_a_binary_file(sample, rough, name, place, new):
     """What stands behind the heights is then no further object, and no text."""
-    path, _ = written(tmp_path, name, rough)
+    path, _ = sample(name, rough)
     content = path.read_bytes()
     path.write_bytes(content[:place] + new + content[place:])
     refused(path)
@@ -76,17 +76,17 @@ def test_bytes_added_to_a_binary_file(tmp_path, rough, name, place, new):
         ("sdf", b"\n< OperatorName > Tom Jones < / OperatorName >\n*"),
     ],
 )
-def test_what_may_follow_heights_is_read_over(tmp_path, rough, name, more):
-    path, _ = written(tmp_path, name, rough)
+def test_what_may_follow_heights_is_read_over(sample, rough, name, more):
+    path, _ = sample(name, rough)
     path.write_bytes(path.read_bytes() + more)
     assert_allclose(read_scan(path), rough, atol=2e-9)
 
 
 @pytest.mark.parametrize(("at", "change"), [(100, 1), (104, -2)])
-def test_a_sur_with_heights_beyond_those_that_it_states(tmp_path, rough, at, change):
+def test_a_sur_with_heights_beyond_those_that_it_states(sample, rough, at, change):
     """Unmeasured heights are 2 below the lowest (at byte 100), saturated 1 above the highest."""
     rough[3, 4] = math.nan
-    path, _ = written(tmp_path, "sur", rough)
+    path, _ = sample("sur", rough)
     content = bytearray(path.read_bytes())
     (stated,) = struct.unpack_from("<i", content, at)
     struct.pack_into("<i", content, at, stated + change)
@@ -95,10 +95,10 @@ def test_a_sur_with_heights_beyond_those_that_it_states(tmp_path, rough, at, cha
 
 
 @pytest.mark.parametrize(("first", "count"), [(40, 15), (40, 200)])
-def test_a_lost_block_is_not_read_as_heights(tmp_path, rough, first, count):
+def test_a_lost_block_is_not_read_as_heights(sample, rough, first, count):
     """Zeros in one row through the file, from within a line of the map to within another."""
     rough.flat[first : first + count] = 0
-    path, _ = written(tmp_path, "sdf", rough)
+    path, _ = sample("sdf", rough)
     refused(path, f"{count} consecutive heights, from number {first + 1} on, are 0")
 
 
@@ -111,9 +111,9 @@ ZEROS = {
 
 
 @pytest.mark.parametrize("zeros", ZEROS.values(), ids=ZEROS)
-def test_zeros_that_a_lost_block_does_not_leave_are_read(tmp_path, rough, zeros):
+def test_zeros_that_a_lost_block_does_not_leave_are_read(sample, rough, zeros):
     rough[zeros] = 0
-    path, _ = written(tmp_path, "plu", rough)
+    path, _ = sample("plu", rough)
     assert_allclose(read_scan(path), rough, rtol=1e-6)
 
 
@@ -134,9 +134,9 @@ PLACES = np.arange(35).reshape(5, 7)
 
 
 @pytest.mark.parametrize("order", [PLACES, PLACES.T, PLACES[:, ::-1]])
-def test_points_that_end_within_a_line_of_the_grid(tmp_path, heights, order):
+def test_points_that_end_within_a_line_of_the_grid(sample, order):
     """Nothing else is missing: the file is cut, whatever way its points run."""
-    path, options = written(tmp_path, "xyz", np.nan_to_num(heights))
+    path, options = sample("xyz", np.nan_to_num(HEIGHTS))
     lines = np.array(path.read_text().splitlines(keepends=True))
     lines = lines[order.ravel()]
     path.write_text("".join(np.delete(lines, 12)))  # one that is not measured
@@ -150,21 +150,21 @@ def test_points_that_end_within_a_line_of_the_grid(tmp_path, heights, order):
 # --- Maps that nobody can have measured ---------------------------------------------------------
 
 
-def test_a_picture_or_a_profile_is_not_read_as_a_map(tmp_path, heights):
-    write_sur(tmp_path / "a.sur", heights, kind=12)
-    refused(tmp_path / "a.sur", "does not contain a map of heights")
-    path, _ = written(tmp_path, "plu", heights)
+def test_a_picture_or_a_profile_is_not_read_as_a_map(sample):
+    path, _ = sample("plu")
     content = bytearray(path.read_bytes())
     content[428] = 1
     path.write_bytes(content)
     refused(path, "type 1 with 5 × 7 points: not a .plu topography")
+    write_sur(path.with_suffix(".sur"), HEIGHTS, kind=12)
+    refused(path.with_suffix(".sur"), "does not contain a map of heights")
 
 
 @each_format
-def test_nothing_measured_and_one_row_are_no_map(tmp_path, heights, name):
-    path, options = written(tmp_path, name, math.nan * heights)
+def test_nothing_measured_and_one_row_are_no_map(sample, name):
+    path, options = sample(name, math.nan * HEIGHTS)
     refused(path, "no point is measured|row of numbers|is empty", **options)
-    written(tmp_path, name, np.nan_to_num(heights).reshape(1, -1))
+    sample(name, np.nan_to_num(HEIGHTS).reshape(1, -1))
     refused(path, **options)
 
 
@@ -172,9 +172,9 @@ ABSURD = [(1e-7, 1.0), (math.nan, 1.0), (-1e-3, 1.0), (0.4, 1.0), (1e-3, 1e4)]
 
 
 @pytest.mark.parametrize(("spacing", "factor"), ABSURD)
-def test_absurd_sizes_are_of_a_wrong_unit(tmp_path, heights, spacing, factor):
+def test_absurd_sizes_are_of_a_wrong_unit(tmp_path, spacing, factor):
     """Fields above 50 mm, points below 1 nm or above 0.5 mm apart, and heights over 10 mm."""
-    tiled = np.tile(heights * factor, (20, 20))  # 140 points along x
+    tiled = np.tile(HEIGHTS * factor, (20, 20))  # 140 points along x
     write_plu(tmp_path / "a.plu", tiled, spacing)
     refused(tmp_path / "a.plu", "its unit is wrong.*The unit is in the file")
 
@@ -191,8 +191,8 @@ def test_unknown_content(write, name):
 
 
 @each_format
-def test_whatever_happens_to_a_file(tmp_path, heights, name):
-    path, options = written(tmp_path, name, heights)
+def test_whatever_happens_to_a_file(sample, name):
+    path, options = sample(name)
     content = path.read_bytes()
 
     @settings(max_examples=15, derandomize=True, database=None, deadline=None)
