@@ -66,7 +66,7 @@ def test_epochs_exchanged_on_most_patches_are_a_fault_and_on_few_a_warning(
     changes = {str(n): changed(0, 300) for n in range(3)}
     changes |= {str(n): changed(300, 100) for n in range(rising)}
     changes["3"] = changed(1, 0)  # unworn, but for noise
-    changes["4"] = changed(2000, 0, is_reliable=False)
+    changes |= {name: changed(2000, 0, is_reliable=False) for name in "45"}
     table = table_of(changes)
     assert table.reason[4] == "T1 was not found on T0"
     assert len(list(exchanged_epochs(table))) == faults

@@ -91,21 +91,24 @@ def test_the_square_alone_is_pressed_on_its_mean_plane(intervals):
     assert_certain(intervals(np.ones(2), load_point=None), alone)
 
 
+def normal(source, shape):
+    """Errors of eight draws, each of which has its own generator."""
+    draws = [np.random.default_rng([1, source, draw]) for draw in range(8)]
+    return [draw.standard_normal(shape) for draw in draws]
+
+
 def test_the_point_of_force_alone_gives_the_pressures_at_rest_under_it(intervals):
-    drawn = []
-    for draw in range(8):
-        point = MIDDLE + 0.1 * np.random.default_rng([1, 4, draw]).standard_normal(2)
-        drawn.append(pressures(mesh().height, load_point=tuple(point)))
+    points = [tuple(MIDDLE + 0.1 * error) for error in normal(4, 2)]
+    drawn = [pressures(mesh().height, load_point=point) for point in points]
     assert_ends(intervals(np.ones(8), load_point_mm=0.1), drawn)
 
 
 def test_places_alone_give_the_pressures_at_those_places(intervals):
-    """Each draw has its own generator, which gives the shifts along x, then along y."""
+    """A generator gives the shifts along x, then along y."""
     drawn = []
-    for draw in range(8):
-        x, y = 0.06 * np.random.default_rng([1, 1, draw]).standard_normal((2, 2))
-        places = PLACES.assign(x_mm=PLACES.x_mm + x, y_mm=PLACES.y_mm + y)
-        drawn.append(pressures(mesh().height, places=places))
+    for x, y in normal(1, (2, 2)):
+        moved = PLACES[["x_mm", "y_mm"]] + 0.06 * np.c_[x, y]
+        drawn.append(pressures(mesh().height, places=PLACES.assign(**moved)))
     assert_ends(intervals(np.ones(8), placement_um=60.0), drawn)
 
 

@@ -19,7 +19,7 @@ from gstlib.macroscale.composite import plane_under
 from gstlib.specimen.randomness import smooth_field
 from gstlib.surfaces.footprints import PatchPosition, on_patch, spline_of, square_of
 from gstlib.surfaces.grid import make_surface, spacing_of
-from gstlib.surfaces.leveling import Plane, remove_plane
+from gstlib.surfaces.leveling import remove_plane
 from gstlib.validation.single_scale import solve_reference
 
 MODULUS = 1e4
@@ -119,47 +119,27 @@ def test_where_there_is_no_stone_nothing_is_borne():
 # --- A level within the one above ----------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def larger():
-    """The contact of the face at rest, askew, so that its tilt matters."""
-    face = tilted(rough(), 6e-3, -4e-3)
-    return at_rest(face, rounded_counterface(face, 60.0, MIDDLE), force_N=900.0)
-
-
-@pytest.fixture(scope="module")
-def ending():
-    """The same under a tool that ends above it."""
+def askew(end=np.inf):
+    """The face at rest, with a tilt that matters, under a tool that ends somewhere along x."""
     face = tilted(rough(), 6e-3, -4e-3)
     over = rounded_counterface(face, 60.0, MIDDLE)
-    return at_rest(face, over.where(over.x < 2.0), force_N=900.0)
+    return at_rest(face, over.where(over.x < end), force_N=900.0)
 
 
+@pytest.mark.parametrize("end", [np.inf, 2.0])
 @pytest.mark.parametrize(
-    ("name", "rotation", "is_laid"),
-    [
-        ("larger", 0.0, False),
-        ("larger", 90.0, True),
-        ("larger", 180.0, True),
-        ("ending", 0.0, False),
-        ("ending", 90.0, True),
-    ],
+    ("rotation", "is_laid"), [(0.0, False), (90.0, True), (180.0, True)]
 )
-def test_a_square_placed_in_a_larger_contact_has_its_pressures(
-    request, name, rotation, is_laid
-):
+def test_a_square_placed_in_a_larger_contact_has_its_pressures(end, rotation, is_laid):
     """A piece that is cut out of the larger one and placed in it, as it is or levelled."""
-    larger = request.getfixturevalue(name)
+    larger, size, shape = askew(end), 1.2, (12, 12)
     place = PatchPosition(2.2, 2.0, rotation)
-    size = 1.2
-    shape = (12, 12)
     heights = on_patch(spline_of(larger.interface.height), place, shape, size)
-    piece = make_surface(heights, ELEMENT)
-    own = Plane(0.0, 0.0, 0.0)
+    piece, slopes = make_surface(heights, ELEMENT), (0.0, 0.0)
     if is_laid:
         piece, own = remove_plane(piece)
-    faces = placed_faces(
-        piece, None, larger, place, size_mm=size, slopes=(own.slope_y, own.slope_x)
-    )
+        slopes = own.slope_y, own.slope_x
+    faces = placed_faces(piece, None, larger, place, size_mm=size, slopes=slopes)
     expected = on_patch(spline_of(larger.pressure), place, shape, size)
     contact = contact_at_pressure(faces, Load(float(expected.mean())), **SOLVING)
     scale = float(larger.pressure.max())
@@ -167,8 +147,9 @@ def test_a_square_placed_in_a_larger_contact_has_its_pressures(
     assert_allclose(contact.pressure, expected, atol=1e-3 * scale)
 
 
-def test_the_square_at_the_faces_resolution_is_the_face_again(larger):
+def test_the_square_at_the_faces_resolution_is_the_face_again():
     """The reference, placed in the face: its plane, its surroundings, its share of the force."""
+    larger = askew()
     square = square_of(larger.interface.height, SIZE)
     reference = solve_reference(square, larger)
     inside = square_of(larger.pressure, SIZE)

@@ -128,19 +128,16 @@ def test_too_many_unmeasured_points_are_refused(raw):
     surface = make_surface(np.zeros((10, 10)), 1e-3, file="a.plu")
     surface[3:5, 3:9] = np.nan
     check_unmeasured(surface, 0.12)
-    with pytest.raises(
-        InputError, match=r"a\.plu: 12 % .*\(12 of 100\).* limit of 10 %"
-    ):
+    with pytest.raises(InputError, match=r"a\.plu: 12 %.* limit of 10 %"):
         check_unmeasured(surface, 0.1)
     with pytest.raises(InputError, match="100 % of the points are unmeasured"):
         prepare_scan(raw * np.nan, **SETTINGS | {"maximum_unmeasured": 1.0})
 
 
-@pytest.mark.parametrize("wrong", [{"mould_flip": "z"}, {"outlier_rule": "mean"}])
-def test_an_unknown_rule_is_refused(raw, wrong):
-    ((name, value),) = wrong.items()
-    with pytest.raises(InputError, match=rf"{name}: is '{value}'\. Give "):
-        prepare_scan(raw, **SETTINGS | wrong)
+@pytest.mark.parametrize("name", ["mould_flip", "outlier_rule"])
+def test_an_unknown_rule_is_refused(raw, name):
+    with pytest.raises(InputError, match=f"{name}: is 'mean'"):
+        prepare_scan(raw, **SETTINGS | {name: "mean"})
 
 
 @pytest.mark.parametrize("width", range(1, 8))
