@@ -1,10 +1,10 @@
 """Small meshes, and their files as several programs write them."""
 
-import json
 import struct
 
 import numpy as np
 import trimesh
+from scan_files import replaced
 from scipy.spatial import Delaunay
 
 SIZE = (40.0, 30.0, 20.0)
@@ -89,12 +89,12 @@ GLB_HEADER = """{
 }"""
 
 
-def glb(change=lambda header: header, number="<f4", largest=None):
+def glb(*changes, number="<f4"):
     """A ball of 60 mm as a GLB, its positions as a kind of numbers, its header changed."""
     ball = trimesh.creation.icosphere(4, radius=RADIUS_M)
     places = np.asarray(ball.vertices)
-    if largest:
-        places = np.round(places / RADIUS_M * largest)
+    if number != "<f4":
+        places = np.round(places / RADIUS_M * np.iinfo(number).max)
     rows = np.zeros((len(places), 4), number)
     rows[:, :3] = places
     corners = np.asarray(ball.faces, "<u4").tobytes()
@@ -106,7 +106,7 @@ def glb(change=lambda header: header, number="<f4", largest=None):
         "corners": len(corners),
         "kind": COMPONENTS[number],
     }
-    text = json.dumps(change(json.loads(GLB_HEADER % numbers))).encode()
+    text = replaced(GLB_HEADER % numbers, *changes).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text
     chunks += struct.pack("<I4s", len(content), b"BIN\0") + content

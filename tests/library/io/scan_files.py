@@ -31,10 +31,19 @@ CONFIG = {"unit": "um", "spacing_um": STEP}
 
 
 def refused(path, match=None, read=read_scan, **options):
-    """The scan is not read, and the error names its file."""
+    """The scan is not read, and the error names its file in a sentence."""
     with pytest.raises(InputError, match=match) as caught:
         read(path, **options)
     assert path.name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def replaced(content, *changes):
+    """Text or bytes with changes (old, new)."""
+    for old, new in changes:
+        assert old in content
+        content = content.replace(old, new)
+    return content
 
 
 def zipped(members, method=zipfile.ZIP_DEFLATED):

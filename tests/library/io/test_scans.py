@@ -17,6 +17,7 @@ from scan_files import (
     lines_of,
     members_of,
     refused,
+    replaced,
     write_plu_at,
     write_sur,
     write_x3p,
@@ -91,11 +92,7 @@ def rewritten(tmp_path):
         path = tmp_path / "a.x3p"
         write_x3p(path, HEIGHTS)
         content = members_of(path)
-        index = content["main.xml"].decode()
-        for old, new in changes:
-            assert old in index
-            index = index.replace(old, new)
-        content["main.xml"] = index
+        content["main.xml"] = replaced(content["main.xml"].decode(), *changes)
         content |= {f"bindata/{name}.bin": values for name, values in members.items()}
         path.write_bytes(zipped({rename(name): data for name, data in content.items()}))
         return path
