@@ -72,7 +72,5 @@ def test_a_folder_that_cannot_be_written_to(tmp_path):
     check_writable(tmp_path / "new/results")
     assert os.listdir(tmp_path / "new/results") == []
     (tmp_path / "file").touch()
-    with pytest.raises(
-        OutputError, match="file/results: cannot be written: Not a directory"
-    ):
+    with pytest.raises(OutputError, match=r"file/results.*Not a directory"):
         check_writable(tmp_path / "file/results")

@@ -1,5 +1,6 @@
 """Meshes: what is read is whole and in mm; what is cut or damaged is refused with its reason."""
 
+import io
 import re
 import struct
 from functools import partial
@@ -124,31 +125,28 @@ def test_the_parts_of_a_scene_are_put_where_it_has_them(write):
     assert mesh.volume == pytest.approx(9 * np.prod(SIZE))
 
 
-def three_mf(path, stated, length=1.0):
+def three_mf(stated, scale=1.0):
     """The stone as a 3MF that states its unit so."""
-    stone().apply_scale(1 / length).export(path)
-    members = {
-        name: content.replace(b' unit="millimeter"', stated)
-        for name, content in members_of(path).items()
-    }
-    path.write_bytes(zipped(members))
-    return path
+    members = members_of(io.BytesIO(exported("3mf", scale)))
+    for name, content in members.items():
+        members[name] = content.replace(b' unit="millimeter"', stated)
+    return zipped(members)
 
 
 @pytest.mark.parametrize(
-    ("stated", "unit", "length"),
+    ("content", "unit"),
     [
-        (b' unit="Inch"', "in", 25.4),
-        (b"", "mm", 1.0),  # by the specification
+        (three_mf(b' unit="Inch"', 1 / 25.4), "in"),
+        (three_mf(b""), "mm"),  # by the specification
     ],
 )
-def test_the_unit_that_a_3mf_states_holds(tmp_path, stated, unit, length):
-    path = three_mf(tmp_path / "a.3mf", stated, length)
+def test_the_unit_that_a_3mf_states_holds(write, content, unit):
+    path = write("a.3mf", content)
     mesh = read_mesh(path)
     assert mesh.extents == pytest.approx(SIZE, rel=1e-3)
     assert mesh.metadata["file_unit"] == unit
     refused(path, f"Set mesh_unit: {unit}", unit="cm")
-    refused(three_mf(tmp_path / "b.3mf", b' unit="furlong"'), "furlong")
+    refused(write("a.3mf", three_mf(b' unit="furlong"')), "furlong")
 
 
 @pytest.mark.parametrize(

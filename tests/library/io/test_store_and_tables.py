@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
+from scan_files import refused
 
 from gstlib.errors import InputError
 from gstlib.io.store import Stored, read_dataset, write_dataset
@@ -51,25 +52,21 @@ def test_datasets_by_name_are_read_when_they_are_looked_up_and_only_then(path):
     assert list(stored["a"]) == ["height"]
 
 
-@pytest.mark.parametrize(
-    "damage", [lambda content: b"no HDF5", lambda content: content[:9000]]
-)
-def test_unreadable_files_are_named(path, damage):
-    path.write_bytes(damage(path.read_bytes()))
-    with pytest.raises(InputError, match=r"a\.h5.*Delete it"):
-        read_dataset(path)
+def test_unreadable_files_are_named(path):
+    for content in (b"no HDF5", path.read_bytes()[:9000]):
+        path.write_bytes(content)
+        refused(path, "Delete it", read_dataset)
 
 
 def test_a_file_that_cannot_be_opened_is_not_to_be_deleted(path):
     """It is whole: another program holds it, or it lies elsewhere."""
     with path.open("rb+") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        with pytest.raises(InputError, match="HDF5_USE_FILE_LOCKING"):
-            read_dataset(path)
+        refused(path, "HDF5_USE_FILE_LOCKING", read_dataset)
     for read in (read_dataset, read_table):
-        with pytest.raises(InputError) as refused:
+        with pytest.raises(InputError) as caught:
             read(path.with_name("missing"))
-        assert "Delete" not in refused.value.remedy
+        assert "Delete" not in caught.value.remedy
 
 
 def test_a_flipped_bit_in_an_array_is_noticed(path):
@@ -82,8 +79,7 @@ def test_a_flipped_bit_in_an_array_is_noticed(path):
             content = bytearray(whole)
             content[chunk.byte_offset + at] ^= 1
             path.write_bytes(content)
-            with pytest.raises(InputError, match=r"a\.h5.*Delete it"):
-                read_dataset(path)
+            refused(path, "Delete it", read_dataset)
 
 
 def test_xarray_reads_what_was_written_and_it_is_read_as_xarray_does(tmp_path):
@@ -101,16 +97,13 @@ def test_xarray_reads_what_was_written_and_it_is_read_as_xarray_does(tmp_path):
         {"patch": ["01"], "y": [0.5, 1.5, 2.5]},
     )
     kinds = kinds.assign_attrs(steps=10, title="t")
-    write_dataset(tmp_path / "a.h5", kinds)
-    with xr.open_dataset(tmp_path / "a.h5", engine="h5netcdf") as opened:
-        expected = opened.load()
-    fields = read_dataset(tmp_path / "a.h5")
+    path = tmp_path / "a.h5"
+    write_dataset(path, kinds)
+    expected, fields = xr.load_dataset(path, engine="h5netcdf"), read_dataset(path)
     xr.testing.assert_identical(expected, kinds)
     xr.testing.assert_identical(fields, kinds)
     assert dict(fields.dtypes) == dict(expected.dtypes)
-    xr.testing.assert_identical(
-        read_dataset(tmp_path / "a.h5", ["word"]), kinds[["word"]]
-    )
+    xr.testing.assert_identical(read_dataset(path, ["word"]), kinds[["word"]])
 
 
 # --- Tables -------------------------------------------------------------------------------------
@@ -137,17 +130,13 @@ def test_table_digits_and_words(tmp_path):
     read = read_table(tmp_path / "t.csv", ["patch", "count"])
     assert list(read.patch) == ["01", "2"]
     assert read.in_study.tolist() == [True, False]
-    with pytest.raises(
-        InputError, match=r"t\.csv: lacks pressure_MPa, x_mm\. Delete it"
-    ):
-        read_table(tmp_path / "t.csv", ["patch", "pressure_MPa", "x_mm"])
+    lacking = {"read": read_table, "columns": ["patch", "pressure_MPa", "x_mm"]}
+    refused(tmp_path / "t.csv", r"lacks pressure_MPa, x_mm\. Delete it", **lacking)
 
 
 @pytest.mark.parametrize("content", [b"", b"a,b\n1,2\n3,4,5\n", b"\xff\xfe\x00"])
-def test_unreadable_tables_are_named(tmp_path, content):
-    (tmp_path / "t.csv").write_bytes(content)
-    with pytest.raises(InputError, match=r"t\.csv.*Delete it"):
-        read_table(tmp_path / "t.csv")
+def test_unreadable_tables_are_named(write, content):
+    refused(write("t.csv", content), "Delete it", read_table)
 
 
 @given(st.integers(10_000, 99_999), st.sampled_from([0.3, 0.5, 0.6, 0.25, 1.5]))
