@@ -1,13 +1,14 @@
 """Measured pairs whose right answer is known: nothing changed, or the surfaces are not the same.
 
-They are skipped where the files are absent. PROVENANCE.md beside them says whose they are.
+They are skipped where the files are absent. PROVENANCE.md beside them says whose they are, and
+benchmarks/measured_surfaces.py how repeats are read.
 """
 
 from itertools import combinations, starmap
-from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_surfaces import DATA, REACH, REPEATS, SETTINGS, channel
 
 from gstlib.change.change import estimate_detection_limit, measured_change, wear_summary
 from gstlib.change.registration import register
@@ -15,27 +16,23 @@ from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.grid import make_surface, spacing_of
 
-DATA = Path(__file__).parents[4] / "shared/data"
-
 pytestmark = pytest.mark.skipif(
     not DATA.is_dir(), reason=f"the measured files are not beside the project ({DATA})"
 )
 
-# Trace and retrace of an atomic force microscope: file, channels, and the shift (y, x) in points
-# at which their details correlate best. The two share their lines, so nothing moves far along y.
-REPEATS = {
-    "di-1": ("repeat-mit/di-1.di", (0, 1), (0, 6)),
-    "di-2": ("repeat-mit/di-2.di", (0, 1), (0, 14)),
-    "di-6": ("repeat-mit/di-6.di", (0, 1), (0, 0)),
-    "nid-1, Z axis": ("repeat-mit/nid-1.nid", (0, 2), (0, 6)),
-    "nid-1, Z sensor": ("repeat-mit/nid-1.nid", (1, 3), (-1, 2)),
-    "spot_1": ("repeat-mit/spot_1-1000nm.ibw", (0, 1), (0, -1)),
-    "uncd35": ("repeat-ccby/uncd35.di", (0, 1), (0, 6)),
+# Shifts (y, x) in points at which the details of trace and retrace correlate best. The two share
+# their lines, so nothing moves far along y.
+SHIFTS = {
+    "di-1": (0, 6),
+    "di-2": (0, 14),
+    "di-6": (0, 0),
+    "nid-1, Z axis": (0, 6),
+    "nid-1, Z sensor": (-1, 2),
+    "spot_1": (0, -1),
+    "uncd35": (0, 6),
 }
 # Of these, errors are alike over more points than the others': their loss is stated, but as noise.
 AS_NOISE = {"di-2", "di-6"}
-# Lengths are so many times as large as measured, because the limits are those of confocal scans.
-LARGER = 1000
 # First row and column of a piece of the impression of a breech face, hardly any of it undefined.
 PIECE = 78
 IMPRESSIONS = {
@@ -52,48 +49,31 @@ SAME_FACE = {
 }
 
 
-@pytest.fixture(scope="module", params=REPEATS)
-def repeat(request):
-    """The name, both measurements, the settings, and the expected shift (y, x), mm."""
-    pytest.importorskip("SurfaceTopography", reason="it reads the files")
-    from SurfaceTopography import open_topography
-    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
-
-    file, channels, shift = REPEATS[request.param]
-    scans = []
-    for number in channels:
-        topography = open_topography(DATA / file).topography(channel_index=number)
-        mm = LARGER * get_unit_conversion_factor(topography.unit, "mm")
-        heights = np.asarray(topography.heights(), dtype=float).T * mm
-        spacing = topography.physical_sizes[0] * mm / heights.shape[1]
-        scans.append(prepare_scan(make_surface(heights, spacing)))
-    settings = {
-        "maximum_shift_mm": 0.7 * len(heights) * spacing,
-        "minimum_cluster_points": 8,
-    }
-    return request.param, scans, settings, spacing * np.array(shift)
-
-
 def shows_wear(name, change):
     """Whether more than 0.5 % is lost or gained; what is unknown is neither."""
     extent = wear_summary(change)
-    if (
-        name in AS_NOISE and extent["gain_to_loss_ratio"] > 0.2
-    ):  # the limit of the default study
-        return False
-    return max(extent["loss_fraction"], extent["gain_fraction"]) > 0.005
+    # the limit of the default study
+    is_noise = name in AS_NOISE and extent["gain_to_loss_ratio"] > 0.2
+    return (
+        max(extent["loss_fraction"], extent["gain_fraction"]) > 0.005 and not is_noise
+    )
 
 
-def test_a_repeat_is_registered_where_its_details_match_and_shows_no_wear(repeat):
+@pytest.mark.parametrize("name", SHIFTS)
+def test_a_repeat_is_registered_where_its_details_match_and_shows_no_wear(name):
     """Neither by its own level of detection nor by the error that the repeat shows."""
-    name, (first, second), settings, shift_mm = repeat
+    pytest.importorskip("SurfaceTopography", reason="it reads the files")
+    file, *channels = REPEATS[name]
+    first, second = (channel(file, number) for number in channels)
+    spacing = spacing_of(first.height)[0]
+    settings = SETTINGS | {"maximum_shift_mm": REACH * len(first.height) * spacing}
     detection = estimate_detection_limit({"": first}, {"": second}, **settings)
     for limit in (None, detection):
         change = measured_change(first, second, detection=limit, **settings)
         assert not shows_wear(name, change)
     found = change.attrs
-    off_mm = 1e-3 * np.array([found["shift_y_um"], found["shift_x_um"]]) - shift_mm
-    assert np.abs(off_mm).max() < 5 * spacing_of(first.height)[0]
+    shift_um = np.array([found["shift_y_um"], found["shift_x_um"]])
+    assert np.abs(shift_um / (1e3 * spacing) - SHIFTS[name]).max() < 5
     assert abs(found["rotation_deg"]) < 0.5
 
 

@@ -27,18 +27,13 @@ def test_a_mean_is_over_what_both_scans_cover(shift_mm, size_mm, turn):
     """By brute force: the points of T0 that T1 shows; T1 need not be as large as T0."""
     values = np.random.default_rng(7).exponential(20.0, (20, 24)).clip(30.0) - 30.0
     pressure = make_surface(values, (0.25, 0.2))  # 5 mm × 4.8 mm
-    (shift_x, shift_y), (size_x, size_y) = shift_mm, size_mm
-    registration = PLACES[["patch"]].assign(
-        found=[True, False],
-        rotation_deg=turn,
-        t1_x_um=1e3 * shift_x,
-        t1_y_um=1e3 * shift_y,
-        t1_size_x_um=1e3 * size_x,
-        t1_size_y_um=1e3 * size_y,
-    )
+    registration = PLACES[["patch"]].assign(found=[True, False], rotation_deg=turn)
+    columns = ["t1_x_um", "t1_y_um", "t1_size_x_um", "t1_size_y_um"]
+    registration[columns] = 1e3 * np.array([*shift_mm, *size_mm])
     along = (np.arange(600) + 0.5) / 600 - 0.5
     v, u = np.meshgrid(along, along, indexing="ij")
-    turned = np.exp(-1j * np.radians(turn)) * (u - shift_x + 1j * (v - shift_y))
+    turned = np.exp(-1j * np.radians(turn)) * (u + 1j * v - complex(*shift_mm))
+    size_x, size_y = size_mm
     inside = (abs(turned.real) < size_x / 2) & (abs(turned.imag) < size_y / 2)
     y, x = PatchPosition(2.6, 2.4, 25.0).points(v[inside], u[inside])
     mean = pressure.values[(y / 0.25).astype(int), (x / 0.2).astype(int)].mean()

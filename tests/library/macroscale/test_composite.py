@@ -100,10 +100,9 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
     above = heights - (0.5 + 0.1 * v - 0.2 * u)
     raised = inside & (above > 1e-9)
     assert_allclose(above[inside & ~raised], 0, atol=1e-9)
-    step = PATCH / POINTS
-    assert raised.any()
-    assert abs(v[raised] - (40.5 * step - PATCH / 2)).max() < step
-    assert abs(u[raised] - (20.5 * step - PATCH / 2)).max() < step
+    # in points of the scan
+    at = (np.array([v[raised], u[raised]]) + PATCH / 2) / PATCH * POINTS
+    assert abs(at - [[40.5], [20.5]]).max() < 1
 
 
 def test_a_scan_is_not_stretched_over_its_patch():
@@ -144,12 +143,8 @@ def test_the_error_of_a_plane_is_that_of_mesh_place_and_unseen_waves():
     """The mesh's is above; of a place on a curved stone, and of waves that the scans show."""
     still, smooth, rough, moved, further = (
         composed(detail, error=0.0, placement_um=placement_um).tilt_error_mrad
-        for detail, placement_um in (
-            (1e-6, 0),
-            (1e-3, 0),
-            (1e-2, 0),
-            (1e-6, 20),
-            (1e-6, 40),
+        for detail, placement_um in zip(
+            (1e-6, 1e-3, 1e-2, 1e-6, 1e-6), (0, 0, 0, 20, 40), strict=True
         )
     )
     assert_allclose(rough, 10 * smooth, rtol=0.1)
@@ -170,12 +165,8 @@ def test_at_the_scans_resolution_each_draw_has_other_detail_and_the_same_scans()
     at = slice(64, 128), slice(48, 112)  # patch a, not turned, about x 1 and y 1.2
     assert_array_equal(first[at], other[at])
     assert (first - other)[:, 300:].std() > 5e-4
-    a = composite.sel(patch="a")
-    height = levels["a"].height
-    along = axis_coordinates(POINTS, PATCH / POINTS) - PATCH / 2
-    offset, slope_y, slope_x = (
-        float(a[name]) for name in ("offset", "slope_y", "slope_x")
-    )
-    plane = offset + slope_y * along[:, None] + slope_x * along
+    a, height = composite.isel(patch=0), levels["a"].height
+    y, x = height.y - PATCH / 2, height.x - PATCH / 2
+    plane = a.offset + a.slope_y * y + a.slope_x * x
     assert_allclose(first[at] - plane, height, atol=1e-9)
     assert_allclose(filtered[at] - plane, s_filtered(height, 60.0), atol=1e-9)
