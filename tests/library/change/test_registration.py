@@ -67,8 +67,7 @@ def striated(relief, lean_deg=0.0):
 
 def test_a_turn_is_one_in_mm_on_points_that_are_not_square():
     spacing, stone = (2e-3, 1e-3), rough(1)
-    t0 = scan(stone, spacing)
-    t1 = scan(stone, spacing, (0.01, -0.006), 1.5)
+    t0, t1 = scan(stone, spacing), scan(stone, spacing, (0.01, -0.006), 1.5)
     registration = register(t0, t1, maximum_shift_mm=0.05)
     assert registration.is_reliable
     assert registration.rotation_deg == pytest.approx(1.5, abs=0.02)
@@ -112,8 +111,7 @@ def test_standard_errors_are_those_of_the_shift():
     off, stated = [], []
     for seed in range(8):
         noise = 2e-4 * np.random.default_rng(seed).standard_normal((2, *exact[0].shape))
-        pair = [each + own for each, own in zip(exact, noise, strict=True)]
-        found = register(*pair, maximum_shift_mm=0.05)
+        found = register(*map(np.add, exact, noise), maximum_shift_mm=0.05)
         off.append((found.shift_y_mm - shift[0], found.shift_x_mm - shift[1]))
         stated.append((found.shift_y_error_mm, found.shift_x_error_mm))
     true, errors = np.sqrt(np.mean(np.square([off, stated]), axis=1))

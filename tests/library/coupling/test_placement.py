@@ -24,6 +24,8 @@ from gstlib.surfaces.grid import axis_coordinates, make_surface
 
 SQUARE, SIZE = 5.0, 0.85
 NINE = [(y, x) for y in (1.2, 2.5, 3.8) for x in (1.2, 2.5, 3.8)]
+TABLE = pd.DataFrame(NINE, columns=["y_mm", "x_mm"])
+TABLE = TABLE.assign(patch=[*"123456789"], rotation_deg=0.0)
 
 
 def stone_of(seed):
@@ -40,16 +42,9 @@ def patch_of(y, x, rotation_deg=0.0, stone=STONE):
     return laid(stone, PatchPosition(y, x, rotation_deg), SIZE, 64)[0]
 
 
-def table_of(count):
-    """So many of the nine patches."""
-    y, x = np.transpose(NINE[:count])
-    names = [str(number) for number in range(1, count + 1)]
-    return pd.DataFrame({"patch": names, "x_mm": x, "y_mm": y, "rotation_deg": 0.0})
-
-
 def place(heights, mesh=MESH, rotation_deg=0.0, columns=None, **mould):
     """The table by patch, of as many patches as there are heights."""
-    patches = table_of(len(heights)).assign(rotation_deg=rotation_deg, **columns or {})
+    patches = TABLE[: len(heights)].assign(rotation_deg=rotation_deg, **columns or {})
     levels = [height.to_dataset(name="height") for height in heights]
     scans = dict(zip(patches.patch, levels, strict=True))
     table = check_placement(mesh, patches, scans, patch_mm=SIZE, **mould)
@@ -61,10 +56,7 @@ def nine(noise_um=0.0, rotation_deg=0.0, stone=STONE):
     scans = [patch_of(y, x, rotation_deg, stone) for y, x in NINE]
     noise = np.random.default_rng(0).normal(size=(9, 64, 64))
     errors = gaussian_filter(noise, 6, axes=(1, 2))
-    return [
-        scan + 0.02 * noise_um * error
-        for scan, error in zip(scans, errors, strict=True)
-    ]
+    return [*map(np.add, scans, 0.02 * noise_um * errors)]
 
 
 def fault_of(*arguments, **options):
@@ -91,10 +83,10 @@ def test_a_shift_that_all_share_is_found_whatever_planes_and_scales_are(caplog):
 @pytest.mark.parametrize(
     ("patches", "problem"),
     [
-        (table_of(2)[:0], "has no patches"),
-        (table_of(2).assign(patch="1"), "has patch 1 twice"),
-        (table_of(2).assign(x_mm=[1.2, np.nan]), "has no position .* of patch 2"),
-        (table_of(2), r"patch 1: the map is 1.7 × 1.7 mm, but its place is .* 0.85 mm"),
+        (TABLE[:0], "has no patches"),
+        (TABLE[:2].assign(patch="1"), "has patch 1 twice"),
+        (TABLE[:2].assign(x_mm=[1.2, np.nan]), "has no position .* of patch 2"),
+        (TABLE[:2], r"patch 1: the map is 1.7 × 1.7 mm, but its place is .* 0.85 mm"),
     ],
 )
 def test_tables_and_scans_that_cannot_be_compared_are_refused(patches, problem):
@@ -156,7 +148,7 @@ def test_one_patch_in_another_orientation_is_named_with_what_to_set(
     right, turn = lying_right(table.orientation["4"], Mould(False, None), is_alone=True)
     if right.flip:
         heights[3].values = np.flip(heights[3].values, "yx".index(right.flip))
-    rotations = np.where(table.index[:-1] == "4", 10.0 + turn, 10.0)
+    rotations = 3 * [10.0] + [10.0 + turn] + 5 * [10.0]
     assert (place(heights, rotation_deg=rotations).status == AGREES).all()
 
 
@@ -172,7 +164,7 @@ def test_exchanged_scans_are_named():
 def test_one_right_study_of_a_hundred_has_a_patch_that_is_called_wrong():
     """Nine patches have sixteen ways each to be better somewhere; fifteen of them are looks."""
     settings = {"patch_mm": SIZE, "placement_um": 5.0}
-    compared = Comparison(MESH, table_of(9), nine(), **settings)
+    compared = Comparison(MESH, TABLE, nine(), **settings)
     of_one, of_all = compared.limit(9 + 15), compared.limit(9 * (9 + 15))
     leads = [-1.01 * of_one, -0.99 * of_one, 0, 1.01 * of_one, 0.99 * of_all]
     leads += [1.01 * of_all] * 4
@@ -200,7 +192,7 @@ def test_a_patch_that_is_not_shown_is_not_said_to_agree():
 )
 def test_a_mirrored_table_is_a_fault_and_named(table, remedy):
     y, x = np.array([(1.0, 1.2, 2.3, 3.1, 3.9, 4.2), (0.7, 2.4, 3.9, 1.4, 3.1, 2.0)])
-    heights = [patch_of(*place) for place in zip(y, x, strict=True)]
+    heights = [*map(patch_of, y, x)]
     columns = dict(zip(["x_mm", "y_mm"], table(x, y), strict=True))
     fault = fault_of(heights, columns=columns)
     assert fault.remedy.startswith(remedy)

@@ -45,7 +45,7 @@ def posed(poses, mesh=FACE, height=HEIGHT, load_point=MIDDLE, shown=()):
 
 def test_a_pose_is_a_contact_at_rest_with_the_shifted_face():
     """A shift by whole elements takes the face from beside the square, without interpolation."""
-    pose = stroke().iloc[:1].assign(x_mm=3 * SPACING, y_mm=-2 * SPACING)
+    pose = stroke(x_mm=3 * SPACING, y_mm=-2 * SPACING).iloc[:1]
     rows, columns = (slice(AROUND + by, AROUND + by + COUNT) for by in (2, -3))
     over = HEIGHT.copy(data=FACE.values[rows, columns])
     load_point = MIDDLE[0] - 2 * SPACING, MIDDLE[1] + 3 * SPACING
@@ -58,7 +58,7 @@ def test_the_load_point_turns_with_the_tool():
     """Under half a turn of the tool on a flat, contact and load point turn about the middle."""
     beside = 0.6 * SIDE, 0.55 * SIDE
     tool = rounded_counterface(FACE, 50.0, beside)
-    pose = stroke().iloc[:1].assign(x_mm=0.0)
+    pose = stroke(x_mm=0.0).iloc[:1]
     straight, turned = (
         posed(pose.assign(rotation_deg=angle), tool, 0 * HEIGHT, beside).pressure_sum
         for angle in (0.0, 180.0)
