@@ -39,13 +39,13 @@ def rough_ball(roughness=0.02):
     return ball
 
 
-def sheet(function, edge=0.25, low=-1.5, high=6.5, up=True):
+def sheet(function, edge=0.25, low=-1.5, high=6.5, up=True, jitter=0.3):
     """An open mesh z = function(x, y) on jittered points, whose faces look up, or down."""
     axis = np.arange(low, high + edge / 2, edge)
     points = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     is_inner = ((points > low) & (points < axis[-1])).all(axis=1)
-    jitter = edge * np.random.default_rng(0).uniform(-0.3, 0.3, points.shape)
-    points = points + jitter * is_inner[:, None]
+    moves = np.random.default_rng(0).uniform(-jitter, jitter, points.shape)
+    points = points + edge * moves * is_inner[:, None]
     faces = Delaunay(points).simplices  # anticlockwise
     vertices = np.c_[points, function(*points.T)]
     return trimesh.Trimesh(vertices, faces if up else faces[:, ::-1], process=False)

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import scan_files
 import trimesh
-from mesh_files import SIZE, glb, ply, rough_ball, stone
+from mesh_files import SIZE, glb, ply, rough_ball, sheet, stone
 from scan_files import members_of, zipped
-from scipy.spatial import Delaunay
 
 from gstlib.errors import NOTE
 from gstlib.io.meshes import read_mesh
@@ -261,13 +260,11 @@ def test_the_step_of_the_coordinates_is_told_warned_of_and_refused(write, caplog
 
 
 def test_a_grid_of_heights_is_not_rounded_to_its_spacing(write):
-    rows, columns = np.indices((40, 40))
-    grid = np.column_stack([columns.ravel(), rows.ravel()]) * 0.5
-    heights = np.random.default_rng(1).random(len(grid))
-    sheet = trimesh.Trimesh(
-        np.c_[grid, heights], Delaunay(grid).simplices, process=False
-    )
-    assert read_mesh(write("a.ply", ply(sheet, "<f8"))).metadata["step_mm"] < 1e-5
+    def heights(x, y):
+        return np.random.default_rng(1).random(x.shape)
+
+    grid = sheet(heights, 0.5, 0.0, 20.0, jitter=0.0)
+    assert read_mesh(write("a.ply", ply(grid, "<f8"))).metadata["step_mm"] < 1e-5
 
 
 # --- Damage -------------------------------------------------------------------------------------

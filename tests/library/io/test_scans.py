@@ -215,12 +215,6 @@ def test_scattered_points_are_refused(write):
     refused(points, "unknown scan unit", unit="parsec")
 
 
-def test_unit_and_spacing_of_a_matrix_must_come_from_the_config(write):
-    path = write("a.csv", "1,2,3,4\n5,6,7,8\n9,1,2,3\n")
-    refused(path, "does not state its unit.*scans.unit", spacing_um=1.0)
-    refused(path, "spacing of its points.*scans.spacing_um", unit="um")
-
-
 ESRI = "NCOLS 4\nNROWS 3\nXLLCENTER 0\nYLLCENTER 0\nCELLSIZE {cell}\n{rows}"
 ROWS = "9 8 7 6\n5 -9999 4 3\n2 1 0 1\n"
 

@@ -79,12 +79,15 @@ def test_heights_are_told_from_coordinates_and_from_split_numbers(write, kind):
     same(read_scan(write("a.csv", text), **CONFIG), heights)
 
 
-def test_coordinates_give_the_order_and_the_spacing(write):
+def test_coordinates_give_the_order_and_the_spacing_and_the_config_the_unit(write):
     text = lines_of(with_coordinates(X[::-1], 2 * Y[::-1]))
     scan = read_scan(write("a.csv", text), unit="um")
     same(scan, np.flip(HEIGHTS), steps=(2 * STEP, STEP))
     numbers = lines_of(with_coordinates(np.arange(NX), np.arange(NY)))
-    refused(write("a.csv", numbers), "spacing of its points", unit="um")
+    spacing = "spacing of its points.*scans.spacing_um"
+    refused(write("a.csv", numbers), spacing, unit="um")
+    unit = "state its unit.*scans.unit"
+    refused(write("a.csv", PLAIN), unit, spacing_um=STEP)
 
 
 MARKS = [
