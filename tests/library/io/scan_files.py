@@ -120,6 +120,10 @@ def write_sdf(path, heights):
     path.write_bytes(header + values.astype("<f8").tobytes())
 
 
+SUR_HEADER = """< 12s 6x H 30x 30s 6x H 10x H5i 3f 48x 16s16s16s 16s16s16s
+30x 7H 14x H 130x 2f 38x"""
+
+
 def write_sur(path, heights, kind=2, compressed=False, micro=b"\xb5m", stage_mm=(0, 0)):
     """Steps along x in mm, along y in µm; heights in nm, in steps of 1 pm."""
     (ny, nx), (x, y) = heights.shape, stage_mm
@@ -131,22 +135,19 @@ def write_sur(path, heights, kind=2, compressed=False, micro=b"\xb5m", stage_mm=
     if compressed:
         packed = zlib.compress(content)
         content = struct.pack("<III", 1, len(content), len(packed)) + packed
-    size = nx, ny, nx * ny
-    parts = [
-        (0, "12s", b"DSCOMPRESSED" if compressed else b"DIGITAL SURF"),
-        (18, "H", kind),
-        (50, "30s", b"a profiler"),
-        (86, "H", int(unmeasured.any())),
-        (98, "H5i", 32, lowest, int(values.max(initial=0)), *size),
-        (120, "3f", DX, DY * 1e3, 1e-3),
-        (180, "16s16s16s16s16s16s", *2 * [b"mm", micro, b"nm"]),
-        (306, "7H", 13, 40, 11, 19, 4, 2021, 1),  # the time
-        (334, "H", len(comment)),
-        (466, "2f", x, y * 1e3),
-    ]
-    header = bytearray(512)
-    for at, kinds, *numbers in parts:
-        struct.pack_into(f"<{kinds}", header, at, *numbers)
+    header = struct.pack(
+        SUR_HEADER,
+        b"DSCOMPRESSED" if compressed else b"DIGITAL SURF",
+        kind,
+        b"a profiler",
+        int(unmeasured.any()),
+        *(32, lowest, values.max(initial=0), nx, ny, nx * ny),
+        *(DX, DY * 1e3, 1e-3),
+        *2 * [b"mm", micro, b"nm"],
+        *(13, 40, 11, 19, 4, 2021, 1),  # the time
+        len(comment),
+        *(x, y * 1e3),
+    )
     path.write_bytes(header + comment + content)
 
 
