@@ -251,7 +251,7 @@ STONE = scanned_twice(5e-3, noise=0.0)[0].height
 def lines(along, rng):
     """Errors (mm) of scan lines, which correlate over so many points along x."""
     noise = rng.standard_normal((160, 160))
-    error = scipy.ndimage.gaussian_filter1d(noise, along, axis=1) if along else noise
+    error = scipy.ndimage.gaussian_filter(noise, (0, along))
     return 0.1e-3 * error / error.std()
 
 

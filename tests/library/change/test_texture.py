@@ -84,8 +84,7 @@ def test_material_ratio_curve_of_a_normal_distribution():
         "Vvv": material(0.2),
         "Vvc": void - material(0.2),
     }
-    for name, volume in volumes.items():
-        assert texture[name] == pytest.approx(volume, rel=5e-4)
+    assert texture | volumes == pytest.approx(texture, rel=5e-4)
 
 
 def test_neither_datum_nor_tilt_nor_axes_matter():
