@@ -58,12 +58,11 @@ def test_a_speck_over_the_surface_is_not_the_use_face():
 def stone_with_flap():
     """A ball, and a triangle that hangs on its top and looks down, under 1 % of the square."""
     ball = trimesh.creation.icosphere(5, radius=20.0)
-    top = int(ball.vertices[:, 2].argmax())
-    corners = ball.vertices[top] + [[0.6, 0.0, -0.02], [0.0, 0.6, -0.02]]
-    last = len(ball.vertices)
-    vertices = np.vstack([ball.vertices, corners])
-    faces = np.vstack([ball.faces, [[top, last + 1, last]]])
-    return trimesh.Trimesh(vertices, faces, process=False)
+    top = ball.vertices[ball.vertices[:, 2].argmax()]
+    corners = np.add(top, [[0, 0, 0], [0.6, 0, -0.02], [0, 0.6, -0.02]])
+    both = ball + trimesh.Trimesh(corners, [[0, 2, 1]])
+    both.merge_vertices()
+    return both
 
 
 def plate():
