@@ -137,8 +137,7 @@ PLACES = np.arange(35).reshape(5, 7)
 def test_points_that_end_within_a_line_of_the_grid(sample, order):
     """Nothing else is missing: the file is cut, whatever way its points run."""
     path, options = sample("xyz", np.nan_to_num(HEIGHTS))
-    lines = np.array(path.read_text().splitlines(keepends=True))
-    lines = lines[order.ravel()]
+    lines = np.array(path.read_text().splitlines(keepends=True))[order.ravel()]
     path.write_text("".join(np.delete(lines, 12)))  # one that is not measured
     assert np.isnan(read_scan(path, **options)).sum() == 1
     path.write_text("".join(lines)[:-4])

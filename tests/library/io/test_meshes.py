@@ -253,9 +253,8 @@ def test_the_step_of_the_coordinates_is_told_warned_of_and_refused(write, caplog
     if step_mm > 20e-3:
         refused(path, "steps of .* (origin|digits)", unit=unit)
         return
-    assert read_mesh(path, unit=unit).metadata["step_mm"] == pytest.approx(
-        step_mm, rel=0.1
-    )
+    told_mm = read_mesh(path, unit=unit).metadata["step_mm"]
+    assert told_mm == pytest.approx(step_mm, rel=0.1)
     assert ("steps of" in caplog.text) == (step_mm > 1e-3)
 
 
@@ -354,8 +353,7 @@ def test_triangles_that_rounding_shrinks_are_read(write):
     ball = rough_ball()
     ball.vertices -= ball.vertices[0]
     ball.vertices = 8 * np.round(ball.vertices / 8)
-    is_shrunk = (ball.triangles == ball.triangles[:, :1]).all(axis=(1, 2))
-    assert is_shrunk.sum() > 100
+    assert (np.ptp(ball.triangles, axis=1) == 0).all(axis=1).sum() > 100
     assert read_mesh(write("a.ply", ply(ball))).extents == pytest.approx(ball.extents)
 
 
