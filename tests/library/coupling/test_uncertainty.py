@@ -53,9 +53,9 @@ def pressures(height, over=None, load_point=MIDDLE, places=PLACES):
 
 @pytest.fixture
 def intervals(monkeypatch):
-    """Intervals with these contact moduli of the draws, over that of the study."""
+    """Intervals; `shares` are the contact moduli of the draws, over that of the study."""
 
-    def intervals(shares, *macroscale, load_point=MIDDLE, **errors):
+    def intervals(*macroscale, shares=8 * (1.0,), load_point=MIDDLE, **errors):
         name = "gstlib.coupling.intervals.draw_contact_moduli"
         monkeypatch.setattr(name, lambda *_, **__: np.asarray(shares))
         return pressure_intervals(
@@ -88,7 +88,7 @@ def test_the_square_alone_is_pressed_on_its_mean_plane(intervals):
     """Where no load point is given, the stone does not tilt."""
     alone = pressures(remove_plane(mesh().height)[0], load_point=None)
     assert abs(alone - pressures(mesh().height)).max() > 0.5
-    assert_certain(intervals(np.ones(2), load_point=None), alone)
+    assert_certain(intervals(load_point=None), alone)
 
 
 def normal(source, shape):
@@ -100,7 +100,7 @@ def normal(source, shape):
 def test_the_point_of_force_alone_gives_the_pressures_at_rest_under_it(intervals):
     points = [tuple(MIDDLE + 0.1 * error) for error in normal(4, 2)]
     drawn = [pressures(mesh().height, load_point=point) for point in points]
-    assert_ends(intervals(np.ones(8), load_point_mm=0.1), drawn)
+    assert_ends(intervals(load_point_mm=0.1), drawn)
 
 
 def test_places_alone_give_the_pressures_at_those_places(intervals):
@@ -109,7 +109,7 @@ def test_places_alone_give_the_pressures_at_those_places(intervals):
     for x, y in normal(1, (2, 2)):
         moved = PLACES[["x_mm", "y_mm"]] + 0.06 * np.c_[x, y]
         drawn.append(pressures(mesh().height, places=PLACES.assign(**moved)))
-    assert_ends(intervals(np.ones(8), placement_um=60.0), drawn)
+    assert_ends(intervals(placement_um=60.0), drawn)
 
 
 def test_detail_between_the_scans_is_drawn_anew(intervals):
@@ -120,7 +120,7 @@ def test_detail_between_the_scans_is_drawn_anew(intervals):
         scans[patch] = height.to_dataset(name="height")
     settings = {"patch_mm": PATCH, "s_filter_um": None, "placement_um": 0.0, "seed": 1}
     composite = compose_surface(mesh(1e-5), PLACES, scans, **settings)
-    table = intervals(np.ones(8), mesh(), composite, None)
+    table = intervals(mesh(), composite, None)
     assert (table.high_MPa - table.low_MPa > 1e-3).all()
     assert_allclose(table.tilt_error_mrad, composite.tilt_error_mrad)
     assert set(table.plane) == {"mesh"}
@@ -149,7 +149,7 @@ def test_an_active_tool_adds_the_error_of_its_pose(intervals):
     def width(along_y, along_x, pose_um):
         heights = stone(along_y * at[:, None], along_x * at)
         over = around(heights, SPACING, COUNT * SPACING)
-        table = intervals(np.ones(6), mesh(), None, over, pose_um=pose_um)
+        table = intervals(mesh(), None, over, pose_um=pose_um)
         return float((table.high_MPa - table.low_MPa).max())
 
     assert max(width(0, 0, 200.0), width(3, 2, 0.0)) < 1e-3
@@ -178,9 +178,9 @@ def test_wear_that_tells_the_radius_tells_where_a_stronger_force_is_borne(
     """Under F R / E* of the wear, all pressures grow with the force, and none with the modulus."""
     face, expected = under_round_tool
     used = face, None, None, RADIUS, certain_use([0.0, 0.0], [0.0, 0.0])
-    assert_certain(intervals([0.5, 2.0], *used), expected)
+    assert_certain(intervals(*used, shares=[0.5, 2.0]), expected)
     forces = np.exp(0.5 * np.random.default_rng([1, 3]).standard_normal(8))
-    table = intervals(np.ones(8), *used, force_log_sd=0.5)
+    table = intervals(*used, force_log_sd=0.5)
     assert_ends(table, np.outer(forces, expected))
 
 
@@ -190,9 +190,9 @@ def test_pressures_over_the_strikes_are_added_to_those_under_their_centre(
     face, expected = under_round_tool
     used = face, None, None, RADIUS, certain_use([3.0, 1.0], [1.0, 1000.0])
     # a pressure is never negative
-    assert_certain(intervals(np.ones(2), *used), [expected[0] + 2.0, 0.0])
+    assert_certain(intervals(*used), [expected[0] + 2.0, 0.0])
 
 
 def test_draws_in_which_the_stone_tips_over_are_left_out(intervals, caplog):
-    assert intervals(np.ones(2), load_point=(-9.0, -9.0)).high_MPa.isna().all()
-    assert "in 2 of 2 draws the stone does not rest" in caplog.text
+    assert intervals(load_point=(-9.0, -9.0)).high_MPa.isna().all()
+    assert "in 8 of 8 draws the stone does not rest" in caplog.text
