@@ -41,15 +41,11 @@ def rough(size=128):
 
 
 def test_egg_box():
-    amplitude, count = 3.0, 4
-    phase = waves(2 * SIZE, count)
-    texture = parameters(amplitude * np.cos(phase[:, None]) * np.cos(phase))
-    assert texture["Sq"] == pytest.approx(amplitude / 2)
-    assert texture["Sku"] == pytest.approx(2.25)
-    wave_number = 2 * np.pi * count / (2 * SIZE)
-    assert texture["Sdq"] == pytest.approx(
-        amplitude * wave_number / math.sqrt(2), rel=3e-3
-    )
+    phase = waves(2 * SIZE, 4)
+    texture = parameters(3.0 * np.cos(phase[:, None]) * np.cos(phase))
+    assert (texture["Sq"], texture["Sku"]) == pytest.approx((3.0 / 2, 2.25))
+    steepest = 3.0 * (phase[1] - phase[0])
+    assert texture["Sdq"] == pytest.approx(steepest / math.sqrt(2), rel=3e-3)
     assert texture["Sdr"] == pytest.approx(100 * texture["Sdq"] ** 2 / 2, rel=0.01)
 
 
@@ -91,10 +87,9 @@ def test_neither_datum_nor_tilt_nor_axes_matter():
     heights = np.exp(0.5 * rough())
     y, x = np.indices(heights.shape)
     texture = parameters(heights, filters=FILTERS)
+    expected = pytest.approx(texture, rel=1e-6, abs=1e-6)
     for same in (1e3 + heights + 0.1 * y - 0.05 * x, heights.T):
-        assert parameters(same, filters=FILTERS) == pytest.approx(
-            texture, rel=1e-6, abs=1e-6
-        )
+        assert parameters(same, filters=FILTERS) == expected
 
 
 def test_fraction_of_a_wave_that_passes_both_filters():
