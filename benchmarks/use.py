@@ -1,6 +1,6 @@
 """Does wear tell how a tool was used, and does the study claim a use where there was none?
 
-    python benchmarks/use.py [--cases law scatter …] [--stones 10] [--faces FOLDER]
+    python benchmarks/use.py [--cases law scatter …] [--seeds 9001 9002 …]
     python benchmarks/use.py --tables
 
 Forty stones are generated, with scans of 128 × 128 points, and each is worn by Archard's law. Its
@@ -41,12 +41,10 @@ known_scatter     scatter of the losses about the pressures of the true use (pos
 within_95         share of the losses inside their predicted 95 %;
 cpu_s             of the inference.
 
-`--tables` prints coverage, claims and errors from the rows alone. `--faces FOLDER` keeps the stones
-in a folder, so that a second run does not wear them again. `--grades FILE` writes the patch table
-of config/artefact.yaml, with grades in place of scans, and nothing else.
+`--tables` prints coverage, claims and errors from the rows alone. `--grades FILE` writes the patch
+table of config/artefact.yaml, with grades in place of scans, and nothing else.
 """
 
-import pickle
 import time
 from functools import partial
 from pathlib import Path
@@ -62,15 +60,14 @@ from gstlib.io.tables import read_table
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.ensemble import patch_means
 from gstlib.settings import Settings
-from gstlib.use.evidence import Grades, Losses, likelihood
+from gstlib.use.evidence import Grades, Losses, posterior
 from gstlib.use.infer import PRESSED, StatedUse, infer_use, use_pressures
 from gstlib.use.outcome import losses_of, predicted_losses, share_within
 from gstlib.use.sampling import Sampling
 from gstlib.use.spread import Uses
-from gstlib.use.tempering import tempered
 
 RESULT = RESULTS / "use.csv"
-FIRST_SEED = 9001
+SEEDS = range(9001, 9041)
 LAW = "archard"
 # ASSUME: the contact of the macroscale knows nothing of what a coarser scan leaves out.
 COARSE = {"scan_points": 128, "scan_spacing_um": 6.64, "unmeasured_size_um": 20.0}
@@ -153,38 +150,26 @@ def drawn_use(config, seed):
     errors = config["uncertainty"]
     half = config["square"]["size_mm"] / 2
     off = errors["load_point_mm"] * generator.standard_normal(2)
-    off = np.clip(off, EDGE_MM - half, half - EDGE_MM)
     log_radius = errors["radius_log_sd"] * generator.standard_normal()
-    radius = config["counterface"]["radius_mm"] * np.exp(log_radius)
     return {
-        "worn_off_middle_mm": tuple(map(float, off)),
-        "worn_radius_mm": float(radius),
+        "worn_off_middle_mm": tuple(np.clip(off, EDGE_MM - half, half - EDGE_MM)),
+        "worn_radius_mm": config["counterface"]["radius_mm"] * np.exp(log_radius),
     }
 
 
-def worn_stone(config, patches, seed, faces):
-    """The stone of a seed, worn by the law, or as the folder `faces` keeps it."""
+def worn_stone(config, patches, seed):
+    """The stone of a seed, worn by the law."""
     use = drawn_use(config, seed)
-    file = faces and faces / f"{seed}.pkl"
     settings = Settings(**config).by_stage()["infer_use"]
     stated = StatedUse(**settings.pop("stated"))
     settings["sampling"] = Sampling(**settings["sampling"])
     settings.pop("wear_law")
     point = np.array([*stated.load_point, np.log(use["worn_radius_mm"])])
     point[:2] += use["worn_off_middle_mm"]
-    if file and file.exists():
-        worn = pickle.loads(file.read_bytes())
-    else:
-        config = merged(config, {"specimen": use})
-        ((_, study),) = specimen_studies(config, patches, seed, [LAW])
-        measured = losses_of(
-            study.patches, asked(lambda study: study.registration, study)
-        )
-        worn = study.composite[["height", "counterface", "size_mm"]].load(), *measured
-    if file:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(pickle.dumps(worn))
-    return Stone(seed, *worn, point, stated, settings)
+    config = merged(config, {"specimen": use})
+    ((_, study),) = specimen_studies(config, patches, seed, [LAW])
+    measured = losses_of(patches, asked(lambda study: study.registration, study))
+    return Stone(seed, study.composite, *measured, point, stated, settings)
 
 
 def made_losses(depth, generator):
@@ -201,13 +186,15 @@ def pressures_of(stone, strikes, force=1.0, losses=None):
     """
     stated = stone.stated._replace(force_N=force * stone.stated.force_N)
     settings = {name: stone.settings[name] for name in ("modulus", "patch_mm")}
-    pressed = partial(
-        use_pressures, strikes, stone.face, stone.patches, stated, **settings
-    )
     losses = losses or Losses(np.full(len(stone.patches), MADE_UM))
-    return np.asarray(
-        pressed(springs=losses.springs(pressed().mean(axis=0)[None])).mean(axis=0)
-    )
+
+    def mean(**springs):
+        pressures = use_pressures(
+            strikes, stone.face, stone.patches, stated, **settings, **springs
+        )
+        return np.asarray(pressures.mean(axis=0))
+
+    return mean(springs=losses.springs(mean()[None]))
 
 
 def truth(point, scatter_mm=0.0, stroke_mm=0.0):
@@ -239,8 +226,7 @@ def struck(stone, generator, moves=ONCE, *, power=1.0, factor=1.0, force=1.0, **
 
 def scatter(stone, generator):
     """Strikes that scatter about the load point."""
-    cube = scipy.stats.qmc.Sobol(2, rng=generator).random(STRIKES)
-    off = scipy.special.ndtri(cube)
+    off = scipy.special.ndtri(scipy.stats.qmc.Sobol(2, rng=generator).random(STRIKES))
     off = np.concatenate([off, -off])  # so that the centre is the load point
     moves = SCATTER_MM * off / off.std(axis=0)
     return struck(stone, generator, moves, scatter_mm=SCATTER_MM)
@@ -286,10 +272,9 @@ def from_prior(stone, generator):
 def outside(stone, generator):
     """A load point beyond an edge of the square."""
     half = float(stone.face.size_mm) / 2
-    beyond = [generator.choice([-1, 1]) * (half + generator.uniform(*OUTSIDE_MM))]
-    beyond.append(generator.uniform(-half, half))
-    point = np.array([*generator.permutation(beyond), stone.point[2]])
-    point[:2] += half
+    beyond = generator.choice([-1, 1]) * (half + generator.uniform(*OUTSIDE_MM))
+    off = generator.permutation([beyond, generator.uniform(-half, half)])
+    point = np.array([*(off + half), stone.point[2]])
     stated = stone.stated._replace(load_point_mm=TOLD_OUTSIDE_MM)
     return struck(stone._replace(point=point, stated=stated), generator)
 
@@ -328,7 +313,7 @@ def random_field(stone, generator, length_mm):
     return np.asarray(field / field.std())
 
 
-def blob(stone, generator):
+def blobs(stone, generator):
     """A Gaussian spot anywhere on the square."""
     size, (y, x) = float(stone.face.size_mm), places(stone)
     middle = generator.uniform(EDGE_MM, size - EDGE_MM, 2)
@@ -353,7 +338,7 @@ def tilted(stone, generator):
     return depths[int(abs(is_worn.mean(axis=1) - share).argmin())]
 
 
-def gradient(stone, generator):
+def gradients(stone, generator):
     """A ramp in any direction, from a line through the inner half of the square."""
     size = float(stone.face.size_mm)
     angle = generator.uniform(0, 2 * np.pi)
@@ -362,7 +347,7 @@ def gradient(stone, generator):
     return np.maximum(along, 0)
 
 
-def wave(stone, generator):
+def waves(stone, generator):
     """A plane wave in any direction, where it is above 0."""
     angle, phase = generator.uniform(0, 2 * np.pi, 2)
     (y, x), length = places(stone), generator.uniform(*WAVE_MM)
@@ -386,13 +371,15 @@ def without_contact(stone, generator, *, field):
 
 def fewer(stone, generator, *, count):
     """So many patches, by chance."""
-    trial, losses = law(stone, generator), stone.losses
+    trial = law(stone, generator)
     chosen = np.sort(generator.permutation(len(stone.patches))[:count])
     patches = stone.patches.iloc[chosen].reset_index(drop=True)
-    return trial._replace(
-        stone=stone._replace(patches=patches),
-        evidence=Losses(losses.depth_um[chosen], losses.above_noise[chosen]),
-        pressure=trial.pressure[chosen],
+    losses = stone.losses.depth_um[chosen], stone.losses.above_noise[chosen]
+    return Trial(
+        stone._replace(patches=patches),
+        Losses(*losses),
+        trial.true,
+        trial.pressure[chosen],
     )
 
 
@@ -421,13 +408,7 @@ def graded(stone, generator, *, make):
 
 
 # Losses that know no contact: the fields that they go with.
-FIELDS = {
-    "blobs": blob,
-    "tilted": tilted,
-    "gradients": gradient,
-    "waves": wave,
-    "smooth": smooth,
-}
+FIELDS = {field.__name__: field for field in (blobs, tilted, gradients, waves, smooth)}
 # How many stones are tried in each case, and what is made of each.
 CASES = {
     "law": (40, law),
@@ -458,8 +439,8 @@ UNPRESSED = (*FIELDS, "smooth grades")
 
 def relative_error(predicted, losses):
     """R.m.s. error of predicted losses over that of none."""
-    error = np.square(predicted - losses.depth_um).mean()
-    return float(np.sqrt(error / np.square(losses.depth_um).mean()))
+    norm = np.linalg.norm
+    return float(norm(predicted - losses.depth_um) / norm(losses.depth_um))
 
 
 def error_at(pressure, losses):
@@ -470,15 +451,12 @@ def error_at(pressure, losses):
     if not pressure.any():
         return 1.0, np.nan
     draws = np.tile(pressure, (_DRAWS, 1))
-    posterior = tempered(
-        lambda standard: likelihood(losses, draws, standard),
-        losses.variables,
-        _DRAWS,
-        np.random.default_rng(1),
+    found = posterior(
+        lambda standard: draws, 0, losses, _DRAWS, np.random.default_rng(1)
     )
-    parameters = losses.parameters(draws, posterior.standard)
-    coefficient = posterior.weights_without.T @ parameters["wear_coefficient"]
-    scatter = posterior.weights @ parameters["scatter"]
+    parameters = losses.parameters(draws, found.standard)
+    coefficient = found.weights_without.T @ parameters["wear_coefficient"]
+    scatter = found.weights @ parameters["scatter"]
     return relative_error(coefficient * pressure, losses), float(scatter)
 
 
@@ -521,12 +499,12 @@ def inferred(use, true):
     return row
 
 
-def stone_rows(config, patches, faces, seed, cases):
+def stone_rows(config, patches, seed, cases):
     """The rows of one stone in some cases."""
-    stone = worn_stone(config, patches, seed, faces)
+    stone = worn_stone(config, patches, seed)
     rows = []
     for case in cases:
-        generator = np.random.default_rng([seed, 9, list(CASES).index(case)])
+        generator = np.random.default_rng([seed, 9, [*CASES].index(case)])
         rows.append(row_of(CASES[case][1](stone, generator), case))
     return rows
 
@@ -580,11 +558,9 @@ def write_grades(file):
 
 def ordered(rows):
     """Rows by case, then by stone."""
-    rows = rows.assign(case=rows.case.astype(str))  # some have a number for a name
-    place = {name: number for number, name in enumerate(CASES)}
-    return rows.sort_values(
-        ["case", "seed"], key=lambda column: column.replace(place), kind="stable"
-    )
+    rows = rows.astype({"case": str})  # some have a number for a name
+    place = rows.case.map([*CASES].index)
+    return rows.iloc[np.lexsort([rows.seed, place])]
 
 
 def made(file):
@@ -596,8 +572,8 @@ def stones_to_make(names, seeds, file):
     """Seeds, of these, and the cases of each that have no rows."""
     rows = made(file)[["seed", "case"]] if file.exists() else pd.DataFrame()
     there = set(rows.itertuples(index=False, name=None))
-    for number, seed in enumerate(seeds):
-        wanted = (name for name in names if number < CASES[name][0])
+    for seed in seeds:
+        wanted = (name for name in names if seed < SEEDS[0] + CASES[name][0])
         if missing := [name for name in wanted if (seed, name) not in there]:
             yield seed, missing
 
@@ -607,9 +583,7 @@ def main():
         __doc__,
         RESULT,
         cases={"nargs": "+", "default": list(CASES), "choices": list(CASES)},
-        first_seed={"type": int, "default": FIRST_SEED, "help": "for trials"},
-        stones={"type": int, "default": 40, "help": "at most so many of each case"},
-        faces={"type": Path, "help": "folder that keeps the worn stones"},
+        seeds=list(SEEDS),
         grades={"type": Path, "help": "write the table of the artefact alone"},
     )
     if chosen.grades:
@@ -617,9 +591,8 @@ def main():
         return
     if not chosen.tables:
         config = merged(specimen_config(), {"specimen": COARSE})
-        make = partial(stone_rows, config, worn_patches(config), chosen.faces)
-        seeds = range(chosen.first_seed, chosen.first_seed + chosen.stones)
-        tasks = [*stones_to_make(chosen.cases, seeds, chosen.output)]
+        make = partial(stone_rows, config, worn_patches(config))
+        tasks = [*stones_to_make(chosen.cases, chosen.seeds, chosen.output)]
         add_rows(chosen.output, make, tasks, chosen.processes, order=ordered)
     print(summary(made(chosen.output)).round(2).T.to_string())
 
