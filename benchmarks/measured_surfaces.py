@@ -1,6 +1,6 @@
 """What registration and height change do on measured surfaces, for docs/explanation/evidence.md.
 
-    python benchmarks/measured_surfaces.py [--only repeats]
+    python benchmarks/measured_surfaces.py
     python benchmarks/measured_surfaces.py --tables
 
 The files lie beside the project, in ../shared/data, whose PROVENANCE.md has their sources; without
@@ -34,11 +34,13 @@ message          why the pair cannot be registered, if it cannot.
 
 from functools import cache
 from itertools import combinations, product
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import scipy
+import yaml
 from runner import RESULTS, ROOT, options, save
 from specimens import specimen_config
 
@@ -58,34 +60,10 @@ DATA = ROOT.parent / "shared/data"
 REACH = 0.6 / 0.85
 SETTINGS = {"minimum_cluster_points": 8}
 
-# Files with trace and retrace of one place, and the channels of the two.
-REPEATS = {
-    "di-1": ("repeat-mit/di-1.di", 0, 1),
-    "di-2": ("repeat-mit/di-2.di", 0, 1),
-    "di-6": ("repeat-mit/di-6.di", 0, 1),
-    "nid-1, Z axis": ("repeat-mit/nid-1.nid", 0, 2),
-    "nid-1, Z sensor": ("repeat-mit/nid-1.nid", 1, 3),
-    "spot_1": ("repeat-mit/spot_1-1000nm.ibw", 0, 1),
-    "uncd35": ("repeat-ccby/uncd35.di", 0, 1),
-}
+FILES = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text())
 LARGER = 1000.0
 
 SIDE, SHIFT, TURN = 80, 0.25, 12.0  # points, sides, degrees
-FACES, CASTINGS = ("TW01", "TW02", "TW03", "TW04", "TW05"), ("01", "02", "03")
-# How a casting lies on the first of its breech face: turn (degrees), then shift along y and x
-# (points). At these the whole scans correlate by 0.84 to 0.92; at the next turn of 2°, by 0.25.
-LAID = {
-    "TW01-02": (-8.0, -2, -14),
-    "TW01-03": (-11.2, 4, -14),
-    "TW02-02": (2.0, -2, -2),
-    "TW02-03": (-21.8, -5, -40),
-    "TW03-02": (-7.2, 15, -22),
-    "TW03-03": (-9.2, 14, 21),
-    "TW04-02": (-1.8, 30, 8),
-    "TW04-03": (-3.0, 10, 9),
-    "TW05-02": (-7.8, -12, 10),
-    "TW05-03": (-3.4, -12, 5),
-}
 # Turns (degrees) up to this are counted apart from those that a registration may not reach.
 NEAR = 6.0
 # Points of the common grid along a side, about whose middle castings are turned.
@@ -124,8 +102,8 @@ def neighbours(change):
 
 
 def repeat_row(name):
-    """What the study says of one pair of `REPEATS`."""
-    file, *channels = REPEATS[name]
+    """What the study says of one pair of repeats."""
+    file, *channels = FILES["repeats"][name]
     first, second = (channel(file, number) for number in channels)
     points, spacing = len(first.height), spacing_of(first.height)[0]
     settings = SETTINGS | {"maximum_shift_mm": REACH * points * spacing}
@@ -159,7 +137,7 @@ class Casting(NamedTuple):
     spline: object
     undefined: np.ndarray  # (ny, nx), 0 or 1
     spacing: float
-    laid: tuple[float, int, int]
+    laid: list
 
     def piece(self, place):
         """Heights about a place (points of the common grid), mm, NaN where undefined."""
@@ -194,8 +172,8 @@ def casting(name):
         for axis, count in zip("yx", scan.shape, strict=True)
     }
     undefined = np.isnan(scan.values).astype(float)
-    laid = LAID.get(name, (0.0, 0, 0))
-    return Casting(spline_of(scan.assign_coords(along)), undefined, spacing, laid)
+    spline = spline_of(scan.assign_coords(along))
+    return Casting(spline, undefined, spacing, FILES["castings"][name])
 
 
 @cache
@@ -248,8 +226,7 @@ def breech_rows(kind, first, second):
 
 def breech_face_rows():
     """All pairs of castings."""
-    names = [f"{face}-{number}" for face in FACES for number in CASTINGS]
-    for first, second in combinations(names, 2):
+    for first, second in combinations(FILES["castings"], 2):
         kind = "related" if first[:4] == second[:4] else "unrelated"
         yield from breech_rows(kind, first, second)
 
@@ -271,20 +248,22 @@ def summary(rows):
     return counted.groupby(kinds).sum(min_count=1)
 
 
-MAKERS = {"repeats": lambda: map(repeat_row, REPEATS), "breech_faces": breech_face_rows}
+MAKERS = {
+    "repeats": lambda: map(repeat_row, FILES["repeats"]),
+    "breech_faces": breech_face_rows,
+}
 SHOWN = """pair found shift_y_um shift_x_um loss_fraction gain_fraction above_noise serves
 neighbours_y neighbours_x white_loss white_gain"""
 
 
 def main():
-    only = {"choices": MAKERS, "nargs": "+", "default": list(MAKERS)}
-    chosen = options(__doc__, RESULTS, only=only)  # --output is a folder
+    chosen = options(__doc__, RESULTS)  # --output is a folder
     if not (chosen.tables or DATA.is_dir()):
         raise SystemExit(f"the measured files are not beside the project ({DATA})")
-    for name in chosen.only:
+    for name, make in MAKERS.items():
         file = chosen.output / f"{name}.csv"
         if not chosen.tables:
-            rows = pd.DataFrame(MAKERS[name]())
+            rows = pd.DataFrame(make())
             save(file, rows if "message" in rows else rows.assign(message=np.nan))
         rows = read_table(file)
         shown = rows[SHOWN.split()] if name == "repeats" else summary(rows)
