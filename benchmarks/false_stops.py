@@ -1,6 +1,6 @@
 """Does a sound study stop, or believe a match that is wrong? For docs/explanation/evidence.md.
 
-    python benchmarks/false_stops.py [--seeds 5201 5202 ...] [--noise-lengths 23 2]
+    python benchmarks/false_stops.py [--seeds 5201 5202 ...] [--config FILE …]
     python benchmarks/false_stops.py --tables
 
 Synthetic stones of fresh seeds go through the study up to the inference of the use. All their files
@@ -8,11 +8,8 @@ are right, so no stage may stop. Use and statement are drawn apart: the load poi
 to 1.5 mm from the middle of the square, and the radius is 80 to 400 mm. Every fourth stone has the
 default study's own scans of 512 × 512 points. The others have 256 × 256 points, which are as far
 apart as those on which the search of a registration runs in the default study; all else is as in
-config/config.yaml. The stone `STOPPED` is added, with 512 × 512 points, because a wrong match
-stopped its study once.
-
-`--noise-lengths` are the distances along and across scan lines (points) at which the errors of the
-instrument correlate by 1/e; by default, errors are independent.
+config/config.yaml and in the files of `--config`, such as benchmarks/correlated.yaml. The stone
+`STOPPED` is added, with 512 × 512 points, because a wrong match stopped its study once.
 
 Rows go to benchmarks/results/false_stops.csv as each stone is done. A stone that the file holds
 already is not made again. There is a row for each patch and one, ``all``, for the study:
@@ -84,11 +81,12 @@ def drawn_use(generator):
     return off, float(np.exp(generator.uniform(*np.log(RADII_MM))))
 
 
-def config_of(seed, noise_lengths):
+def config_of(seed, files):
     """The config of the study of a stone, with the use that wore it."""
+    config = specimen_config(*files)
     changes = {"specimen": {"seed": seed}, "reference_realisations": None}
     if seed == STOPPED:
-        return merged(specimen_config(), changes | OF_STOPPED)
+        return merged(config, changes | OF_STOPPED)
     generator = np.random.default_rng([seed, 13])
     worn, worn_radius_mm = drawn_use(generator)
     stated, radius_mm = drawn_use(generator)
@@ -96,13 +94,9 @@ def config_of(seed, noise_lengths):
         "worn_off_middle_mm": tuple(map(float, worn)),
         "worn_radius_mm": worn_radius_mm,
     }
-    config = merged(specimen_config(), changes)
-    specimen = config["specimen"]
-    for way, points in zip(("along", "across"), noise_lengths, strict=True):
-        specimen[f"noise_length_{way}_um"] = points * specimen["scan_spacing_um"]
     y_mm, x_mm = config["square"]["size_mm"] / 2 + stated
-    told = {"load": {"at_mm": [float(x_mm), float(y_mm)]}}
-    return merged(config, told | {"counterface": {"radius_mm": radius_mm}})
+    changes["load"] = {"at_mm": [float(x_mm), float(y_mm)]}
+    return merged(config, changes | {"counterface": {"radius_mm": radius_mm}})
 
 
 def message_of(stage):
@@ -136,17 +130,16 @@ def judged(change, at):
     t0, t1 = (PatchPosition.from_dataset(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     true_um = MM_TO_UM * np.array(t0.seen(t1.y_mm, t1.x_mm))
     shift_um = stated["shift_y_um"], stated["shift_x_um"]
-    true_deg = t1.rotation_deg - t0.rotation_deg
     is_known = np.isfinite(change.change.values)
     loss, depth = change.loss.values[is_known], at.wear_depth.values[is_known]
     deep = depth * MM_TO_UM > at.attrs["wear_threshold_um"]
-    return {
+    return {name: stated[name] for name in ("dale_depth_ratio", "residual_um")} | {
         "found": stated["registration_found"],
         "error_um": float(np.hypot(*(shift_um - true_um))),
-        "turn_error_deg": abs(stated["rotation_deg"] - true_deg),
+        "turn_error_deg": abs(
+            stated["rotation_deg"] - t1.rotation_deg + t0.rotation_deg
+        ),
         "correlation": stated["detail_correlation"],
-        "dale_depth_ratio": stated["dale_depth_ratio"],
-        "residual_um": stated["residual_um"],
         "false_loss": loss[depth == 0].mean(),
         "loss_recall": loss[deep].mean() if deep.any() else np.nan,
         "false_gain": change.gain.values[is_known].mean(),
@@ -166,44 +159,42 @@ def patch_rows(study, truth):
         yield row
 
 
-def stone_rows(seed, noise_lengths):
+def stone_rows(seed, files):
     """The rows of one stone."""
     logging.disable()
     start = time.process_time()
-    config = config_of(seed, noise_lengths)
+    config = config_of(seed, files)
     parameters = SpecimenParameters(**config["specimen"])
     patches = worn_patches(specimen_config())
     size_mm = config["square"]["size_mm"]
     specimen = make_specimen(
         patches, parameters, square_mm=size_mm, grid=config["macroscale"]["grid"]
     )
-    whole = {"patch": ALL, "check": message_of(partial(check_files, config, specimen))}
     study = study_of(config, patches, specimen)
-    rows = list(patch_rows(study, specimen.truth))
-    counts = study.registration.set_index("patch").above_noise
-    rows = [row | {"above_noise": counts.get(row["patch"])} for row in rows]
-    whole["change"] = message_of(
-        lambda: raise_unless_accepted(
+    rows = [*patch_rows(study, specimen.truth)]
+    stages = {
+        "check": partial(check_files, config, specimen),
+        "change": lambda: raise_unless_accepted(
             exchanged_epochs(study.registration), config["accept"]
-        )
-    )
-    whole["placement"] = message_of(lambda: study.placement)
-    whole["use"] = message_of(lambda: study.use)
-    if not whole["placement"]:
-        status = study.placement.set_index("patch").status
-        rows = [row | {"status": status[row["patch"]]} for row in rows]
-        whole["status"] = status[ALL]
+        ),
+        "placement": lambda: study.placement,
+        "use": lambda: study.use,
+    }
+    whole = {name: message_of(stage) for name, stage in stages.items()}
     if not whole["use"] and study.use is not None:
         whole["answer"] = study.use.attrs["answer"]
-    whole["stated_x_mm"], whole["stated_y_mm"] = config["load"]["at_mm"]
-    whole["stated_radius_mm"] = config["counterface"]["radius_mm"]
     worn = size_mm / 2 + np.array(parameters.worn_off_middle_mm)
+    whole["stated_x_mm"], whole["stated_y_mm"] = config["load"]["at_mm"]
     whole["worn_y_mm"], whole["worn_x_mm"] = worn
+    whole["stated_radius_mm"] = config["counterface"]["radius_mm"]
     whole["worn_radius_mm"] = parameters.worn_radius_mm
     whole["cpu_s"] = time.process_time() - start
-    table = pd.DataFrame([whole, *rows]).assign(
-        seed=seed, scan_points=parameters.scan_points
-    )
+    table = pd.DataFrame([{"patch": ALL} | whole, *rows])
+    table = table.assign(seed=seed, scan_points=parameters.scan_points)
+    above_noise = study.registration.set_index("patch").above_noise
+    table["above_noise"] = table.patch.map(above_noise)
+    if not whole["placement"]:
+        table["status"] = table.patch.map(study.placement.set_index("patch").status)
     columns = ["seed", "scan_points", "patch", *STAGES, *_COLUMNS.split()]
     return table.reindex(columns=columns)
 
@@ -215,22 +206,21 @@ def summary(rows):
     of these those at a ``wrong`` place; ``covered`` patches, whose T1 covers most of T0, and of
     these those ``missed``; ``largest_error_um`` of a patch that is found at the right place.
     """
+    rows = rows.assign(stops=rows[STAGES].notna().any(axis=1), found=rows.found == 1)
     summaries = {}
     for points, group in rows.groupby("scan_points"):
-        stops = group[STAGES].notna().any(axis=1)
         patches = group[group.patch != ALL]
-        is_found = patches.found == 1
-        is_wrong = patches.error_um > WRONG_UM
-        is_covered = patches.overlap > COVERED
+        found, others = patches[patches.found], patches[~patches.found]
+        is_wrong = found.error_um > WRONG_UM
         summaries[points] = {
             "studies": group.seed.nunique(),
-            "stop": group.seed[stops].nunique(),
+            "stop": group.seed[group.stops].nunique(),
             "patches": len(patches),
-            "found": is_found.sum(),
-            "wrong": (is_found & is_wrong).sum(),
-            "covered": is_covered.sum(),
-            "missed": (is_covered & ~is_found).sum(),
-            "largest_error_um": patches.error_um[is_found & ~is_wrong].max(),
+            "found": len(found),
+            "wrong": is_wrong.sum(),
+            "covered": (patches.overlap > COVERED).sum(),
+            "missed": (others.overlap > COVERED).sum(),
+            "largest_error_um": found.error_um[~is_wrong].max(),
         }
     return pd.DataFrame(summaries).T
 
@@ -247,4 +237,5 @@ def tables(rows):
 
 if __name__ == "__main__":
     seeds = [STOPPED, *SEEDS]
-    run_stones(__doc__, ROWS, stone_rows, tables, seeds, noise_lengths=[0.0, 0.0])
+    files = {"type": Path, "nargs": "*", "default": []}
+    run_stones(__doc__, ROWS, stone_rows, tables, seeds, config=files)
