@@ -18,6 +18,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 from runner import RESULTS, run_script
+from scipy.spatial.distance import cdist
 
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.surfaces.grid import make_surface
@@ -36,11 +37,6 @@ JITTER = 1e-9  # for the smooth fields' Cholesky factor
 IN_STATISTICS = 6, 12, 25
 
 
-def highest(field, share):
-    """The highest points (ny, nx) of a field, a share of all."""
-    return field > np.quantile(field, 1 - share)
-
-
 def waves(rng):
     """Two unrelated levelled maps for each patch."""
     every = np.ones((POINTS, POINTS), bool)
@@ -54,7 +50,8 @@ def waves(rng):
             )
             piece = make_surface(wide[:POINTS, :POINTS].astype(float), 1e-3)
             level = remove_plane(piece)[0].values
-            masks.append(highest(level, float(np.exp(rng.uniform(*np.log(share))))))
+            marked = np.exp(rng.uniform(*np.log(share)))
+            masks.append(level > np.quantile(level, 1 - marked))
         places[patch] = Places.packed(*masks, every)
     nulls = [swapped_mcc(patch, places) for patch in places]
     return [{"p_value": p_value(float(null[0]), null[1:])} for null in nulls]
@@ -62,11 +59,9 @@ def waves(rng):
 
 def neighbours(rng):
     """Two unrelated fields over patches of a square."""
-    places = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(
-        -1, 2
-    )
+    places = np.indices((SIDE, SIDE)).reshape(2, -1).T[:, ::-1]
     places = places[rng.permutation(len(places))[:PATCHES]]
-    distance = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
+    distance = cdist(places, places)
     covariance = np.exp(-((distance / DISTANCES) ** 2)) + JITTER * np.eye(PATCHES)
     fields = np.linalg.cholesky(covariance) @ rng.standard_normal((PATCHES, 2))
     names = ["x_mm", "y_mm", "pressure", "loss"]

@@ -34,25 +34,21 @@ class Accuracy(NamedTuple):
 
 def kernel(shape, spacing, modulus):
     """Displacement (mm) from 1 MPa on a square element, for offsets 0..ny−1 and 0..nx−1."""
-    y = (np.arange(shape[0])[:, None]) * spacing
-    x = (np.arange(shape[1])[None, :]) * spacing
-    total = np.zeros(shape)
-    for side_y in (0.5, -0.5):
-        for side_x in (0.5, -0.5):
-            b = y + side_y * spacing
-            a = x + side_x * spacing
-            corner = a * np.arcsinh(b / np.abs(a)) + b * np.arcsinh(a / np.abs(b))
-            total += np.sign(side_y * side_x) * corner
-    return total / (np.pi * modulus)
+    # corners of the elements, between which the potential of a corner differs
+    b, a = (spacing * (np.arange(count + 1) - 0.5) for count in shape)
+    b = b[:, None]
+    corner = a * np.arcsinh(b / np.abs(a)) + b * np.arcsinh(a / np.abs(b))
+    return np.diff(np.diff(corner, axis=0), axis=1) / (np.pi * modulus)
 
 
 def displacement(pressure, spacing, modulus):
     """Displacement (mm) under a pressure (MPa), both (ny, nx)."""
     ny, nx = pressure.shape
     quadrant = kernel((ny + 1, nx + 1), spacing, modulus)
-    # Wrapped: offset −i stands at 2·ny − i. The offset ny itself is never used.
-    wrapped = np.concatenate((quadrant, quadrant[-2:0:-1]), axis=0)
-    wrapped = np.concatenate((wrapped, wrapped[:, -2:0:-1]), axis=1)
+    # Wrapped: offset −i stands at 2·n − i. The offset n itself is never used.
+    counts = np.arange(2 * ny), np.arange(2 * nx)
+    offsets = (np.minimum(count, len(count) - count) for count in counts)
+    wrapped = quadrant[np.ix_(*offsets)]
     padded = wrapped.shape
     spectrum = scipy.fft.rfft2(wrapped)
     spectrum *= scipy.fft.rfft2(pressure, padded)

@@ -32,12 +32,8 @@ ROWS = RESULTS / "finding.csv"
 CONFIG = specimen_config()
 SQUARE, AROUND = CONFIG["square"]["size_mm"], 1.5  # mm
 OVERVIEW, PATCH, POINTS = (1.9, 2.5), 0.85, 160  # mm, and points along a patch
-PATCHES, APART, OFF, TURNED = (
-    6,
-    1.0,
-    0.5,
-    10.0,
-)  # mm, and how far off places by hand are
+MARGIN = 0.75 * PATCH  # mm
+PATCHES, APART, OFF, TURNED = 6, 1.0, 0.5, 10.0  # mm: how far off places by hand are
 PARAMETERS = SpecimenParameters(
     **CONFIG["specimen"]
     | {"scan_points": POINTS, "scan_spacing_um": 1e3 * PATCH / POINTS}
@@ -72,9 +68,8 @@ class Specimen:
 
 def scattered(rng, turn):
     places = []
-    margin = 0.75 * PATCH
     while len(places) < PATCHES:
-        at = rng.uniform(margin, SQUARE - margin, 2)
+        at = rng.uniform(MARGIN, SQUARE - MARGIN, 2)
         if all(np.hypot(*(at - other[:2])) > APART for other in places):
             places.append(PatchPosition(*at, turn))
     return places
@@ -95,10 +90,9 @@ def of_stone(seed):
     turned = turn + rng.uniform(-TURNED, TURNED)
     by_hand = [PatchPosition(*place, turned) for place in hand]
     ways = {"tied by the stage": (tied, readings), "by hand": (match_near, by_hand)}
-    margin = 0.75 * PATCH
     # the last is taken half of this from its place along both axes
-    wide = SQUARE - 2 * margin
-    elsewhere = PatchPosition(*(at[-1] - margin + wide / 2) % wide + margin, turn)
+    wide = SQUARE - 2 * MARGIN
+    elsewhere = PatchPosition(*(at[-1] - MARGIN + wide / 2) % wide + MARGIN, turn)
     own = replace(PARAMETERS, seed=seed)
     own, another, smooth = map(
         Specimen,
@@ -117,8 +111,8 @@ def of_stone(seed):
             large = stone.scan("overview", whole, mirrored, OVERVIEW)
             rows += timed("overview", seed, name, [whole], alone, surface, large)
         for way, (match, start) in ways.items():
-            made = timed(way, seed, name, places, match, surface, scans, start)
-            rows += made if taken is places else [*made][-1:]
+            made = [*timed(way, seed, name, places, match, surface, scans, start)]
+            rows += made if taken is places else made[-1:]
     return rows
 
 
@@ -191,7 +185,7 @@ def summary(rows):
 
 def made(chosen):
     """The summary of all stones."""
-    seeds = [(seed,) for seed in range(20, 20 + chosen.stones)]
+    seeds = [(seed,) for seed in chosen.seeds]
     *_, rows = pooled(of_stone, seeds, chosen.processes)
     # of processes that have ended
     peak_MB = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss // 1024
@@ -203,4 +197,4 @@ def shown(rows):
 
 
 if __name__ == "__main__":
-    run_script(__doc__, ROWS, made, shown, digits=3, stones=20)
+    run_script(__doc__, ROWS, made, shown, digits=3, seeds=[*range(20, 40)])

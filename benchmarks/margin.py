@@ -75,18 +75,19 @@ def main():
             "NPY_DISABLE_CPU_FEATURES": " ".join(extensions),
             "OPENBLAS_CORETYPE": "Prescott",
         }
-        rows = []
+        runs = {"2 cores": (2, {}), "1 core": (1, {}), "older processor": (1, older)}
         with tempfile.TemporaryDirectory() as name:
             first, *others = (
-                run_study(Path(name) / run, chosen.config, cores, environment)
-                for run, cores, environment in (
-                    ("2 cores", 2, {ALL_DIGITS: "1"}),
-                    ("1 core", 1, {ALL_DIGITS: "1"}),
-                    ("older processor", 1, {ALL_DIGITS: "1"} | older),
+                run_study(
+                    Path(name) / run, chosen.config, cores, {ALL_DIGITS: "1"} | more
                 )
+                for run, (cores, more) in runs.items()
             )
-            for run, results in zip(("1 core", "older processor"), others, strict=True):
-                rows += [{"run": run} | row for row in margins(first, results)]
+            rows = [
+                {"run": run} | row
+                for run, results in zip([*runs][1:], others, strict=True)
+                for row in margins(first, results)
+            ]
         save(chosen.output, pd.DataFrame(rows), digits=2)
     print(chosen.output.read_text("utf-8"))
 

@@ -62,27 +62,23 @@ def run(code, surface, levels, tolerance):
     wanted, control = levels[code.control], code.control
     with tempfile.TemporaryDirectory() as folder:
         task = {
-            "problem": f"{folder}/problem.npz",
             "variant": code.variant,
             "control": control,
             "levels": wanted,
             "target_pressure": levels["load"][-1],
             "tolerance": tolerance,
             "threads": 1,
-            "fields": f"{folder}/fields.npz",
-            "record": f"{folder}/record.json",
         }
-        surface.store(task["problem"])
+        surface.store(f"{folder}/problem.npz")
         Path(folder, "task.json").write_text(json.dumps(task), encoding="utf-8")
-        solve(code, f"{folder}/task.json")
-        record = json.loads(Path(task["record"]).read_text(encoding="utf-8"))
-        with np.load(task["fields"]) as stored:
+        solve(code, folder)
+        record = json.loads(Path(folder, "record.json").read_text(encoding="utf-8"))
+        with np.load(f"{folder}/fields.npz") as stored:
             pressure = stored["pressure"]
     if "displacement" in record and len(wanted) > 1:
         # Our own path chooses its displacements itself: they are part of what it returns.
         wanted, control = record.pop("displacement"), "displacement"
-    heights = surface.heights()
-    problem = heights, surface.spacing, MODULUS
+    problem = surface.heights(), surface.spacing, MODULUS
     prescribed = {"displacement": "far_field"}.get(control, control)
     accuracies = [
         evaluate(field, *problem, periodic=surface.periodic, **{prescribed: level})
@@ -96,13 +92,13 @@ def run(code, surface, levels, tolerance):
     )
 
 
-def solve(code, task):
-    """Run a code on a task, a file."""
+def solve(code, folder):
+    """Run a code on the task in a folder."""
     script = CODES_FOLDER / f"run_{code.environment}.py"
     threads = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     try:
         done = subprocess.run(
-            [interpreter(code.environment), script, task],
+            [interpreter(code.environment), script, folder],
             env=os.environ | dict.fromkeys(threads, "1"),
             capture_output=True,
             text=True,

@@ -1,6 +1,6 @@
 """How often does the check of places see a mistake, and how often one where there is none?
 
-    python benchmarks/placement.py [--first-seed 6001] [--specimens 20] [--processes 2]
+    python benchmarks/placement.py [--seeds 6001 6002 …] [--processes 2]
     python benchmarks/placement.py --tables
 
 Synthetic specimens are scanned where the patch table says, up to the errors of placing. Then a
@@ -136,13 +136,14 @@ def judged(study, made, error_um):
     except InputsError as error:
         faults = error.args[0]
     is_wrong = agrees.index.isin(made.wrong)
+    wrong = {*made.wrong}
     return {
         "stopped": bool(faults),
         "named": any(
-            {*fault.patches} == {*made.wrong} and made.words in fault.problem
+            {*fault.patches} == wrong and made.words in fault.problem
             for fault in faults
         ),
-        "others_named": any({*fault.patches} - {*made.wrong} for fault in faults),
+        "others_named": any({*fault.patches} - wrong for fault in faults),
         "right_agree": agrees[~is_wrong].mean(),
         "wrong_agree": bool(agrees[is_wrong].any()),
     }
@@ -150,8 +151,8 @@ def judged(study, made, error_um):
 
 def made(chosen):
     """The means over the specimens that are done."""
-    seeds = range(chosen.first_seed, chosen.first_seed + chosen.specimens)
-    for rows in pooled(of_stone, [(seed,) for seed in seeds], chosen.processes):
+    seeds = [(seed,) for seed in chosen.seeds]
+    for rows in pooled(of_stone, seeds, chosen.processes):
         rows = rows.astype({"right_agree": float})
         yield means(rows, ["stone", "patches", "mistake"], "studies")
 
@@ -161,4 +162,4 @@ def shown(rows):
 
 
 if __name__ == "__main__":
-    run_script(__doc__, ROWS, made, shown, first_seed=6001, specimens=20)
+    run_script(__doc__, ROWS, made, shown, seeds=[*range(6001, 6021)])

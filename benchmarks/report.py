@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 from cases import CASES, Growth
 from problems import CUT_OFF
+from scipy.stats import gmean
 
 README = Path(__file__).parent / "README.md"
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
@@ -105,8 +106,7 @@ def growth_factors(table):
     pairs = table.merge(coarse, on=["code", "size", "seed"], suffixes=("", "_half"))
     ratios = pairs.assign(ratio=pairs.convolutions / pairs.convolutions_half)
     return {
-        key: (ratio.prod() ** (1 / len(ratio)), ratio.max())
-        for key, ratio in ratios.groupby(KEY).ratio
+        key: (gmean(ratio), ratio.max()) for key, ratio in ratios.groupby(KEY).ratio
     }
 
 

@@ -5,7 +5,6 @@ results/ and the tables in README.md after each of them: a run that stops can be
 naming the cases that are left.
 """
 
-import argparse
 import json
 
 import pandas as pd
@@ -15,24 +14,34 @@ from environments import UnavailableError, interpreter
 from machine import describe
 from measure import Calibration, measure_case, measure_growth
 from report import write_report
-from runner import RESULTS
+from runner import RESULTS, options
 
 
 def main():
-    chosen = arguments()
-    cases = [CASES[name] for name in chosen.case or CASES]
-    if not chosen.report:
-        available = check_environments(cases)
-        calibration = Calibration(RESULTS / "calibration.csv")
+    chosen = options(
+        __doc__,
+        RESULTS,
+        case={"nargs": "+", "choices": CASES, "default": [*CASES]},
+        codes={
+            "nargs": "+",
+            "default": [""],
+            "help": "that have one of these in a name",
+        },
+        repeats={"type": int, "default": 15, "help": "at most so many"},
+    )
+    cases = [CASES[name] for name in chosen.case]
+    if not chosen.tables:
+        available = check_environments(cases, chosen.output / "machine.json")
+        calibration = Calibration(chosen.output / "calibration.csv")
         for case in cases:
             print(f"\n{case.title}", flush=True)
             measure(case, chosen, available, calibration)
-            write_report(RESULTS)
-    write_report(RESULTS)
+            write_report(chosen.output)
+    write_report(chosen.output)
 
 
 def measure(case, chosen, available, calibration):
-    path = RESULTS / f"{case.name}.csv"
+    path = chosen.output / f"{case.name}.csv"
     parts = [part.lower() for part in chosen.codes]
 
     def wanted(label):
@@ -49,8 +58,8 @@ def measure(case, chosen, available, calibration):
         write_table(path, rows)
 
 
-def check_environments(cases):
-    """Environments that can be used; prints which cannot, and why."""
+def check_environments(cases, path):
+    """Environments that can be used, described in a file; prints which cannot, and why."""
     labels = (
         [grids.code for grids in case.runs] if isinstance(case, Growth) else case.codes
         for case in cases
@@ -64,7 +73,6 @@ def check_environments(cases):
             available.append(name)
         except UnavailableError as problem:
             print(f"peer {name}: not available ({problem})", flush=True)
-    path = RESULTS / "machine.json"
     machine = describe(available)
     if path.exists():
         # Tables of cases that are not measured this time still stand.
@@ -84,22 +92,6 @@ def write_table(path, rows):
         table[name] = table[name].astype(object).map(shown.format, na_action="ignore")
     table.to_csv(path, index=False, lineterminator="\n")
     record(path)
-
-
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--case", nargs="+", choices=CASES, help="only these cases")
-    parser.add_argument(
-        "--codes",
-        nargs="+",
-        default=[""],
-        help="only codes whose name holds one of these",
-    )
-    parser.add_argument(
-        "--repeats", type=int, default=15, help="at most so many (default 15)"
-    )
-    parser.add_argument("--report", action="store_true", help="tables only")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -23,19 +23,23 @@ import subprocess
 import tempfile
 import threading
 import time
+from itertools import product
 from pathlib import Path
 
 import pandas as pd
 import yaml
 from commands import snakemake_command
 from runner import RESULTS, ROOT, options, save
+from specimens import merged, specimen_config
 
 from gst.config.patches import read_patches
+from gst.config.reading import read_config_file
 from gstlib.specimen import generate, pebble, scanning, stone
 from gstlib.specimen.generate import make_specimen, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 
 CONFIG = "config/scale.yaml"
+TINY, SETTINGS = ROOT / "config/tiny.yaml", Path(__file__).with_suffix(".yaml")
 ROWS = RESULTS / "scale.csv"
 # The generated pebble, and the largest square that it holds.
 PEBBLE_MM, LARGEST_SQUARE_MM = pebble.OUTER_SIZE_MM, 39.0
@@ -53,59 +57,40 @@ def write_study(patches, folder, *, scans):
     (folder / "config").mkdir(parents=True)
     table = folder / "config/patches.tsv"
     table.write_text("\n".join(rows) + "\n")
-    default, tiny = (
-        yaml.safe_load((ROOT / "config" / f"{name}.yaml").read_text())
-        for name in ("config", "tiny")
-    )
-    made = default["specimen"] | tiny["specimen"]
     half = side / 2
     corners = [[half, half, 0.0], [-half, half, 0.0], [half, -half, 0.0]]
-    config = tiny | {
-        "results": "results-scale",
-        "patches": "config/patches.tsv",
-        "specimen": None,
-        "inputs": {
-            "mesh": "data/mesh.stl",
-            "mesh_unit": "mm",
-            "scan_folder": "data/scans",
-        },
+    config = merged(read_config_file(TINY), read_config_file(SETTINGS))
+    of_side = {
         "square": {"size_mm": float(side), "points_mm": corners},
-        # a flat on the whole square, so that all patches bear load
-        "counterface": None,
-        "load": {"pressure_MPa": 22.0},
-        "macroscale": tiny["macroscale"]
-        | {
-            "grid": GRID * side,
-            "face_mm": float(side),
-            "maximum_displacement_um": 2000.0,
-        },
-        "selection": {"minimum_pressure_MPa": 0.01, "minimum_overlap": 0.1},
-        "pressure_cap_MPa": 5000.0,
+        "macroscale": {"grid": GRID * side, "face_mm": float(side)},
     }
+    config = merged(config, of_side)
     (folder / CONFIG).write_text(yaml.safe_dump(config))
     (folder / "data/scans").mkdir(parents=True)
     if scans:
         # flat, as the face of a larger stone is over a few mm, and no scan lost: all can be studied
         pebble._CONCAVITY_MM = scanning._POOR_FRACTION = 0.0
         enlarge_pebble(max(1.0, side / LARGEST_SQUARE_MM))
+        generated = specimen_config(TINY)
         places = read_patches(
-            table, size_mm=side, patch_size_mm=default["scans"]["size_mm"]
+            table, size_mm=side, patch_size_mm=generated["scans"]["size_mm"]
         )
+        parameters = SpecimenParameters(**generated["specimen"])
         specimen = make_specimen(
-            places, SpecimenParameters(**made), square_mm=float(side), grid=GRID * side
+            places, parameters, square_mm=float(side), grid=GRID * side
         )
+        data = folder / "data"
         write_specimen(
             specimen,
-            mesh=folder / "data/mesh.stl",
-            scan_folder=folder / "data/scans",
-            truth=folder / "data/truth.h5",
-            surface=folder / "data/surface.h5",
+            mesh=data / "mesh.stl",
+            scan_folder=data / "scans",
+            truth=data / "truth.h5",
+            surface=data / "surface.h5",
         )
         return
     (folder / "data/mesh.stl").touch()
-    for number in range(1, patches + 1):
-        for epoch in ("T0", "T1"):
-            (folder / f"data/scans/{number}_{epoch}.plu").touch()
+    for number, epoch in product(range(1, patches + 1), ("T0", "T1")):
+        (folder / f"data/scans/{number}_{epoch}.plu").touch()
 
 
 def enlarge_pebble(times):
@@ -113,8 +98,7 @@ def enlarge_pebble(times):
     size = tuple(times * length for length in PEBBLE_MM)
     for module in (pebble, stone, generate):
         module.OUTER_SIZE_MM = size
-    pebble._HALF_X = size[0] / 2
-    pebble._HALF_Y = size[1] / 2
+    pebble._HALF_X, pebble._HALF_Y = size[0] / 2, size[1] / 2
 
 
 def snakemake(folder, *arguments):

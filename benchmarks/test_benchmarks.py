@@ -4,13 +4,13 @@ Needs this project's environment only: ``python -m pytest benchmarks``.
 """
 
 import numpy as np
-import pandas as pd
 import pytest
+import report
 from cases import CODES, GOAL
 from evaluate import displacement, evaluate, kernel, periodic_displacement
 from measure import levels_of, run
 from problems import MODULUS, Surface
-from report import growth_factors
+from runner import RESULTS
 from scipy.integrate import dblquad
 
 SPACING = 0.01
@@ -95,17 +95,10 @@ def test_runner_of_gstlib(label, steps, periodic):
     assert result.peak_mb > 10
 
 
-def test_growth_is_taken_surface_by_surface():
-    names = ["size", "seed", "cut_off", "convolutions"]
-    counts = [
-        (256, 0, 4, 20),
-        (256, 1, 4, 30),
-        (512, 0, 4, 40),
-        (512, 1, 4, 30),
-        (512, 0, 8, 25),
-    ]
-    factors = growth_factors(pd.DataFrame(counts, columns=names).assign(code="a"))
-    assert factors == {
-        ("a", 512, 4): (pytest.approx(2**0.5), 2.0),
-        ("a", 512, 8): (1.25, 1.25),
-    }
+def test_the_readme_shows_the_rows(tmp_path, monkeypatch):
+    readme = tmp_path / "README.md"
+    shown = report.README.read_text("utf-8")
+    readme.write_text(shown, "utf-8")
+    monkeypatch.setattr(report, "README", readme)
+    report.write_report(RESULTS)
+    assert readme.read_text("utf-8") == shown

@@ -29,9 +29,6 @@ def test_claims_are_counted_at_each_level():
     rates = rates.set_index("level")
     assert rates.claims[[0.02, 0.05, 0.2]].to_list() == [0, 1, 2]
     assert set(rates["of"]) == {3}
-    # Clopper and Pearson: the least and the largest rate that explain no claim of three
-    assert rates.low[0.02] == 0
-    assert rates.high[0.02] == pytest.approx(1 - 0.025 ** (1 / 3))
 
 
 def test_the_specimens_are_those_of_a_study_that_can_be_run():

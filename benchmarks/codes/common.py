@@ -1,15 +1,15 @@
 """What every runner does: read a task, solve and measure, write the fields and a record.
 
 A runner is a script that the interpreter of its own code runs, in a fresh process for each
-measurement: ``python codes/run_slippy.py task.json``. It needs numpy and its code only, and no
-newer Python than 3.10.
+measurement: ``python codes/run_slippy.py folder``. It needs numpy and its code only, and no newer
+Python than 3.10.
 
-The task (JSON) names `problem` (npz: heights (mm), spacing (mm), contact_modulus (MPa), periodic:
-whether the surface repeats itself; displacements then count from the mean), `variant`,
+The folder has problem.npz: heights (mm), spacing (mm), contact_modulus (MPa), periodic: whether the
+surface repeats itself; displacements then count from the mean. Its task.json has `variant`,
 `control` ("load": levels are mean pressures in MPa; "displacement": far-field displacements from
 first touch in mm), `levels` (ascending; one of them is a single solve), `target_pressure` (the
-last mean pressure), `tolerance` in the code's own sense, `threads`, and where to write `fields`
-(npz) and `record` (JSON).
+last mean pressure), `tolerance` in the code's own sense, and `threads`. The runner adds fields.npz
+and record.json.
 """
 
 import json
@@ -39,9 +39,10 @@ def main(solve):
     CPU (user + system, all threads) and wall time are of set-up and solve together. Interpreter,
     imports, reading and writing are left out, as they would be in a longer program.
     """
-    with open(sys.argv[1], encoding="utf-8") as file:
+    folder = sys.argv[1]
+    with open(f"{folder}/task.json", encoding="utf-8") as file:
         task = SimpleNamespace(**json.load(file))
-    with np.load(task.problem) as stored:
+    with np.load(f"{folder}/problem.npz") as stored:
         problem = SimpleNamespace(
             heights=stored["heights"],
             spacing=float(stored["spacing"]),
@@ -53,7 +54,7 @@ def main(solve):
     result = solve(problem, task)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     peak = _memory_mb("VmHWM")
-    np.savez(task.fields, pressure=np.stack(result.pop("pressure")))
+    np.savez(f"{folder}/fields.npz", pressure=np.stack(result.pop("pressure")))
     record = {
         "cpu": cpu,
         "wall": wall,
@@ -61,7 +62,7 @@ def main(solve):
         "added_mb": peak - before,
         **result,
     }
-    with open(task.record, "w", encoding="utf-8") as file:
+    with open(f"{folder}/record.json", "w", encoding="utf-8") as file:
         json.dump(record, file)
 
 
