@@ -2,6 +2,7 @@
 
 import os
 import platform
+import re
 import subprocess
 import time
 from importlib.metadata import version
@@ -26,8 +27,7 @@ def describe(codes):
 def _processor():
     """Name, family and model: a virtual machine's name alone may say little."""
     listed = subprocess.check_output(["lscpu"], text=True, env={"LC_ALL": "C"})
-    parts = dict(line.split(":", 1) for line in listed.splitlines() if ":" in line)
-    parts = {key.strip(): value.strip() for key, value in parts.items()}
+    parts = dict(re.findall(r"^ *([^:]+): *(.*)$", listed, re.MULTILINE))
     names = {"Model name": "", "CPU family": "family ", "Model": "model "}
     names["L3 cache"] = "L3 "
     return ", ".join(names[key] + parts[key] for key in names if key in parts)

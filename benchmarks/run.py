@@ -31,7 +31,7 @@ def main():
     )
     cases = [CASES[name] for name in chosen.case]
     if not chosen.tables:
-        available = check_environments(cases, chosen.output / "machine.json")
+        available = check_environments(chosen.output / "machine.json")
         calibration = Calibration(chosen.output / "calibration.csv")
         for case in cases:
             print(f"\n{case.title}", flush=True)
@@ -58,16 +58,10 @@ def measure(case, chosen, available, calibration):
         write_table(path, rows)
 
 
-def check_environments(cases, path):
+def check_environments(path):
     """Environments that can be used, described in a file; prints which cannot, and why."""
-    labels = (
-        [grids.code for grids in case.runs] if isinstance(case, Growth) else case.codes
-        for case in cases
-    )
     available = []
-    for name in dict.fromkeys(
-        CODES[label].environment for of in labels for label in of
-    ):
+    for name in dict.fromkeys(code.environment for code in CODES.values()):
         try:
             interpreter(name)
             available.append(name)
