@@ -200,7 +200,7 @@ def pressures_of(stone, strikes, force=1.0, losses=None):
 def truth(point, scatter_mm=0.0, stroke_mm=0.0):
     """The true use, by the names of the columns."""
     use = Uses(point[None], np.array([scatter_mm]), np.array([[0.0, stroke_mm]]))
-    values = map(float, [*point, scatter_mm, stroke_mm, use.spread_mm.item()])
+    values = *point, scatter_mm, stroke_mm, use.spread_mm.item()
     return dict(zip(USE, values, strict=True))
 
 
@@ -401,37 +401,39 @@ def grades_of(losses, generator):
     return Grades(np.clip(grade, 0, len(BELOW_GRADES)))
 
 
-def graded(stone, generator, *, make):
+def graded(stone, generator, *, case):
     """Another case, of which grades are known in place of losses."""
-    trial = make(stone, generator)
+    trial = CASES[case][1](stone, generator)
     return trial._replace(evidence=grades_of(trial.evidence, generator))
 
 
 # Losses that know no contact: the fields that they go with.
 FIELDS = {field.__name__: field for field in (blobs, tilted, gradients, waves, smooth)}
-# How many stones are tried in each case, and what is made of each.
+# How many stones are tried in these cases, and what is made of each.
+_CASES_OF = (
+    (40, {"law": law, "control": struck, "scatter": scatter, "stroke": stroke}),
+    (20, {name: partial(without_contact, field=FIELDS[name]) for name in FIELDS}),
+    (
+        10,
+        {
+            "12": partial(fewer, count=12),
+            "8": partial(fewer, count=8),
+            "wrong": one_wrong,
+            "grades": partial(graded, case="law"),
+            "smooth grades": partial(graded, case="smooth"),
+            "outside": outside,
+            "two radii": partial(two_radii, is_told=False),
+            "true form": partial(two_radii, is_told=True),
+            "force": partial(struck, force=FORCE),
+            "squared": partial(struck, power=2.0),
+            "root": partial(struck, power=0.5),
+            "uneven": uneven,
+        },
+    ),
+    (40, {"prior": from_prior}),
+)
 CASES = {
-    "law": (40, law),
-    "control": (40, struck),
-    "scatter": (40, scatter),
-    "stroke": (40, stroke),
-    **{
-        name: (20, partial(without_contact, field=field))
-        for name, field in FIELDS.items()
-    },
-    "12": (10, partial(fewer, count=12)),
-    "8": (10, partial(fewer, count=8)),
-    "wrong": (10, one_wrong),
-    "grades": (10, partial(graded, make=law)),
-    "smooth grades": (10, partial(graded, make=partial(without_contact, field=smooth))),
-    "outside": (10, outside),
-    "two radii": (10, partial(two_radii, is_told=False)),
-    "true form": (10, partial(two_radii, is_told=True)),
-    "force": (10, partial(struck, force=FORCE)),
-    "squared": (10, partial(struck, power=2.0)),
-    "root": (10, partial(struck, power=0.5)),
-    "uneven": (10, uneven),
-    "prior": (40, from_prior),
+    name: (stones, make) for stones, cases in _CASES_OF for name, make in cases.items()
 }
 # Cases whose losses know no contact.
 UNPRESSED = (*FIELDS, "smooth grades")
