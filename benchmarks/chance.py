@@ -100,10 +100,5 @@ def made(chosen):
     yield pd.DataFrame(rows, columns=["case", "p_value", "held"])
 
 
-def shown(rows):
-    return rates(rows).to_string()
-
-
 if __name__ == "__main__":
-    trials = {"type": int, "default": 3000, "help": "of each case"}
-    run_script(__doc__, ROWS, made, shown, trials=trials)
+    run_script(__doc__, ROWS, made, lambda rows: rates(rows).to_string(), trials=3000)

@@ -192,9 +192,12 @@ def made(chosen):
     yield summary(rows).assign(peak_memory_MB=peak_MB)
 
 
-def shown(rows):
-    return rows.to_string(index=False)
-
-
 if __name__ == "__main__":
-    run_script(__doc__, ROWS, made, shown, digits=3, seeds=[*range(20, 40)])
+    run_script(
+        __doc__,
+        ROWS,
+        made,
+        lambda rows: rows.to_string(index=False),
+        digits=3,
+        seeds=[*range(20, 40)],
+    )

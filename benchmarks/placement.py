@@ -157,9 +157,11 @@ def made(chosen):
         yield means(rows, ["stone", "patches", "mistake"], "studies")
 
 
-def shown(rows):
-    return rows.round(3).to_string(index=False)
-
-
 if __name__ == "__main__":
-    run_script(__doc__, ROWS, made, shown, seeds=[*range(6001, 6021)])
+    run_script(
+        __doc__,
+        ROWS,
+        made,
+        lambda rows: rows.round(3).to_string(index=False),
+        seeds=[*range(6001, 6021)],
+    )

@@ -8,6 +8,7 @@ of scikit-image's masked correlation over the overlap. It runs on band-passed he
 three times without the points where heights disagree (worn, spikes). A library that is not
 installed is left out, and a line says so. The error is the distance, in points, by which the
 centre of T1 is misplaced, and the error of the rotation. A pair counts as lost from half a point.
+`--cases` is the number of pairs for each condition.
 """
 
 import math
@@ -233,12 +234,12 @@ def made(chosen):
     yield summary(pd.DataFrame(rows))
 
 
-def shown(rows):
-    return rows.to_string(index=False)
-
-
 if __name__ == "__main__":
-    cases = {"type": int, "default": 10, "help": "pairs of scans a condition"}
     run_script(
-        __doc__, RESULTS / "registration.csv", made, shown, digits=3, cases=cases
+        __doc__,
+        RESULTS / "registration.csv",
+        made,
+        lambda rows: rows.to_string(index=False),
+        digits=3,
+        cases=10,
     )

@@ -2,7 +2,8 @@
 
 Makes each code's environment on first use, measures the cases one after the other, and rewrites
 results/ and the tables in README.md after each of them: a run that stops can be gone on with by
-naming the cases that are left.
+naming the cases that are left. `--codes` has parts of the names of the codes that are measured, and
+`--repeats` how often at most.
 """
 
 import json
@@ -22,12 +23,8 @@ def main():
         __doc__,
         RESULTS,
         case={"nargs": "+", "choices": CASES, "default": [*CASES]},
-        codes={
-            "nargs": "+",
-            "default": [""],
-            "help": "that have one of these in a name",
-        },
-        repeats={"type": int, "default": 15, "help": "at most so many"},
+        codes=[""],
+        repeats=15,
     )
     cases = [CASES[name] for name in chosen.case]
     if not chosen.tables:

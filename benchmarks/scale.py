@@ -178,8 +178,7 @@ def measure(patches, cores, *, in_full):
 
 
 def main():
-    most = {"type": int, "default": 1000, "help": "most patches of a study that is run"}
-    chosen = options(__doc__, ROWS, patches=[25, 320, 1000, 2500], run=most, cores=1)
+    chosen = options(__doc__, ROWS, patches=[25, 320, 1000, 2500], run=1000, cores=1)
     columns = {}
     for patches in chosen.patches if not chosen.tables else ():
         columns[patches] = measure(patches, chosen.cores, in_full=patches <= chosen.run)

@@ -83,9 +83,7 @@ def made(chosen):
     yield pd.DataFrame([row for case in cases for row in measured(*case)]).round(6)
 
 
-def shown(rows):
-    return summary(rows).round(4).to_string(index=False)
-
-
 if __name__ == "__main__":
-    run_script(__doc__, ROWS, made, shown)
+    run_script(
+        __doc__, ROWS, made, lambda rows: summary(rows).round(4).to_string(index=False)
+    )

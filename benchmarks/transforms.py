@@ -47,9 +47,11 @@ def ratios(table):
     return median.assign(ratio=median.SciPy / median.ducc0)
 
 
-def shown(rows):
-    return ratios(rows).round(3).to_string()
-
-
 if __name__ == "__main__":
-    run_script(__doc__, ROWS, measured, shown, repeats=9)
+    run_script(
+        __doc__,
+        ROWS,
+        measured,
+        lambda rows: ratios(rows).round(3).to_string(),
+        repeats=9,
+    )

@@ -69,5 +69,4 @@ def nested(gap, level, problem, task, options):
     )
 
 
-if __name__ == "__main__":
-    main(solve)
+main(solve)

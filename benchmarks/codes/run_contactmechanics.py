@@ -55,5 +55,4 @@ def solve(problem, task):
     }
 
 
-if __name__ == "__main__":
-    main(solve)
+main(solve)

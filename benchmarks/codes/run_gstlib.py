@@ -36,5 +36,4 @@ def solve(problem, task):
     }
 
 
-if __name__ == "__main__":
-    main(solve)
+main(solve)

@@ -88,5 +88,4 @@ def by_load(task, relief, kernel, options):
     return {"pressure": [pressure], "iterations": None, "convolutions": convolve.calls}
 
 
-if __name__ == "__main__":
-    main(solve)
+main(solve)

@@ -32,5 +32,4 @@ def solve(problem, task):
     return {"pressure": [pressure], "iterations": None, "convolutions": None}
 
 
-if __name__ == "__main__":
-    main(solve)
+main(solve)
