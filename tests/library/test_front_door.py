@@ -77,13 +77,8 @@ def test_the_program_itself_goes_by_the_rooms():
     root = Path(__file__).parents[2]
     for file in (*root.glob("src/**/*.py"), *root.glob("workflow/**/*.py")):
         for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module in {
-                "gstlib",
-                "gstlib.bem",
-            }:
-                assert {name.name for name in node.names} <= {"__version__"}, file
-            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-                assert node.value.id != "gstlib" or node.attr in {
-                    "__file__",
-                    "__version__",
-                }, file
+            match node:
+                case ast.ImportFrom(module="gstlib" | "gstlib.bem", names=names):
+                    assert [name.name for name in names] == ["__version__"], file
+                case ast.Attribute(value=ast.Name(id="gstlib"), attr=name):
+                    assert name in {"__file__", "__version__"}, file

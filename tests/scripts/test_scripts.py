@@ -19,15 +19,13 @@ def main_of(rule):
 
 def test_a_changed_program_is_a_reason_to_run_every_script_again():
     """By the param `code`, which the pictures have from `DRAWN`."""
-    page = (WORKFLOW / "rules/page.smk").read_text(encoding="utf-8")
+    page = (WORKFLOW / "rules/page.smk").read_text("utf-8")
     assert re.search(
         r'^DRAWN = \{[^}]*"code": code\("draw_figures.py"\)', page, re.MULTILINE
     )
     scripts = set()
     for file in WORKFLOW.glob("rules/*.smk"):
-        for rule in re.split(
-            r"^ *rule ", file.read_text(encoding="utf-8"), flags=re.MULTILINE
-        ):
+        for rule in re.split(r"^ *rule ", file.read_text("utf-8"), flags=re.MULTILINE):
             for script in re.findall(r'script:\s*"\.\./scripts/(\w+\.py)"', rule):
                 is_drawn = script == "draw_figures.py"
                 param = "**DRAWN" if is_drawn else f'code=code("{script}")'

@@ -94,12 +94,12 @@ def test_every_perturbed_stage_shows(truth, results):
     change = results["changes"]["7"]
     face = results["face"]
     scan.attrs["tilt_x_mrad"] += 1
-    scan["outlier"] = scan.outlier.copy(data=np.roll(scan.outlier.values, 7, axis=1))
+    scan["outlier"] = scan.outlier.roll(x=7)
     scan["filled"] = scan.filled | (np.arange(scan.sizes["x"]) == 0)
     scan["height"] = scan.height + 1e-4 * rng.standard_normal(scan.height.shape)
     change.attrs["shift_y_um"] += 5
     change.attrs["rotation_deg"] -= 0.25
-    change["loss"] = change.loss.copy(data=np.roll(change.loss.values, 30, axis=0))
+    change["loss"] = change.loss.roll(y=30)
     results["placement"].loc[1, "shift_x_um"] += 7
     results["pressures"].loc[1, "pressure_MPa"] += 3
     # a plane of the face is no error, but its noise is

@@ -3,12 +3,12 @@
 import dataclasses
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from gstlib.specimen.pebble import OUTER_SIZE_MM
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.specimen.stone import Stone
+from gstlib.surfaces.spectrum import radial_spectrum
 
 
 @pytest.mark.parametrize(
@@ -22,13 +22,9 @@ def test_density_has_the_hurst_exponent_and_is_flat_above_the_roll_off(
     def rings(roll_off, low, high):
         waves = {"hurst_exponent": hurst, "roll_off": roll_off}
         field = self_affine_field(generator, count, spacing, **waves)
-        along = np.fft.fftfreq(count, spacing)
-        frequency = np.hypot(along[:, None], along)
-        density = np.abs(np.fft.fft2(field)) ** 2 * (spacing / count) ** 2
-        table = pd.DataFrame({"f": frequency.ravel(), "density": density.ravel()})
-        means = table.groupby(np.rint(table.f * count * spacing)).mean()
-        inside = means[means.f.between(low, high)]
-        return inside.f, inside.density
+        frequency, density = radial_spectrum(field, (spacing, spacing))
+        inside = (low <= frequency) & (frequency <= high)
+        return frequency[inside], density[inside]
 
     frequency, density = rings(0.5, 4, 35)
     slope, _ = np.polyfit(np.log(frequency), np.log(density), 1)

@@ -8,9 +8,8 @@ from gstlib.errors import ConfigError
 from gstlib.surfaces.frames import find_frame
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_coordinates_are_along_the_right_handed_axes_of_the_points(seed):
-    rng = np.random.default_rng(seed)
+def test_coordinates_are_along_the_right_handed_axes_of_the_points():
+    rng = np.random.default_rng(1)
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     axes *= np.linalg.det(axes)
     origin = rng.normal(scale=20, size=3)

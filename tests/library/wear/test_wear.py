@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from contacts import around, pressed, rough, tiles
+from numpy.testing import assert_allclose, assert_array_equal
 
 from gstlib.bem import Layer, wear_path
 from gstlib.conditions import Law
@@ -71,9 +72,7 @@ def rates(path):
 
 
 def test_patches_that_tile_the_square_lose_what_it_loses(worn):
-    np.testing.assert_allclose(
-        lost(worn).mean("patch"), 20.0 * of_all(worn).kappa, rtol=1e-6
-    )
+    assert_allclose(lost(worn).mean("patch"), 20.0 * of_all(worn).kappa, rtol=1e-6)
     assert worn.fitted_to == list("abcd")
     assert float(worn.path.kappa_of_all) == pytest.approx(0.4e-3 / 20.0, rel=1e-6)
 
@@ -87,12 +86,12 @@ def test_the_coefficient_behind_the_losses_is_found_without_a_patch_of_its_own(
     true = 1e3 * lost(worn).interp(step=at)
     losses = dict(zip("abcd", true.values, strict=True))
     again = wear_square(square, pressures, losses, **OPTIONS)
-    np.testing.assert_allclose(again.path.fitted, kappa, rtol=2e-3)
+    assert_allclose(again.path.fitted, kappa, rtol=2e-3)
     # Whatever happened on a patch, its own prediction does not see it, not by a bit.
     other = wear_square(square, pressures, losses | {"b": 2 * losses["b"]}, **OPTIONS)
     for name in ("fitted", "kappa", "pressed"):
         one, two = again.along("b", 0)[name], other.along("b", 0)[name]
-        np.testing.assert_array_equal(one, two)
+        assert_array_equal(one, two)
     assert float(other.path.fitted.sel(patch="a")) > 1.1 * kappa
 
 
@@ -109,12 +108,12 @@ def test_a_patch_is_pressed_as_the_wear_of_the_others_says(square, pressures):
     worn = wear_square(square, table, LOSSES, **options)
     after = rates(worn.along(sinks, 0))
     assert after[0] > 0 == after[-1]
-    np.testing.assert_allclose(after, np.maximum(before - less, 0), atol=1e-9)
+    assert_allclose(after, np.maximum(before - less, 0), atol=1e-9)
     again = wear_square(square, table, LOSSES | {sinks: 0.8}, **options)
     for ratio in worn.path.ratio.values:
         one, two = worn.along(sinks, ratio), again.along(sinks, ratio)
-        np.testing.assert_array_equal(one.pressed, two.pressed)
-        np.testing.assert_array_equal(one.fitted, two.fitted)
+        assert_array_equal(one.pressed, two.pressed)
+        assert_array_equal(one.fitted, two.fitted)
 
 
 def test_the_coefficient_is_fitted_over_what_both_scans_cover(square, pressures):
@@ -126,18 +125,16 @@ def test_the_coefficient_is_fitted_over_what_both_scans_cover(square, pressures)
     quarters = patch_pressures(square.pressure, quarters, size_mm=0.5)
     table = pressures.assign(in_study=True)
     table = covered_pressures(table, square.pressure, registration, patch_mm=1.0)
-    np.testing.assert_allclose(table.covered_MPa, quarters.pressure_MPa)
+    assert_allclose(table.covered_MPa, quarters.pressure_MPa)
     worn = fit_wear(square, table, registration, patch_mm=1.0, steps=2)
     losses = dict.fromkeys("abcd", 0.2)
     expected = wear_square(square, quarters, losses, patch_mm=0.5, steps=2)
-    np.testing.assert_allclose(worn.path.fitted, expected.path.fitted)
-    np.testing.assert_allclose(
-        lost(worn).mean("patch"), 20.0 * of_all(worn).kappa, rtol=1e-6
-    )
+    assert_allclose(worn.path.fitted, expected.path.fitted)
+    assert_allclose(lost(worn).mean("patch"), 20.0 * of_all(worn).kappa, rtol=1e-6)
     # the pressures that the other patches say are over the same area
     table["leave_one_out_MPa"] = table.covered_MPa
     same = fit_wear(square, table, registration, patch_mm=1.0, steps=2)
-    np.testing.assert_allclose(same.path.pressed, worn.path.pressed)
+    assert_allclose(same.path.pressed, worn.path.pressed)
 
 
 def test_losses_that_the_square_cannot_give_are_refused(square, pressures):
@@ -184,8 +181,8 @@ def test_an_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_bot
     fitted = worn.interlayer
     assert worn.layer == INTERLAYER
     assert fitted.ratio_of_all == 1.0
-    np.testing.assert_array_equal(fitted.interlayer_ratio, 1.0)
-    np.testing.assert_allclose(fitted.interlayer_kappa, 2e-5, rtol=0.05)
+    assert_array_equal(fitted.interlayer_ratio, 1.0)
+    assert_allclose(fitted.interlayer_kappa, 2e-5, rtol=0.05)
 
 
 def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
@@ -207,7 +204,7 @@ def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
         stone = other._replace(interlayer=table.assign(layer))
         maps = wear_map(contact, stone, "a").depth
         expected = depth_of(contact, other, "a", ratio=float(ratio), kappa=float(kappa))
-        np.testing.assert_array_equal(maps.sel(model="interlayer"), expected)
+        assert_array_equal(maps.sel(model="interlayer"), expected)
 
 
 def test_a_patch_is_worn_at_its_pressure_in_each_step(worn):
@@ -221,7 +218,7 @@ def test_a_patch_is_worn_at_its_pressure_in_each_step(worn):
     expected = wear_path(
         contact.interface.height.values, 0.01, 1e4, **options, tolerance=1e-9
     )
-    np.testing.assert_allclose(depth, expected.depth, atol=1e-12)
+    assert_allclose(depth, expected.depth, atol=1e-12)
     spared = worn._replace(path=path.assign(pressed=0 * path.pressed))
     assert depth_of(contact, spared, "a").max() == 0
 
@@ -241,7 +238,7 @@ def test_an_interlayer_lies_among_the_pressures_that_are_under_it(worn_by_both):
     ramp = 2e-3 * np.linspace(0, 1, shape[1]) * np.ones(shape)
     among = replace(alone, interface=replace(face, surroundings=ramp))
     depth = depth_of(among, worn, "a", ratio=1.0, kappa=1e-5)
-    np.testing.assert_allclose(depth, expected, atol=1e-12)
+    assert_allclose(depth, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -260,14 +257,14 @@ def test_a_patch_loses_as_the_law_says_of_the_pressure_from_the_others(
     kappa, contact = float(worn.path.kappa_of_all), patch_of(20.0)
     expected = np.maximum(before - law.threshold_MPa, 0) ** law.exponent
     measured = [depth_of(contact, worn, name, kappa=kappa).mean() for name in "abcd"]
-    np.testing.assert_allclose(measured, 4e-8 * expected / expected.sum(), rtol=2e-3)
+    assert_allclose(measured, 4e-8 * expected / expected.sum(), rtol=2e-3)
 
 
 def test_summits_that_yield_spread_the_same_loss_wider(worn, pressures):
     contact = patch_of(float(pressures.pressure_MPa[0]))
     ((_, maps),) = predict_wear({"a": contact}, worn, pressure_cap=100.0)
     elastic, yielding = maps.depth.values
-    np.testing.assert_array_equal(elastic, depth_of(contact, worn, "a"))
+    assert_array_equal(elastic, depth_of(contact, worn, "a"))
     assert yielding.mean() == pytest.approx(elastic.mean(), rel=1e-9)
     assert yielding.max() < elastic.max()
     # a cap above all pressures, 481 MPa here, changes nothing, and one just below them does
@@ -280,7 +277,7 @@ def test_a_patch_that_bears_more_than_the_cap_loses_less():
     """Of 20 and 60 MPa in two steps, with a cap of 50 MPa, of which nine tenths are borne."""
     options = {"mean_pressure": np.array([20.0, 60.0]), "mean_loss": 1e-3}
     bounded = _bounded(options, 50.0, 45.0, Law(exponent=2.0))
-    np.testing.assert_allclose(bounded["mean_pressure"], [20.0, 45.0])
+    assert_allclose(bounded["mean_pressure"], [20.0, 45.0])
     expected = 1e-3 * (20**2 + 45**2) / (20**2 + 60**2)
     assert bounded["mean_loss"] == pytest.approx(expected)
     assert bounded["pressure_cap"] == 50.0
@@ -291,7 +288,7 @@ def test_summits_yield_in_the_last_of_the_models_alone(worn_by_both):
     depth = wear_map(contacts["a"], worn, "a", pressure_cap=1e4).depth
     assert list(depth.model) == ["archard", "interlayer", "archard_capped"]
     interlayer, capped = depth.values[1:]
-    np.testing.assert_array_equal(capped, interlayer)  # nothing reaches this cap
+    assert_array_equal(capped, interlayer)  # nothing reaches this cap
 
 
 def test_without_two_worn_patches_nothing_is_fitted(square, pressures, caplog):
