@@ -76,22 +76,19 @@ def pressed(
     return contact_at_pressure(interface(height, counterface), load, **settings)
 
 
-def contact_of(height, pressure, gap=None, displacement=0.0, slopes=(0.0, 0.0)):
-    """A contact of a surface (mm) that was not solved: its pressure (MPa) and gap (mm) are given.
+def contact_of(height, pressure, displacement=0.0):
+    """A contact of a surface (mm) that was not solved, but has this pressure (MPa).
 
-    Without a gap, the faces touch where there is pressure and are 1 µm apart elsewhere.
+    The faces touch where there is pressure and are 1 µm apart elsewhere.
     """
-    pressure = np.broadcast_to(np.asarray(pressure, dtype=float), height.shape)
-    touching = pressure > 0
-    gap = 1e-3 * ~touching if gap is None else np.broadcast_to(gap, height.shape)
-    mean = float(pressure.mean())
+    touching, mean = pressure > 0, float(pressure.mean())
     return Contact(
-        interface=interface(height, slopes=slopes),
+        interface=interface(height),
         load=Load(mean),
         modulus=1e4,
         tolerance=1e-9,
         pressure=height.copy(data=pressure),
-        gap=height.copy(data=gap),
+        gap=height.copy(data=1e-3 * ~touching),
         displacement=displacement,
         mean_pressure=mean,
         contact_fraction=float(touching.mean()),

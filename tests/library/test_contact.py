@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from bem_reference import sphere
 from contacts import around, interface, rough
 
 from gstlib.contact import Contact, Load, contact_at_pressure, contact_path, turned_over
@@ -62,8 +63,7 @@ def test_a_contact_is_the_same_when_it_has_been_stored(faces, path):
 
 def test_the_force_acts_where_the_load_says_wherever_the_grid_begins():
     """A ball under a force on its summit stays as it is; beside it, it rolls there."""
-    along = 0.1 * (np.arange(25) - 12)
-    ball = around(-np.add.outer(along**2, along**2) / (2 * 50.0), 0.1, shift=3.0)
+    ball = around(sphere(25, 0.1, 50.0), 0.1, shift=3.0)
     summit = float(ball.y[12])
     for off in (0.0, 0.1):
         load = Load(5.0, load_point=(summit, summit + off))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bem_reference import sphere
 
 from gstlib.bem.closed_forms import Sphere
 from gstlib.io.plu import write_plu
@@ -66,10 +67,7 @@ def test_a_script_prints_equal_numbers(run, name):
 
 def test_a_patch_of_ones_own_is_the_one_that_is_pressed(run, tmp_path):
     spacing, n, radius = 0.008, 100, 20.0
-    x = (np.arange(n) - (n - 1) / 2) * spacing
-    write_plu(
-        tmp_path / "rough_patch.plu", -(x**2 + x[:, None] ** 2) / (2 * radius), spacing
-    )
+    write_plu(tmp_path / "rough_patch.plu", sphere(n, spacing, radius), spacing)
     exact = Sphere(22.0 * (n * spacing) ** 2, radius, 19500 / (2 * (1 - 0.24**2)))
     percent = 100 * np.pi * (exact.contact_radius / n / spacing) ** 2
     assert run("rough_patch")[:2] == pytest.approx(

@@ -6,7 +6,7 @@ import shutil
 import subprocess
 import sys
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -20,19 +20,28 @@ from gstlib.io.tables import read_table
 ROOT = Path(__file__).parents[2]
 # as `gst study` starts it, with this interpreter: the environment under test
 SNAKEMAKE = sys.executable, "-m", "gst.run.scheduler"
+GST = Path(sys.executable).with_name("gst")
 
 
-def run(*command, cwd=None, answer="", **environment):
-    """A command as a user gives it, with an answer; how it ended, and what it printed."""
+def run(*command, cwd=None, **environment):
+    """A command as a user gives it; how it ended, and what it printed."""
     return subprocess.run(
         list(map(str, command)),
         cwd=cwd,
         env=os.environ | environment,
-        input=answer,
+        stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+def printed(*command, code=0, **options):
+    """What a command prints that ends with an exit code."""
+    result = run(*command, **options)
+    text = result.stdout + result.stderr
+    assert result.returncode == code, text
+    return text
 
 
 @dataclass
@@ -41,46 +50,30 @@ class Study:
 
     folder: Path
     config: str = "config/tiny.yaml"
-    environment: dict[str, str] = field(default_factory=dict)
 
     @property
     def results(self):
-        return (
-            self.folder
-            / yaml.safe_load((self.folder / self.config).read_text())["results"]
-        )
+        config = yaml.safe_load((self.folder / self.config).read_text())
+        return self.folder / config["results"]
 
-    def command(self, *arguments, cores=2):
-        where = "--snakefile", str(ROOT / "Snakefile"), "--directory", str(self.folder)
-        config = (
-            "--configfile",
-            str(self.folder / self.config),
-        )  # takes all that follows
-        on = ("--cores", str(cores)) if cores else ()  # or as many as a profile says
-        return [*SNAKEMAKE, *where, *on, *arguments, *config]
+    def command(self, *arguments):
+        where = "--snakefile", ROOT / "Snakefile", "--directory", self.folder
+        config = "--configfile", self.folder / self.config  # takes all that follows
+        return [*SNAKEMAKE, *where, *arguments, *config]
 
-    def run(self, *arguments, cores=2):
-        return run(
-            *self.command(*arguments, cores=cores), cwd=self.folder, **self.environment
-        )
+    def run(self, *arguments, code=0):
+        """What Snakemake prints in the folder."""
+        command = self.command("--cores", "2", *arguments)
+        return printed(*command, code=code, cwd=self.folder)
 
-    def gst(self, *arguments, answer=""):
-        """The command `gst` in the folder, with an answer to its question."""
-        gst = Path(sys.executable).with_name("gst")
-        return run(gst, *arguments, cwd=self.folder, answer=answer)
+    def gst(self, *arguments, code=0):
+        """What the command `gst` prints in the folder."""
+        return printed(GST, *arguments, code=code, cwd=self.folder)
 
-    def succeed(self, *arguments, cores=2):
-        """Run, and give what was printed."""
-        result = self.run(*arguments, cores=cores)
-        assert result.returncode == 0, result.stdout + result.stderr
-        return result.stdout + result.stderr
-
-    def planned(self, *arguments):
+    def planned(self):
         """Names of the rules that a run would execute now."""
-        counts = re.findall(
-            r"^(\w+) +\d+$", self.succeed("--dry-run", *arguments), re.MULTILINE
-        )
-        return set(counts) - {"all", "total"}
+        plan = self.run("--dry-run")
+        return {*re.findall(r"^(\w+) +\d+$", plan, re.MULTILINE)} - {"all", "total"}
 
     def change(self, **sections):
         """Write a config of its own: the present one with these sections or keys replaced."""
@@ -132,7 +125,7 @@ def finished_tiny(tmp_path_factory):
         if done.exists():
             return Study(root / "tiny/study")
         finished = fresh(root / "tiny/study")
-        finished.succeed()
+        finished.run()
         done.touch()
         return finished
 

@@ -57,7 +57,7 @@ def assert_as_expected(results, name, *only):
         expected = pd.read_csv(kept / f"{kind}.csv").set_index("file")
         assert_alike(rows.set_index("file"), expected, ALLOWED[kind])
     if page:
-        stored = (kept / "page.txt").read_text(encoding="utf-8")
+        stored = (kept / "page.txt").read_text("utf-8")
         assert page.splitlines() == stored.splitlines()
 
 
@@ -96,7 +96,7 @@ def fields_of(results):
 
 def drawn_in_space(page):
     """Each array that the page's script is given, by its name."""
-    content = page.read_text(encoding="utf-8")
+    content = page.read_text("utf-8")
     scene = re.search(
         r'<script type="application/json" id="scene">(.*?)</script>', content, re.S
     )
@@ -160,7 +160,7 @@ def pictures_of(results):
 
 def page_of(file):
     """Lines of the page, each with what in it has digits: words, or the places of a drawing."""
-    page = lxml.html.fromstring(file.read_text(encoding="utf-8"))
+    page = lxml.html.fromstring(file.read_text("utf-8"))
     for part in page.xpath(ELSEWHERE):
         part.drop_tree()
     lines = []

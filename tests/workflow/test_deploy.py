@@ -2,14 +2,13 @@
 
 import json
 import re
-import shutil
 import sys
 import tomllib
 
 import pytest
 import yaml
 
-from .conftest import ROOT, SNAKEMAKE, run
+from .conftest import ROOT, SNAKEMAKE, printed
 
 IN_A_CLONE = pytest.mark.skipif(
     not (ROOT / ".test").is_dir(),
@@ -21,42 +20,31 @@ PROJECT = DECLARED["project"]
 
 def test_the_container_has_all_that_a_study_needs(study, tmp_path):
     """What the recipe copies, and what it starts."""
-    recipe = (ROOT / "Dockerfile").read_text(encoding="utf-8")
+    recipe = (ROOT / "Dockerfile").read_text("utf-8")
     assert json.loads(re.search(r"^ENTRYPOINT (.*)$", recipe, re.MULTILINE)[1]) == [
         "gst"
     ]
     folder = tmp_path / "image"
-    for names in re.findall(r"^COPY (.*)$", recipe, re.MULTILINE):
-        *sources, target = names.split()
-        for name in sources:
-            to = folder / (name if target == "./" else target)
-            to.parent.mkdir(exist_ok=True)
-            (shutil.copytree if (ROOT / name).is_dir() else shutil.copy)(
-                ROOT / name, to
-            )
+    folder.mkdir()
+    for names in re.findall(r"^COPY (.*) \S+$", recipe, re.MULTILINE):
+        printed("cp", "-r", *names.split(), folder, cwd=ROOT)
     assert {PROJECT["readme"], *PROJECT["license-files"]} <= {
         file.name for file in folder.iterdir()
     }
-    command = [
-        sys.executable,
-        "-m",
-        "gst",
-        "study",
-        "--plan",
-        study.folder / study.config,
-    ]
-    result = run(*command, cwd=study.folder, PYTHONPATH=str(folder / "src"))
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "score_truth" in result.stdout
-    assert (
-        "steps would run." in result.stdout
-    )  # as the display says, which the profile names
+    command = "study", "--plan", study.folder / study.config
+    text = printed(
+        *(sys.executable, "-m", "gst", *command),
+        cwd=study.folder,
+        PYTHONPATH=str(folder / "src"),
+    )
+    assert "score_truth" in text
+    assert "steps would run." in text  # as the display says, which the profile names
 
 
 def test_nothing_is_installed_without_its_hash():
     """A package of a registry by a lock; only this project without."""
     files = ROOT / "Makefile", ROOT / "Dockerfile", *ROOT.glob(".github/workflows/*")
-    text = "\n".join(file.read_text(encoding="utf-8") for file in files)
+    text = "\n".join(file.read_text("utf-8") for file in files)
     assert not re.search(r"\buvx?\)? run\b|\buvx\b|--with\b", text)
     commands = re.split(
         r"\n|&&", text.replace("\\\n", " ").replace("$(PIP)", "pip install")
@@ -74,7 +62,7 @@ def test_nothing_is_installed_without_its_hash():
 @IN_A_CLONE
 def test_actions_and_the_image_stand_by_what_is_in_them():
     for file in (ROOT / ".github/workflows").iterdir():
-        text = file.read_text(encoding="utf-8")
+        text = file.read_text("utf-8")
         assert yaml.safe_load(text)["permissions"] == {}
         for used in re.findall(r"uses: (.*)", text):
             assert re.fullmatch(r"[\w/-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", used)
@@ -125,7 +113,7 @@ def two_studies(study):
 
 def test_rules_of_two_studies_in_one_plan(two_studies):
     """Each has its own config, and the schema's defaults of what that leaves out."""
-    result = run(*SNAKEMAKE, "--cores", "2", "--dry-run", cwd=two_studies)
-    rules = set(result.stdout.split())
+    command = *SNAKEMAKE, "--cores", "2", "--dry-run"
+    rules = set(printed(*command, cwd=two_studies).split())
     assert {"first_solve_cases", "first_write_page", "second_write_page"} <= rules
     assert "second_solve_cases" not in rules

@@ -5,10 +5,10 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
-from pathlib import Path
 
 from gst.run.owned import CLAIMS, LOCK
+
+from .conftest import GST
 
 NOT_FOR_USERS = (
     "Traceback",
@@ -25,9 +25,7 @@ def test_a_failed_step_shows_its_own_error_and_nothing_else(tiny):
         macroscale={"maximum_displacement_um": 20.0},
         pressure_cap_MPa=None,
     )
-    result = tiny.run()
-    assert result.returncode != 0
-    text = result.stdout + result.stderr
+    text = tiny.run(code=1)
     assert text.count("240 MPa cannot be reached") == 1, text
     assert "log:  results-tiny/logs/solve_macroscale.log" in text
     assert "Stopped with " in text
@@ -46,7 +44,7 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
     edited.write_bytes(whole[edited].replace(b"0.", b"99.", 1))
     for file in (gone, record, results / "logs/solve_macroscale.log"):
         file.unlink()
-    text = tiny.gst("study", tiny.config, "--plan").stdout
+    text = tiny.gst("study", tiny.config, "--plan")
     for step, why in (
         ("predict_wear", "wear/1/7.h5 is not as it was made"),
         ("score_wear", "wear/1/7.h5 has changed"),
@@ -56,48 +54,37 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
             rf"^{step}: .*\n    {re.escape(why)}; last took \d", text, re.MULTILINE
         )
     assert "register_patches" not in text
-    result = tiny.gst("study", tiny.config)
-    assert result.returncode == 0, result.stderr
-    assert "again: wear/1/7.h5 is not as it was made" in result.stderr
+    text = tiny.gst("study", tiny.config)
+    assert "again: wear/1/7.h5 is not as it was made" in text
     assert {file: file.read_bytes() for file in whole} == whole
     assert tiny.tables() == before
     assert record.is_file()
-    assert "Nothing to do." in tiny.gst("study", tiny.config, "--plan").stdout
+    assert "Nothing to do." in tiny.gst("study", tiny.config, "--plan")
     stated = f"results in  {folder}: finished, with this config"
-    assert stated in tiny.gst("check", tiny.config).stdout
+    assert stated in tiny.gst("check", tiny.config)
 
 
 def test_stale_results_are_not_certified_without_the_records_of_snakemake(tiny):
     """A folder that was copied, and another config. Asked for less, the study says so."""
     shutil.rmtree(tiny.folder / ".snakemake")
     tiny.change(load={"force_N": 200.0})
-    assert "made with another config" in tiny.gst("check", tiny.config).stdout
-    result = tiny.gst("study", tiny.config, "--until", "solve_macroscale")
-    assert result.returncode == 0, result.stderr
-    assert "again: force_N was 550.0, is 200.0" in result.stderr
-    assert "Done" not in result.stdout
-    assert (
-        "The study is not finished: the results were made with another config."
-        in result.stdout
-    )
-    for command in (["export"], ["package"]):
-        refused = tiny.gst(*command, tiny.results.name)
-        assert refused.returncode == 2
-        assert (
-            "was made with other params or files than the config gives"
-            in refused.stderr
-        )
+    assert "made with another config" in tiny.gst("check", tiny.config)
+    text = tiny.gst("study", tiny.config, "--until", "solve_macroscale")
+    assert "again: force_N was 550.0, is 200.0" in text
+    assert "Done" not in text
+    assert "The study is not finished" in text
+    for command in ("export", "package"):
+        refused = tiny.gst(command, tiny.results.name, code=2)
+        assert "was made with other params or files" in refused
     assert not list(tiny.folder.glob("*.zip"))
 
 
 def test_ctrl_c_ends_a_run_in_a_sentence(study):
     """As in a terminal, where it reaches every process of the command's group."""
-    gst = Path(sys.executable).with_name("gst")
-    command, pipe = [gst, "study", study.config], subprocess.PIPE
     process = subprocess.Popen(
-        command,
+        [GST, "study", study.config],
         cwd=study.folder,
-        stdout=pipe,
+        stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,
@@ -127,35 +114,20 @@ def test_a_study_folder_runs_no_code_of_its_own(study):
         (study.folder / folder).mkdir(parents=True)
         profile = f"__use_yte__: true\ncores: ?open({str(mark)!r}, 'w') and 1\n"
         (study.folder / folder / "config.yaml").write_text(profile)
-    for command in (
-        ["check"],
-        ["study", "--plan"],
-        ["study", "--until", "generate_specimen"],
-    ):
-        name, *options = command
-        result = study.gst(name, study.config, *options)
-        assert result.returncode == 0, result.stderr
-        assert not mark.exists(), command
+    until = "--until", "generate_specimen"
+    for name, *options in (["check"], ["study", "--plan"], ["study", *until]):
+        study.gst(name, study.config, *options)
+        assert not mark.exists(), name
     assert (study.results / CLAIMS).is_file()
-    named = study.gst(
-        "study", study.config, "--plan", "--profile", "./profiles/default"
-    )
-    assert named.returncode == 0, named.stderr
+    study.gst("study", study.config, "--plan", "--profile", "./profiles/default")
     assert mark.exists()
 
 
 def test_a_file_of_the_user_is_moved_from_a_folder_that_is_made_anew(tiny):
     note = tiny.results / "figures/patch/note.txt"
     note.write_text("mine")
-    result = tiny.gst(
-        "study",
-        tiny.config,
-        "--forcerun",
-        "draw_validation",
-        "--until",
-        "draw_validation",
-    )
-    assert result.returncode == 0, result.stderr
+    step = "draw_validation"
+    text = tiny.gst("study", tiny.config, "--forcerun", step, "--until", step)
     moved = tiny.results / "moved_aside/figures/patch/note.txt"
-    assert str(moved.relative_to(tiny.folder)) in result.stderr
+    assert str(moved.relative_to(tiny.folder)) in text
     assert moved.read_text() == "mine"

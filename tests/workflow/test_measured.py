@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
+from numpy.testing import assert_allclose
 from specimens import merged
 
 from gst.config.reading import read_config
@@ -77,7 +78,7 @@ def generated(tmp_path_factory):
     rows["rotation_deg"] = np.where(rows.patch == OBLIQUE, 10, 0)
     rows.to_csv(study.folder / "config/patches_tiny.tsv", sep="\t", index=False)
     study.change(specimen={"counterface_seed": 8}, **ASKED)
-    study.succeed("results-tiny/macroscale/surface.h5")
+    study.run("results-tiny/macroscale/surface.h5")
     return study
 
 
@@ -147,7 +148,7 @@ def studied(generated, tmp_path_factory):
         reference_realisations=2,
         **ASKED,
     )
-    study.succeed()
+    study.run()
     return study
 
 
@@ -187,9 +188,7 @@ def test_the_stones_lie_on_each_other_as_they_were_made(generated, stored, table
     }.items():
         made = read_dataset(generated.results / f"macroscale/{name}.h5")
         for field in fields:
-            np.testing.assert_allclose(
-                stored(f"macroscale/{name}")[field], made[field], atol=2e-5
-            )
+            assert_allclose(stored(f"macroscale/{name}")[field], made[field], atol=2e-5)
     made = read_table(generated.results / "tables/gridding.csv")
     pd.testing.assert_frame_equal(table("gridding"), made, rtol=2e-3)
 
@@ -206,24 +205,22 @@ def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(
         turned, expected = TURNED.get(patch, 0), made.sel(patch=patch)
         slopes = laid.sel(patch=patch)[["slope_y", "slope_x"]].to_array().values
         slopes = PatchPosition(0, 0, turned).points(*slopes)
-        np.testing.assert_allclose(
-            slopes, (expected.slope_y, expected.slope_x), atol=1e-6
-        )
+        assert_allclose(slopes, (expected.slope_y, expected.slope_x), atol=1e-6)
         near_y = abs(made.y - expected.y_mm) < 0.35
         near_x = abs(made.x - expected.x_mm) < 0.35
         is_near = (near_y & near_x).values
         heights = laid.height.values[is_near], made.height.values[is_near]
-        np.testing.assert_allclose(*heights, atol=5e-5)
+        assert_allclose(*heights, atol=5e-5)
     now = table("registration").set_index("patch")
     before = plain.registration.set_index("patch")
     for patch in WORN:
         shift = now.loc[patch, ["shift_y_um", "shift_x_um"]]
         shift = PatchPosition(0, 0, TURNED.get(patch, 0)).points(*shift)
         expected = before.loc[patch, ["shift_y_um", "shift_x_um"]]
-        np.testing.assert_allclose(shift, expected, atol=1.0)
+        assert_allclose(shift, expected, atol=1.0)
     seen = now.overlap > 0.7
     lost, expected = now[seen].loss_volume_um3, before[seen].loss_volume_um3
-    np.testing.assert_allclose(lost, expected, rtol=0.02)
+    assert_allclose(lost, expected, rtol=0.02)
 
 
 # --- Physics -----------------------------------------------------------------------------------
@@ -252,7 +249,7 @@ def test_wear_follows_the_gesture(stored, table):
     rate = first / float(path.kappa[1])
     mean = float(stored("gesture/exposure").exposure.mean())
     share = of_gesture.exposure_N_per_mm[rate.index] / mean
-    np.testing.assert_allclose(rate, 5.5 * share, rtol=1e-3, atol=1e-4)
+    assert_allclose(rate, 5.5 * share, rtol=1e-3, atol=1e-4)
     statistics = set(statistic_names(table("validation_summary")))
     assert "expected_most_worn(7+13, pressure_MPa)" in statistics
 
@@ -269,7 +266,7 @@ def with_an_interlayer(studied, tmp_path_factory):
     interlayer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
     study.change(gesture=None, interlayer=interlayer)
     tables = "wear", "validation_summary"
-    study.succeed(*(f"results-measured/tables/{name}.csv" for name in tables))
+    study.run(*(f"results-measured/tables/{name}.csv" for name in tables))
     return study
 
 

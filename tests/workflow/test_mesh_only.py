@@ -21,18 +21,14 @@ GESTURE = {"load_point_scatter_mm": 0.5, "poses": 6}
 def where(tmp_path_factory):
     study = fresh(tmp_path_factory.mktemp("mesh_only"))
     study.change(results="results-where", patches=None, gesture=GESTURE)
-    study.succeed()
+    study.run()
     return study
 
 
 def test_the_study_is_as_expected_without_what_needs_scans(where):
     assert_as_expected(where.results, "where")
-    assert set(where.tables()) == {
-        "inputs.csv",
-        "gridding.csv",
-        "macroscale_path.csv",
-        "places.csv",
-    }
+    tables = {"inputs.csv", "gridding.csv", "macroscale_path.csv", "places.csv"}
+    assert set(where.tables()) == tables
     assert where.planned() == set()
 
 
@@ -42,12 +38,9 @@ def test_the_proposed_places_are_a_patch_table_as_expected(where):
         results="results-then", patches="results-where/tables/places.csv", use=None
     )
     names = "registration", "patch_intervals", "patch_pressures"
-    where.succeed(*(f"results-then/tables/{name}.csv" for name in names))
-    forces = (
-        read_table(where.results / "tables/patch_pressures.csv")
-        .set_index("patch")
-        .force_N
-    )
+    where.run(*(f"results-then/tables/{name}.csv" for name in names))
+    pressures = read_table(where.results / "tables/patch_pressures.csv")
+    forces = pressures.set_index("patch").force_N
     assert forces["E1"] > 0
     assert forces.filter(regex="^C").sum() < 0.05 * forces.sum()
     assert_as_expected(where.results, "then", "patch_intervals", "patch_pressures")
@@ -59,19 +52,17 @@ def test_grades_of_wear_tell_how_a_tool_was_used_as_expected(where, tmp_path_fac
     stored = where.folder / "results-where/macroscale/contact.h5"  # whatever ran before
     square = square_of(read_dataset(stored).pressure, 5.0)
     y, x = np.mgrid[0.5:5, 0.5:5]
-    places = pd.DataFrame(
-        {"patch": np.arange(25), "x_mm": x.ravel(), "y_mm": y.ravel()}
-    )
-    places["rotation_deg"] = 0.0
+    places = {"patch": np.arange(25), "x_mm": x.ravel(), "y_mm": y.ravel()}
+    places = pd.DataFrame(places | {"rotation_deg": 0.0})
     pressures = patch_pressures(square, places, size_mm=0.85).pressure_MPa
     places["wear_grade"] = np.searchsorted([0.5, 20, 60], pressures)
     places.to_csv(study.folder / "config/grades.csv", index=False)
     load = {"force_N": 550.0, "at_mm": [3.4, 1.8]}
     use = {"draws": 60, "rounds": 10}
     study.change(patches="config/grades.csv", gesture=GESTURE, load=load, use=use)
-    study.succeed()
+    study.run()
     assert_as_expected(study.results, "grades", "use")
-    page = (study.results / "index.html").read_text(encoding="utf-8")
+    page = (study.results / "index.html").read_text("utf-8")
     on_map = re.findall(r"<title>Patch (\d+): grade (\d)</title>", page)
     assert [tuple(map(int, one)) for one in on_map] == list(
         enumerate(places.wear_grade)

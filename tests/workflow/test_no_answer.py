@@ -59,17 +59,12 @@ def test_every_table_is_made_where_a_stage_has_no_answer(
     tables = {f"validation_{name}": table for name, table in study.scored().items()}
     assert len(tables["validation_summary"]) >= 2
     tables["registration"] = study.registration
-    files = {
-        name: tmp_path / f"{name}.csv"
-        for name in ("validation_summary", "validation_patches", "registration")
-    }
-    for name, file in files.items():
-        write_table(file, tables[name])
-    others = {"placement": study.placement, "patch_pressures": study.selected}
+    for name in ("validation_summary", "validation_patches", "registration"):
+        write_table(tmp_path / f"{name}.csv", tables[name])
     limits = study.pressures.assign(low_MPa=0.0, high_MPa=1.0)
+    others = {"placement": study.placement, "patch_pressures": study.selected}
     for name, table in (others | {"patch_intervals": limits}).items():
-        files[name] = tmp_path / f"{name}.csv"
-        table.to_csv(files[name], index=False)
-    results = Results(files, force_N=550.0, size_mm=5.0)
-    answer = verdict(results, merged(config, settings))
+        table.to_csv(tmp_path / f"{name}.csv", index=False)
+    files = {file.stem: file for file in tmp_path.glob("*.csv")}
+    answer = verdict(Results(files, force_N=550.0, size_mm=5.0), study.config)
     assert not any("nan" in part for line in answer.lines for part in line)

@@ -2,39 +2,29 @@
 
 import shutil
 import sys
+from functools import partial
 
 import pytest
 
 from gst.share.package import pack_study
 
-from .conftest import ROOT, Study, run
+from .conftest import ROOT, Study, printed, run
 
 pytestmark = pytest.mark.slow
 
 UV = [sys.executable, "-m", "uv"]
 
 
-def succeed(*command, cwd=None):
-    # not the clone's gstlib, even where the tests' own is found by a path
-    result = run(*command, cwd=cwd, PYTHONPATH="")
-    assert result.returncode == 0, result.stdout + result.stderr
-    return result.stdout
+# not the clone's gstlib, even where the tests' own is found by a path
+succeed = partial(printed, PYTHONPATH="")
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """Folder with the wheel, which is built from the source distribution."""
     folder = tmp_path_factory.mktemp("dist")
-    succeed(
-        *UV,
-        "build",
-        "--no-build-isolation",
-        "--python",
-        sys.executable,
-        "-o",
-        folder,
-        ROOT,
-    )
+    command = *UV, "build", "--no-build-isolation", "--python", sys.executable
+    succeed(*command, "-o", folder, ROOT)
     return folder
 
 
@@ -65,7 +55,7 @@ def test_a_package_makes_its_results_again(finished_tiny, tmp_path):
     pack_study(finished_tiny.results, tmp_path / "tiny.zip")
     alone = tmp_path / "alone"
     shutil.unpack_archive(tmp_path / "tiny.zip", alone)
-    command = sys.executable, "-m", "gst", "study", "config/study.yaml"
-    result = run(*command, cwd=alone, PYTHONPATH="src")
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert Study(alone, "config/study.yaml").tables() == finished_tiny.tables()
+    study = Study(alone, "config/study.yaml")
+    command = sys.executable, "-m", "gst", "study", study.config
+    printed(*command, cwd=alone, PYTHONPATH="src")
+    assert study.tables() == finished_tiny.tables()

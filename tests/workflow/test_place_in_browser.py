@@ -4,10 +4,8 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -18,11 +16,9 @@ import yaml
 from gst.config.edited import with_values
 from gst.config.patches import read_patches
 
-from .conftest import UNREADABLE, middle_of, opened, run
+from .conftest import GST, UNREADABLE, middle_of, opened, printed
 
 pytestmark = pytest.mark.browser
-
-GST = Path(sys.executable).with_name("gst")
 
 
 @pytest.fixture(scope="module")
@@ -30,11 +26,8 @@ def folder(finished_tiny, tmp_path_factory):
     """What `gst new` makes of the specimen's files, as coarse as the tiny study."""
     folder = tmp_path_factory.mktemp("place") / "study"
     files = finished_tiny.results / "specimen"
-    made = run(
-        GST, "new", folder, "--mesh", files / "mesh.stl", "--scans", files / "scans"
-    )
-    assert made.returncode == 0, made.stderr
-    assert "gst place" in made.stdout
+    given = "--mesh", files / "mesh.stl", "--scans", files / "scans"
+    assert "gst place" in printed(GST, "new", folder, *given)
     tiny = yaml.safe_load((finished_tiny.folder / finished_tiny.config).read_text())
     names = "macroscale", "microscale", "detection", "validation", "wear_steps"
     coarse = {name: tiny[name] for name in names}
@@ -310,7 +303,7 @@ def unscanned(tmp_path):
     stone.apply_transform(np.diag([20.0, 30.0, 10.0, 1.0]))
     stone.export(tmp_path / "stone.ply")
     folder = tmp_path / "study"
-    assert run(GST, "new", folder, "--mesh", tmp_path / "stone.ply").returncode == 0
+    printed(GST, "new", folder, "--mesh", tmp_path / "stone.ply")
     config = folder / "study.yaml"
     config.write_text(with_values(config.read_text(), USED))
     return folder
@@ -409,14 +402,14 @@ def test_each_cause_has_its_own_button(browser, unscanned):
     config.write_text(with_values(config.read_text(), values))
     table = unscanned / "patches.csv"
     table.write_text("patch;x_mm;y_mm;wear_grade\n1;1;1;0\n2;1.2;1;\n")
-    overlap = {"level": "error", "text": "half of patch 2 is that of patch 1"}
-    thin = {"level": "warning", "text": "the stone is thin"}
     cure = {"values": {"macroscale.face_mm": 14.4}, "cells": {}}
+    cure["button"] = "Use 14.4 mm"
+    overlap = {"level": "error", "text": "half of patch 2 is that of patch 1"}
+    thin = {"level": "warning", "text": "the stone is thin", "cure": cure}
     causes = [
         overlap | {"more": [], "accept": ["overlap:2"]},
         thin | {"more": ["as patch 7 says"], "accept": []},
     ]
-    causes[1]["cure"] = cure | {"button": "Use 14.4 mm"}
     with placing(browser, unscanned) as (page, _):
         digest = page.evaluate("state.digest")
         report = {"causes": causes, "digest": digest, "summary": "as it is"}

@@ -8,7 +8,7 @@ import pytest
 
 from gst.run.batches import share_out
 
-from .conftest import SNAKEMAKE, run
+from .conftest import SNAKEMAKE, printed
 
 # What each change reruns, and steps that it leaves alone; all others where none is named.
 CHANGES = {
@@ -56,13 +56,8 @@ def test_what_no_step_reads_reruns_nothing_but_the_record(tiny):
     assert tiny.planned() == set()
     table = tiny.folder / "config/patches_tiny.tsv"
     comment, head, *rows = table.read_text().splitlines()
-    lines = [
-        comment,
-        "# by hand",
-        f"{head}\tnote",
-        *(f"{row}\tby hand" for row in rows),
-    ]
-    table.write_text("\n".join(lines) + "\n")
+    rows = [f"{row}\tby hand" for row in rows]
+    table.write_text("\n".join([comment, "# by hand", f"{head}\tnote", *rows]))
     assert tiny.planned() == {"write_page"}
 
 
@@ -84,7 +79,7 @@ def test_another_patch_reruns_its_batch_alone(measured):
     table = measured.folder / "config/patches_tiny.tsv"
     before = table.read_text()
     ids = [line.split("\t")[0] for line in before.splitlines()[2:]]
-    measured.succeed(*FEW)
+    measured.run(*FEW)
     steps = (
         "Cleaning the scans at T0",
         "Cleaning the scans at T1",
@@ -93,7 +88,7 @@ def test_another_patch_reruns_its_batch_alone(measured):
     for old, new, patch in EDITS:
         table.write_text(before.replace(f"\n{old}", f"\n{new}"))
         assert table.read_text() != before
-        plan = measured.succeed("--dry-run", *FEW)
+        plan = measured.run("--dry-run", *FEW)
         again = set(re.findall(rf"({'|'.join(steps)}): part (\d+)", plan))
         batches = share_out({*ids, patch} - {None}, per_job=2)
         assert len(batches) > 2
@@ -106,16 +101,15 @@ def test_files_are_checked_before_any_is_read(measured):
     scan = measured.folder / "data/scans/13_T0.plu"
     whole = scan.read_bytes()
     scan.write_bytes(whole[:999])
-    refused = measured.run("--until", "prepare_scans", "grid_macroscale")
-    assert refused.returncode != 0
-    assert "13_T0.plu" in refused.stderr
+    steps = "prepare_scans", "grid_macroscale"
+    assert "13_T0.plu" in measured.run("--until", *steps, code=1)
     assert {file.stem for file in measured.results.glob("logs/*")} == {"check_inputs"}
     scan.write_bytes(whole)
-    measured.succeed("--until", "prepare_scans", "grid_macroscale")
+    measured.run("--until", *steps)
     (measured.results / "tables/inputs.csv").unlink()
     again = measured.planned()
     assert "check_inputs" in again
-    assert again.isdisjoint({"prepare_scans", "grid_macroscale", "pass_inputs"})
+    assert again.isdisjoint({*steps, "pass_inputs"})
 
 
 # --- What Snakemake does not know -------------------------------------------------------------
@@ -163,8 +157,7 @@ def test_a_clock_that_is_wrong_stops_nothing_and_a_failed_import_is_told(tmp_pat
     (scan := tmp_path / "scan.plu").write_text("heights")
     os.utime(scan, (2**31, 2**31))
     command = *SNAKEMAKE, "--cores", "1"
-    failed = run(*command, cwd=tmp_path)
-    assert failed.returncode == 1
+    printed(*command, code=1, cwd=tmp_path)
     assert (tmp_path / "results/first.csv").read_text() == "heights"
     assert (
         "No module named 'no_such_package'"
@@ -172,7 +165,6 @@ def test_a_clock_that_is_wrong_stops_nothing_and_a_failed_import_is_told(tmp_pat
     )
     (tmp_path / "second.py").write_text(SCRIPT.format(first=""))
     for number in (1, 0):
-        done = run(*command, cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-        assert done.stderr.count("rule second") == number
-        assert "rule first:" not in done.stderr
+        text = printed(*command, cwd=tmp_path)
+        assert text.count("rule second:") == number
+        assert "rule first:" not in text

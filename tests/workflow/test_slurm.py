@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import ROOT, Study, fresh, run
+from .conftest import ROOT, fresh, run
 
 pytestmark = pytest.mark.slurm
 
@@ -39,45 +39,45 @@ def slurm():
 class Run:
     """Snakemake at work in a study's folder; what it shows goes to a file."""
 
-    def __init__(self, study: Study, name: str, *arguments: str):
+    def __init__(self, study, name, *arguments):
         self.log = study.folder / f"{name}.log"
         self.own_logs = study.folder / ".snakemake/log"
         self.earlier = set(self.own_logs.glob("*.log"))
         with self.log.open("w") as log:
             self.process = subprocess.Popen(
-                study.command(*ON_SLURM, *arguments, cores=None),
+                study.command(*ON_SLURM, *arguments),
                 cwd=study.folder,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
             )
 
-    def finish(self) -> int:
+    def finish(self):
         try:
             return self.process.wait(LIMIT)
         finally:
             self.kill()
 
-    def kill(self) -> None:
+    def kill(self):
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait()
 
-    def record(self) -> str:
+    def record(self):
         """All that Snakemake has said, by its own log."""
         return "".join(
             file.read_text() for file in set(self.own_logs.glob("*.log")) - self.earlier
         )
 
     @property
-    def name(self) -> str:
+    def name(self):
         """The name that all jobs of the run have in Slurm."""
         return re.search(r"SLURM run ID: (\S+)", self.record())[1]
 
-    def submitted(self) -> list[str]:
+    def submitted(self):
         return re.findall(r"submitted with SLURM jobid (\d+)", self.record())
 
-    def job(self, rule: str, *, running: bool = False) -> str:
+    def job(self, rule, running=False):
         """Id of the first job of a rule, or of its group, once submitted, or even at its work."""
         deadline = time.monotonic() + LIMIT
         while self.process.poll() is None and time.monotonic() < deadline:
@@ -88,24 +88,22 @@ class Run:
         raise AssertionError(f"no job of {rule}:\n{self.record()}")
 
     @staticmethod
-    def steps() -> list[str]:
+    def steps():
         """What runs, as JOB.STEP: a rule is at work in step 0 of its job."""
         return run("squeue", "--noheader", "--steps", "--format=%i").stdout.split()
 
-    def log_of(self, job: str) -> str:
+    def log_of(self, job):
         """Slurm's own log of a job that failed."""
         return next(
             self.log.parent.glob(f".snakemake/slurm_logs/**/{job}.log")
         ).read_text()
 
-    def states(self) -> dict[str, str]:
+    def states(self):
         """What became of every job of the run, by Slurm's records: its state by its id."""
-        records = [
-            dict(field.split("=", 1) for field in line.split() if "=" in field)
-            for line in RECORDS.read_text().splitlines()
-        ]
+        lines = RECORDS.read_text().splitlines()
+        jobs = [dict(re.findall(r"(\w+)=(\S*)", line)) for line in lines]
         return {
-            job["JobId"]: job["JobState"] for job in records if job["Name"] == self.name
+            job["JobId"]: job["JobState"] for job in jobs if job["Name"] == self.name
         }
 
 

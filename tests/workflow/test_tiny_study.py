@@ -1,12 +1,14 @@
 """The whole of a study on coarse grids: what its files hold, by other means than the study's own.
 
-That its tables are those of the library: test_measured.py. What its page says of them:
-test_tiny_page.py.
+That its tables are those of the library: test_measured.py. What browsers make of its page:
+test_page_in_browser.py.
 """
 
 import json
 
+import lxml.html
 import numpy as np
+import pandas as pd
 from specimens import specimen_config, specimen_studies, worn_patches
 
 from gst.config.tables import TABLES, write_table
@@ -44,10 +46,26 @@ def test_the_record_holds_the_whole_config_and_the_program(results, config):
     assert record["software"]["program"] == program_hash()
 
 
+def test_the_page_has_every_table_as_stored_but_for_the_path_of_many_steps(results):
+    page = lxml.html.fromstring((results / "index.html").read_text("utf-8"))
+    tables = {}
+    for details in page.xpath("//main//details[.//table]"):
+        if links := details.xpath(".//a[starts-with(@href, 'tables/')]/@href"):
+            tables[results / links[0]] = [
+                [" ".join(cell.text_content().split()) for cell in row]
+                for row in details.iter("tr")
+            ]
+    files = set(results.glob("tables/*.csv"))
+    assert files - tables.keys() == {results / "tables/microscale_paths.csv"}
+    for file, rows in tables.items():
+        stored = pd.read_csv(file, dtype=str, keep_default_na=False)
+        assert rows == [list(stored.columns), *stored.to_numpy().tolist()]
+
+
 def test_the_report_holds_every_figure_and_caption(finished_tiny, tmp_path):
     report = tmp_path / "report.html"
-    finished_tiny.succeed("--report", str(report))
-    text = report.read_text(encoding="utf-8")
+    finished_tiny.run("--report", report)
+    text = report.read_text("utf-8")
     for figure in finished_tiny.results.glob("figures/**/*.png"):
         assert str(figure.relative_to(finished_tiny.folder)) in text
     assert "{{" not in text.split("<script")[0]
