@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 from bem_reference import sphere
 from contacts import around, interface, rough
+from numpy.testing import assert_allclose, assert_array_equal
 
 from gstlib.contact import Contact, Load, contact_at_pressure, contact_path, turned_over
 from gstlib.errors import InputError
@@ -31,10 +32,8 @@ def test_fields_and_units_of_a_path(path):
         "path_stiffness": "MPa/mm",
     }
     assert {name: stored[name].attrs["units"] for name in units} == units
-    np.testing.assert_array_equal(path.final.pressure, stored.path_pressure[-1])
-    np.testing.assert_allclose(
-        stored.path_pressure.mean(("y", "x")), path.mean_pressure
-    )
+    assert_array_equal(path.final.pressure, stored.path_pressure[-1])
+    assert_allclose(stored.path_pressure.mean(("y", "x")), path.mean_pressure)
     assert path.final.displacement == path.displacement[-1]
 
 
@@ -106,7 +105,7 @@ def test_without_pressure_the_contact_is_empty():
     assert not empty.displacement.any()
     assert not empty.stiffness.any()
     assert not empty.final.pressure.any()
-    np.testing.assert_allclose(empty.final.gap, HEIGHT.max() - HEIGHT, rtol=1e-6)
+    assert_allclose(empty.final.gap, HEIGHT.max() - HEIGHT, rtol=1e-6)
 
 
 def test_the_stiffness_of_the_interface_leaves_out_that_of_a_flat_punch():
@@ -115,7 +114,7 @@ def test_the_stiffness_of_the_interface_leaves_out_that_of_a_flat_punch():
     punch = 1.1516 * 12820.0 / 0.64
     alone = with_interface_stiffness(path).interface_stiffness
     difference = 1 / path.stiffness - 1 / alone
-    np.testing.assert_allclose(difference, 1 / punch, rtol=6e-3)  # 64 elements a side
+    assert_allclose(difference, 1 / punch, rtol=6e-3)  # 64 elements a side
 
 
 def test_another_grid_is_refused():

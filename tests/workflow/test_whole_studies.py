@@ -116,7 +116,10 @@ def test_measured_files_without_t1(measured):
     pressures = read_table(measured.results / "tables/patch_pressures.csv")
     # a patch with a poor T0/T1 overlap counts when there is no T1
     assert not pressures.reason.fillna("").str.contains("overlap").any()
-    page = (measured.results / "index.html").read_text("utf-8")
+    measured.run("--report", measured.folder / "report.html")
+    files = measured.folder / "report.html", measured.results / "index.html"
+    report, page = (file.read_text("utf-8") for file in files)
+    assert "/index.html" in report
     assert "no prediction is compared with wear" in page
     compared = r'class="mark"|<span>(Predicted|MCC)</span>|Validation</h2>'
     assert not re.search(compared, page)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine
+from numpy.testing import assert_allclose
 
 from gstlib.bem import ContactInputError, load_path, solve_contact
 
@@ -19,15 +20,13 @@ def path():
 
 def test_steps_are_equal_in_displacement_and_end_at_the_target(path):
     levels = path.displacement[-1] * np.arange(1, 9) / 8
-    np.testing.assert_allclose(path.displacement, levels, rtol=1e-14)
+    assert_allclose(path.displacement, levels, rtol=1e-14)
     assert np.all(path.residual <= 1e-10)
     assert path.states[-1] is path.final
     assert path.mean_pressure[-1] == pytest.approx(40.0, rel=1e-13)
     level = path.displacement[3]
     direct = solve_contact(*SURFACE, displacement=level, tolerance=1e-10).pressure
-    np.testing.assert_allclose(
-        path.states[3].pressure, direct, atol=1e-7 * direct.max()
-    )
+    assert_allclose(path.states[3].pressure, direct, atol=1e-7 * direct.max())
 
 
 @pytest.mark.parametrize("periodic", [False, True])
@@ -50,8 +49,8 @@ def test_states_that_are_not_kept_are_solved_as_tightly_as_their_curve_needs(pat
     assert np.all(curve.residual <= 1e-6)
     # Without the start along the tangent: 100.
     assert curve.convolutions.sum() <= 85
-    np.testing.assert_allclose(curve.mean_pressure, path.mean_pressure, rtol=1e-6)
-    np.testing.assert_allclose(curve.stiffness, path.stiffness, rtol=1e-5)
+    assert_allclose(curve.mean_pressure, path.mean_pressure, rtol=1e-6)
+    assert_allclose(curve.stiffness, path.stiffness, rtol=1e-5)
 
 
 @pytest.mark.parametrize("change", [{"target_pressure": -3.0}, {"steps": 0}])

@@ -5,6 +5,7 @@ import pytest
 from bem_reference import MODULUS, self_affine
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 from gstlib.bem import ContactInputError, Layer, solve_contact
 from gstlib.bem.rest import settle
@@ -34,7 +35,7 @@ def test_gap_and_displacement_are_those_of_the_tilted_heights(layer):
     options = {"mean_pressure": state.mean_pressure, "layer": layer, "tolerance": 1e-9}
     fixed = solve_contact(tilted, spacing, MODULUS, **options)
     assert fixed.displacement == pytest.approx(state.displacement, rel=1e-8)
-    np.testing.assert_allclose(fixed.gap, state.gap, atol=1e-8 * state.displacement)
+    assert_allclose(fixed.gap, state.gap, atol=1e-8 * state.displacement)
     away = centre_of(state.pressure, spacing) - point
     assert np.hypot(*away) / 0.6 < 1e-9
 
@@ -72,7 +73,7 @@ def test_a_point_is_inside_on_grids_of_any_size(count):
     shares = np.random.default_rng(count).uniform(-0.7, 0.7, (5, 2))
     for share in (*shares, np.array([-1, 0])):
         place, *_ = settle(flat, middle + share * middle)
-        np.testing.assert_allclose(place, middle + share * middle, atol=1e-9)
+        assert_allclose(place, middle + share * middle, atol=1e-9)
     assert settle(flat, np.array([-1e-5, middle])) is None
 
 
@@ -80,7 +81,7 @@ def test_no_force_leaves_the_rigid_rest():
     heights = np.full((9, 9), -1.0)
     heights[1, 1], heights[7, 1], heights[1, 7] = 0.0, 0.03, 0.06
     state = resting(heights, 0.1, 0.0, (0.35, 0.35))
-    np.testing.assert_allclose(state.tilt, (-0.05, -0.1), atol=1e-12)
+    assert_allclose(state.tilt, (-0.05, -0.1), atol=1e-12)
 
 
 RIM = np.zeros((10, 10))

@@ -5,6 +5,7 @@ import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import lsq_linear
 
 from gstlib.bem import ContactInputError, ConvergenceError, solve_contact
@@ -29,7 +30,7 @@ def test_contact_conditions_hold_by_an_independent_matrix(
     worst = max(gap[contact].max(), -gap.min()) / state.displacement
     assert state.residual == pytest.approx(worst, abs=1e-13)
     assert state.residual <= tolerance
-    np.testing.assert_allclose(state.gap, gap, atol=1e-12 * state.displacement)
+    assert_allclose(state.gap, gap, atol=1e-12 * state.displacement)
     assert state.contact_fraction == contact.mean()
     assert getattr(state, name) == pytest.approx(value, rel=1e-13)
 
@@ -91,8 +92,8 @@ def test_the_start_does_not_matter(seed, shape, case):
     warm = solve_contact(
         *surface, tolerance=1e-9, initial_pressure=start, **load
     ).pressure
-    np.testing.assert_allclose(warm, cold, atol=1e-5 * cold.max())
-    np.testing.assert_array_equal(start, before)
+    assert_allclose(warm, cold, atol=1e-5 * cold.max())
+    assert_array_equal(start, before)
 
 
 SMALL = self_affine(14, seed=5, length=0.028, rms=0.002, roll_off=0.02)
@@ -110,7 +111,7 @@ def test_agrees_with_doubly_bounded_least_squares(limit):
     peak = expected.max()
     options = {"pressure_cap": limit, "tolerance": 1e-11}
     state = solve_contact(SMALL, 0.002, MODULUS, displacement=0.004, **options)
-    np.testing.assert_allclose(state.pressure, expected, atol=1e-8 * peak)
+    assert_allclose(state.pressure, expected, atol=1e-8 * peak)
     assert state.pressure.max() <= limit
 
 

@@ -8,6 +8,7 @@ import pytest
 import scipy
 import xarray as xr
 from contacts import around, written
+from numpy.testing import assert_allclose, assert_array_equal
 
 from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import rounded_counterface
@@ -211,7 +212,7 @@ def test_a_strike_wears_by_the_coefficient_that_its_use_needs():
     sample(prior, pressures, losses, settings, generator, springs=np.ones(1))
     first, *_, last = rounds
     assert np.ptp(first) > 5
-    np.testing.assert_allclose(last, 1e-3 * losses.depth_um.sum(), rtol=0.05)
+    assert_allclose(last, 1e-3 * losses.depth_um.sum(), rtol=0.05)
 
 
 def test_pressures_that_vanish_beside_those_of_the_latest_strikes_are_none():
@@ -260,7 +261,7 @@ def test_pressures_between_strikes_are_means_over_a_scatter_and_a_stroke():
     expected = pytest.approx(pressures(strikes).mean(), rel=0.01)
     assert process.mean_pressures(use).item() == expected
     covariance = 0.16 * np.eye(2) + np.outer([1.5, 1.0], [1.5, 1.0]) / 12
-    np.testing.assert_allclose(np.cov(strikes.T), covariance, atol=0.005)
+    assert_allclose(np.cov(strikes.T), covariance, atol=0.005)
     assert use.spread_mm == pytest.approx((np.trace(covariance) / 2) ** 0.5)
 
 
@@ -280,7 +281,7 @@ def test_the_study_is_pressed_as_the_wear_says_where_that_is_taken(face, use):
     assert load_point == pytest.approx(tuple(means[:2]))
     radius = np.exp(means[2])
     expected = rounded_counterface(face.height, radius, MIDDLE)
-    np.testing.assert_allclose(pressed.counterface, expected)
+    assert_allclose(pressed.counterface, expected)
     for stated in (use.assign_attrs(adopted=0), None):
         assert as_used(face, stated, STATED.load_point) == (face, STATED.load_point)
 
@@ -299,8 +300,8 @@ def test_patches_that_lost_nothing_count_and_excluded_ones_do_not(patches):
     measured, losses = losses_of(patches, registration)
     assert list(measured.patch) == ["1", "3"]
     assert list(measured.t1_x_um) == [1.0, 3.0]  # a loss is of the area that T1 covers
-    np.testing.assert_array_equal(losses.depth_um, [0.0, 0.3])
-    np.testing.assert_array_equal(losses.above_noise, [False, True])
+    assert_array_equal(losses.depth_um, [0.0, 0.3])
+    assert_array_equal(losses.above_noise, [False, True])
 
 
 def test_table_has_what_the_wear_says_and_how_well_patches_predict_each_other(
