@@ -175,7 +175,6 @@ HOSTILE = [
     PAGE_RECORD,
     "tables",
     "tables/wear.csv",
-    "export/tool.ply",
     "../../config/published.csv",
     "../../packed.zip",
 ]
