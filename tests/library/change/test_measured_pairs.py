@@ -8,7 +8,7 @@ from itertools import combinations, starmap
 
 import numpy as np
 import pytest
-from measured_surfaces import DATA, REACH, REPEATS, SETTINGS, channel
+from measured_surfaces import DATA, FILES, REACH, SETTINGS, channel
 
 from gstlib.change.change import estimate_detection_limit, measured_change, wear_summary
 from gstlib.change.registration import register
@@ -63,7 +63,7 @@ def shows_wear(name, change):
 def test_a_repeat_is_registered_where_its_details_match_and_shows_no_wear(name):
     """Neither by its own level of detection nor by the error that the repeat shows."""
     pytest.importorskip("SurfaceTopography", reason="it reads the files")
-    file, *channels = REPEATS[name]
+    file, *channels = FILES["repeats"][name]
     first, second = (channel(file, number) for number in channels)
     spacing = spacing_of(first.height)[0]
     settings = SETTINGS | {"maximum_shift_mm": REACH * len(first.height) * spacing}
