@@ -111,6 +111,10 @@ def test_a_patch_is_cut_out_of_a_scan_before_it_is_prepared(raw):
         assert_array_equal(whole, laid)
     with pytest.raises(InputError, match=r"a\.plu: the scan is 0\.128 × 0\.064 mm"):
         prepared(raw[:64], None, 0.064)
+    # the outermost piece along y, and the next
+    prepared(raw, (-0.032, 0.0), 0.064)
+    with pytest.raises(InputError, match=r"y = -0\.033 mm .*0\.001 mm"):
+        prepared(raw, (-0.033, 0.0), 0.064)
 
 
 @pytest.mark.parametrize("flip", ["x", "y", None])
