@@ -98,14 +98,14 @@ bench: $(READY) ## measure the contact solver against other codes (90 minutes)
 
 evidence: $(READY) ## print the results of the committed rows, and their age
 	$(BIN)/python benchmarks/two_scales.py
-	for name in verdict use strikes left_out power chance statistics_of_contact false_stops measured_surfaces; do \
+	for name in verdict use strikes left_out power correlated chance statistics_of_contact false_stops measured_surfaces; do \
 	  echo "$$name:"; $(BIN)/python benchmarks/$$name.py --tables || exit 1; done
 	$(BIN)/python benchmarks/age.py
 
 margin: $(READY) ## measure how much unrounded tables differ between cores and processors (15 minutes)
 	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
-power: $(READY) ## measure how often the study finds a true or a false relation (two hours)
+power: $(READY) ## measure how often the study finds a true or a false relation (an hour)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/power.py --processes $(CORES)
 
 baseline: $(READY) ## renew the tables with which the tests compare the default study

@@ -21,10 +21,12 @@ BEGIN, END = "<!-- age: begin -->\n", "<!-- age: end -->\n"
 # studies by the workflow have all of the program.
 _NAMES = """hertz-256 hertz-512 rough-22 rough-76 path-22 path-76 periodic-76 periodic-2000 growth
 transforms statistics_of_contact registration finding placement chance two_scales left_out strikes
-power power_inferred verdict use false_stops repeats breech_faces margin scale"""
+power power_correlated verdict verdict_correlated correlated use false_stops
+repeats breech_faces margin scale"""
 NAMES = _NAMES.split()
-SCRIPTS = {"power_inferred": "power", "repeats": "measured_surfaces"}
-SCRIPTS |= {"breech_faces": "measured_surfaces"}
+SCRIPTS = dict.fromkeys(["repeats", "breech_faces"], "measured_surfaces")
+# Rows of stones whose errors correlate, by the script of the rows without.
+CORRELATED = "_correlated"
 OF_SOLVER, SOLVER = NAMES[: NAMES.index("transforms")], ["codes/run_gstlib", "problems"]
 # What several of the scripts import.
 SHARED = "strikes", "problems", "specimens"
@@ -54,7 +56,7 @@ def _program(name):
         return program_hash()
     scripts = SOLVER
     if name not in OF_SOLVER:
-        own = SCRIPTS.get(name, name)
+        own = SCRIPTS.get(name, name.removesuffix(CORRELATED))
         text = (HERE / f"{own}.py").read_text(encoding="utf-8")
         scripts = [own, *(other for other in SHARED if f"from {other} import" in text)]
     return "".join(library_hash(HERE / f"{script}.py") for script in scripts)

@@ -1,6 +1,6 @@
 """How often does the study find a relation that is there, and one that is not?
 
-    python benchmarks/power.py [--first-seed 2001] [--specimens 100] [--interlayers 10]
+    python benchmarks/power.py [--first-seed 2001] [--specimens 70] [--interlayers 10]
         [--wears random waves] [--tables]
 
 Many specimens are generated, each with its wear on summits, with the same wear placed at random,
@@ -8,7 +8,7 @@ with wear in waves longer than a patch, and with wear by Archard's law; some are
 interlayer, and studied with one. `p_values` takes the tests of the study on one of them; its rows
 go to benchmarks/results/power.csv. A claim is a p-value at or below a level. Without a relation,
 claims must come as often as the level says; with one, their rate is the power
-(`rejection_rates`). The use is inferred, as by default; ``taken`` says whether the study took it.
+(`rejection_rates`). The use is inferred, as by default; ``adopted`` says whether the study took it.
 `--wears` measures some kinds of wear alone, and `--tables` prints the rates from the rows alone.
 """
 
@@ -36,7 +36,7 @@ from gstlib.validation.summary import patch_statistics, statistic_names
 
 CONFIG, RESULT = Path(__file__).with_name("power.yaml"), RESULTS / "power.csv"
 # How many specimens there are, and how many of them are studied with an interlayer, too.
-SPECIMENS, INTERLAYERS = 100, 10
+SPECIMENS, INTERLAYERS = 70, 10
 # How specimens wear for the study of the bare stone, and for that with an interlayer.
 OF_BARE, OF_INTERLAYER = (*BY_RULE, LAWS[0]), (BY_RULE[0], *LAWS)
 WITH_INTERLAYER = ", with an interlayer"
@@ -55,7 +55,7 @@ def specimen_p_values(config, patches, specimen_seed, interlayer, wears=tuple(WE
     `config`, `patches` and `specimen_seed` are as in `specimen_studies`. Without `interlayer`,
     the study knows nothing of the config's interlayer. With it, the specimen wears by rule and by
     each law, and the names of the tests end with `WITH_INTERLAYER`. The result has ``seed, test,
-    drawn, wear, taken, p_value``; ``taken`` says whether the study took the use from the wear.
+    drawn, wear, adopted, p_value``; ``adopted`` says whether the study took the use from the wear.
     """
     if not interlayer:
         config = {**config, "interlayer": None}

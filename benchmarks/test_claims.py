@@ -13,6 +13,7 @@ from pathlib import Path
 
 import age
 import chance
+import correlated
 import false_stops
 import left_out
 import measured_surfaces
@@ -118,6 +119,7 @@ def with_edges(rows):
 SUMMARIES = {
     "breech_faces": measured_surfaces.summary,
     "chance": chance.rates,
+    "correlated": correlated.false_losses,
     "false_stops": false_stops.summary,
     "finding": lambda rows: rows.assign(
         located=rows.number * rows.found_fraction,
@@ -132,7 +134,7 @@ SUMMARIES = {
         across=rows.shift_y_um / rows.spacing_um,
     ),
     "power": shown_rates,
-    "power_inferred": shown_rates,
+    "power_correlated": lambda _: correlated.rates(),
     "scale": lambda rows: rows.set_index("quantity").T,
     "statistics_of_contact": statistics_of_contact.summary,
     "strikes": strikes.summary,
@@ -140,6 +142,7 @@ SUMMARIES = {
     "two_scales": beside_paper,
     "use": with_edges,
     "verdict": verdict.model_table,
+    "verdict_correlated": lambda _: correlated.verdicts(),
 }
 
 
@@ -217,9 +220,6 @@ def mistakes_in_places():
 TABLES = CLAIMS["tables"] | {
     "| mean MCC (map error, µm) |": strengths,
     "| claim | worn on": lambda: claims_of_tests("power", power.OF_BARE),
-    "| claim, use inferred |": lambda: claims_of_tests(
-        "power_inferred", power.BY_RULE[1:]
-    ),
     "## How many patches?": by_patches,
     "**Mistakes in the positions**": mistakes_in_places,
 }
@@ -249,9 +249,16 @@ def better_forms():
     return (score["true form"] > score["two radii"]).sum(), len(score)
 
 
-def adopted_without_relation():
-    rows = rows_of("power_inferred").drop_duplicates(["seed", "wear"])
+def adopted_without_relation(rows):
+    """Studies that adopt a load case for wear unrelated to contact, and how many there are."""
+    rows = rows.query("wear in @power.BY_RULE[1:]").drop_duplicates(["seed", "wear"])
     return rows.adopted.sum(), len(rows)
+
+
+def adopted_with_both_errors():
+    both = correlated.of_both("power", "wear").values()
+    (first, count), (second, _) = map(adopted_without_relation, both)
+    return first, count, second
 
 
 def interlayers():
@@ -303,7 +310,12 @@ WORDS = {sentence["says"]: sentence["shows"] for sentence in CLAIMS["sentences"]
     r"A load case was claimed in (\d+) of (\d+) such cases\. "
     r"In (\d+) of these, nothing could be inferred": claims_of_uses,
     r"a round one on (\d+) of (\d+) stones": better_forms,
-    r"In (\d+) of the (\d+) cases, the study adopted": adopted_without_relation,
+    r"In (\d+) of the (\d+) cases \D*the study adopted the inferred load case": (
+        lambda: adopted_without_relation(rows_of("power"))
+    ),
+    r"In (\d+) of the (\d+) cases \D*the study adopted the load case with \D+ in (\d+) with": (
+        adopted_with_both_errors
+    ),
     r"smooth contact at (\S+) to (\S+), (\S+) to (\S+) and (\S+) to (\S+)\.": lambda: (
         summary_of("strikes").sort_values("rms_um", kind="stable").correlation_strike
     ),
@@ -401,7 +413,6 @@ FIRST = CLAIMS["first"] | {
     ),
     "not attributed": lambda: claims_of_uses()[:2],
     "unrelated to contact": lambda: of_level("power"),
-    "load case is inferred": lambda: of_level("power_inferred"),
     "finds an interlayer": lambda: np.reshape(interlayers(), (2, 2)).T.ravel(),
     "intervals of pressure": lambda: (
         *cells("two_scales", "distance_mm == 1 and held != ''", "held%")[0],
