@@ -192,10 +192,10 @@ def strengths():
         ]
 
 
-def claims_of_tests(name, wears):
-    whole = summary_of(name).query("drawn.isna()").set_index(["test", "wear"])
+def claims_of_tests():
+    whole = summary_of("power").query("drawn.isna()").set_index(["test", "wear"])
     for test in SHOWN_TESTS:
-        tests = (whole.loc[(test, wear)] for wear in wears)
+        tests = (whole.loc[(test, wear)] for wear in power.OF_BARE)
         yield [percent(row.rate, row.low, row.high) for row in tests]
 
 
@@ -219,7 +219,7 @@ def mistakes_in_places():
 
 TABLES = CLAIMS["tables"] | {
     "| mean MCC (map error, µm) |": strengths,
-    "| claim | worn on": lambda: claims_of_tests("power", power.OF_BARE),
+    "| claim | worn on": claims_of_tests,
     "## How many patches?": by_patches,
     "**Mistakes in the positions**": mistakes_in_places,
 }
@@ -356,9 +356,9 @@ def test_a_sentence_says_what_the_rows_show(pattern):
 # --- The first table ------------------------------------------------------------------------------
 
 
-def of_level(name):
+def of_level():
     """The least and the largest rate of claims that are false."""
-    rates = summary_of(name).query(
+    rates = summary_of("power").query(
         "test in @SHOWN_TESTS and wear in ['random', 'waves'] and drawn.isna()"
     )
     return *percent(rates.rate.min(), rates.rate.max()), rates.specimens.max()
@@ -412,7 +412,7 @@ FIRST = CLAIMS["first"] | {
         40,
     ),
     "not attributed": lambda: claims_of_uses()[:2],
-    "unrelated to contact": lambda: of_level("power"),
+    "unrelated to contact": of_level,
     "finds an interlayer": lambda: np.reshape(interlayers(), (2, 2)).T.ravel(),
     "intervals of pressure": lambda: (
         *cells("two_scales", "distance_mm == 1 and held != ''", "held%")[0],
